@@ -1,0 +1,188 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the core does when a client asks: one small method a request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from enum import Enum
+import json
+import os
+from typing import Any
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.link.mirror import Policy
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import header
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.records import encode_task
+from rt_robot_os.link.session import Session
+
+if TYPE_CHECKING:
+    from rt_robot_os.core.app import Core
+
+Arguments = dict[str, Any]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.value
+    raise TypeError(f'{value!r} is no plain value')
+
+
+def _text(arguments: Arguments, key: str) -> str:
+    value = arguments.get(key)
+    if not isinstance(value, str):
+        raise LinkError(f'{key} = {value!r}: must be a text')
+    return value
+
+
+def _number(arguments: Arguments, key: str, default: float) -> float:
+    value = arguments.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e9:
+        raise LinkError(f'{key} = {value!r}: must be a number from 0')
+    return float(value)
+
+
+class Answers:
+    """
+    Answer requests; called by the link's low-priority task.
+
+    :param core: what the requests are about.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._known: dict[str, Callable[[Session, Arguments], Arguments]] = {
+            'hello': self._hello, 'mirror': self._mirror, 'unmirror': self._unmirror,
+            'advertise': self._advertise, 'set_rate': self._set_rate,
+            'set_parameter': self._set_parameter, 'reset_statistics': self._reset_statistics,
+            'stop': self._stop,
+        }
+
+    def __call__(self, session: Session, packet: bytes) -> None:
+        """Answer one request; nonsense is a reason to part."""
+        try:
+            arguments = decode_json(packet)
+        except LinkError as error:
+            session.gone = f'refused: {error}'
+            return
+        number = arguments.get('id')
+        if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 1 << 63:
+            session.gone = f'refused: a request with id {number!r}'
+            return
+        do = arguments.get('do')
+        try:
+            if do == 'statistics':
+                self._statistics(session, number)
+                return
+            answer = self._known.get(str(do))
+            if answer is None:
+                raise LinkError(f'unknown request {do!r}; there are '
+                                f'{", ".join(sorted([*self._known, "statistics"]))}')
+            reply = answer(session, arguments)
+        except RtRobotError as error:
+            reply = {'error': str(error)}
+        session.post(encode_json(Kind.REPLY, reply, seq=number))
+
+    # ---- requests ----------------------------------------------------------------------------
+
+    def _hello(self, session: Session, arguments: Arguments) -> Arguments:
+        session.name = _text(arguments, 'name')[:64]
+        core = self._core
+        return {
+            'pid': os.getpid(), 'start_ns': core.kernel.start_ns,
+            'tasks': [task.name for task in core.kernel.tasks],
+            'topics': [{
+                'name': topic.name, 'channel': channel, 'type_name': topic.layout.type_name,
+                'size': topic.layout.size, 'max_size': topic.layout.max_size,
+                'stamp_offset': topic.layout.stamp_offset, 'depth': topic.depth,
+                'rate_hz': topic.rate_hz,
+            } for channel, topic in enumerate(core.bus.topics)]}
+
+    def _mirror(self, session: Session, arguments: Arguments) -> Arguments:
+        name = _text(arguments, 'topic')
+        wanted = arguments.get('policy', 'drain')
+        try:
+            policy = Policy(wanted)
+        except ValueError:
+            raise LinkError(f'policy = {wanted!r}: must be drain or latest') from None
+        size = self._core.bus.topic(name).layout.max_size
+        if size > PACKET_BYTES_MAXIMUM // 2:
+            raise LinkError(f'topic {name!r}: a sample of {size} bytes does not fit a packet of '
+                            f'the link ({PACKET_BYTES_MAXIMUM // 2}); make it smaller')
+        channel = self._core.link.mirror(
+            session, name, policy, _number(arguments, 'max_rate_hz', 0.0),
+            bool(arguments.get('initial', False)))
+        return {'channel': channel}
+
+    def _unmirror(self, session: Session, arguments: Arguments) -> Arguments:
+        self._core.link.unmirror(session, _text(arguments, 'topic'))
+        return {}
+
+    def _advertise(self, session: Session, arguments: Arguments) -> Arguments:
+        return {'channel': session.advertise(_text(arguments, 'topic'))}
+
+    def _set_rate(self, session: Session, arguments: Arguments) -> Arguments:
+        task = self._core.kernel.task(_text(arguments, 'task'))
+        task.set_rate_hz(arguments.get('rate_hz', 0.0))
+        return {'rate_hz': task.rate_hz}
+
+    def _set_parameter(self, session: Session, arguments: Arguments) -> Arguments:
+        owner = _text(arguments, 'owner')
+        for module in self._core.modules:
+            if module.name == owner:
+                return {'value': module.change(_text(arguments, 'name'), arguments.get('value'))}
+        raise LinkError(f'no module {owner!r}; there are '
+                        f'{", ".join(m.name for m in self._core.modules) or "none"}')
+
+    def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
+        for task in self._core.kernel.tasks:
+            task.reset_statistics()
+        return {}
+
+    def _stop(self, session: Session, arguments: Arguments) -> Arguments:
+        self._core.kernel.stop(str(arguments.get('reason', f'asked by {session.name}')))
+        return {}
+
+    # ---- statistics --------------------------------------------------------------------------
+
+    def _statistics(self, session: Session, number: int) -> None:
+        core = self._core
+
+        def post(part: str, content: Arguments) -> None:
+            body = json.dumps({'part': part, **content}, separators=(',', ':'), default=_plain)
+            session.post(header(Kind.REPLY, 1, seq=number) + body.encode())
+
+        for task in core.kernel.tasks:
+            session.post(header(Kind.TASK, 1, seq=number) + encode_task(task))
+        for topic in core.bus.statistics():
+            post('topic', asdict(topic))
+        for device in core.sensors.statistics():
+            post('device', asdict(device))
+        for client in core.link.statistics():
+            post('client', client.as_json())
+        post('core', {
+            'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
+            'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
+            'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'accepted': core.link.accepted, 'refused': core.link.refused,
+            'realtime': [asdict(result) for result in core.realtime]})
+        session.post(encode_json(Kind.REPLY, {}, seq=number))

@@ -1,0 +1,176 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wire a robot from its settings: kernel, topics, devices, modules, link."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+
+from rt_robot_os.core.answers import Answers
+from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.drivers.registry import driver_class
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.kernel import Clock
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.link import LinkServer
+from rt_robot_os.linux import realtime
+from rt_robot_os.linux.realtime import RtResult
+from rt_robot_os.modules import Module
+from rt_robot_os.modules.registry import module_class
+from rt_robot_os.reports import Report
+from rt_robot_os.reports import Reports
+from rt_robot_os.reports import Severity
+from rt_robot_os.sensors import SensorManager
+from rt_robot_os.sensors.manager import RecoverySettings
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_S
+
+
+class Core:
+    """
+    Everything that runs in the real-time process.
+
+    :param settings: checked already.
+    :param path: of the link's socket.
+    :param ports: the real path of each simulated device's port, by device.
+    :param clock: by default CLOCK_MONOTONIC.
+    :raises RtRobotError: the parts do not fit together; nothing is open then.
+    """
+
+    def __init__(self, settings: RobotSettings, path: Path, *,
+                 ports: Mapping[str, str] | None = None, clock: Clock | None = None) -> None:
+        self.settings = settings
+        self.kernel = Kernel(clock)
+        self.bus = Bus(self.kernel)
+        self.reports = Reports()
+        self.realtime: tuple[RtResult, ...] = ()
+        self.sensors = SensorManager(self.kernel, self.bus, self.reports)
+        self.modules: list[Module] = []
+        self._active: list[Module] = []
+        self._failures_seen = 0
+        self._output: int | None = None
+        self._written = 0
+        for topic in settings.topics:
+            self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
+                             depth=topic.depth, rate_hz=topic.rate_hz)
+        self._add_devices(ports or {})
+        self._add_modules()
+        self.link = LinkServer(
+            self.kernel, self.bus, path, Answers(self), self.reports,
+            service_priority=settings.core.link_priority,
+            command_priority=settings.core.command_priority)
+        self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=10.0)
+
+    def _add_devices(self, ports: Mapping[str, str]) -> None:
+        for device in self.settings.devices:
+            values = dict(device.settings)
+            if device.name in ports:
+                values['port'] = ports[device.name]
+            self.sensors.add(
+                driver_class(device.type)(device.name, values), rate_hz=device.rate_hz,
+                priority=device.priority,
+                recovery=RecoverySettings(
+                    round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),
+                    round(device.retry_max_s * NS_PER_S)))
+
+    def _add_modules(self) -> None:
+        for entry in self.settings.modules:
+            module = module_class(entry.type)(entry.name, entry.settings)
+            module.declare(self.bus, entry.rate_hz)
+            self.modules.append(module)
+        for entry, module in zip(self.settings.modules, self.modules):
+            task = self.kernel.add_task(entry.name, module.job, priority=entry.priority,
+                                        rate_hz=entry.rate_hz)
+            module.bind(self.bus, task)
+
+    def prepare_process(self) -> None:
+        """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
+        wanted = self.settings.core
+        results = [realtime.set_affinity(wanted.cpu), realtime.set_timer_slack()]
+        if wanted.lock_memory:
+            results.append(realtime.lock_memory())
+        results.append(realtime.freeze_garbage())
+        # Last, so that the slow steps before do not hold up others at this priority.
+        results.append(realtime.set_fifo(wanted.scheduler_priority))
+        self.realtime = tuple(results)
+        for result in results:
+            self._note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
+
+    def run(self, duration_ns: int | None = None) -> str:
+        """
+        Run until the kernel is stopped; closes everything afterwards, whatever happened.
+
+        :return: why it stopped.
+        :raises RtRobotError: a module or the link could not be prepared.
+        """
+        collector = SlackCollector(self.kernel.now_ns)
+        self.kernel.on_idle = collector.idle
+        try:
+            for module in self.modules:
+                self._prepare(module)
+            self.link.open()
+            return self.kernel.run(duration_ns)
+        finally:
+            self.close()
+
+    def _prepare(self, module: Module) -> None:
+        try:
+            module.configure()
+            self._active.append(module)
+            module.activate()
+        except RtRobotError:
+            raise
+        except Exception as error:
+            raise ConfigError([f'module {module.name!r} could not be prepared: '
+                               f'{type(error).__name__}: {error}']) from error
+
+    def close(self) -> None:
+        """Leave a safe state and close everything; may be called twice."""
+        while self._active:
+            module = self._active.pop()
+            try:
+                module.deactivate()
+            except Exception as error:
+                self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+        self.sensors.close()
+        self.link.close()
+
+    def write_reports_to(self, fd: int) -> None:
+        """
+        Write reports to a file descriptor, for a core that is run by hand.
+
+        The lowest-priority task does it: a terminal that blocks holds up nothing else.
+        """
+        self._output = fd
+
+    def _watch(self) -> None:
+        """Tell people of failed jobs, at the lowest priority."""
+        total = self.kernel.failures_total
+        new = min(total - self._failures_seen, len(self.kernel.failures))
+        self._failures_seen = total
+        for failure in list(self.kernel.failures)[len(self.kernel.failures) - new:]:
+            self._note(Severity.ERROR, failure.task, str(failure))
+        if self._output is not None:
+            self._written, dropped, reports = self.reports.since(self._written)
+            lines = [f'{dropped} reports dropped'] * bool(dropped) + [str(r) for r in reports]
+            if lines:
+                os.write(self._output, ('\n'.join(lines) + '\n').encode())
+
+    def _note(self, severity: Severity, source: str, text: str) -> None:
+        self.reports.note(Report(self.kernel.now_ns(), severity, source, text))

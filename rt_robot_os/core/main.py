@@ -1,0 +1,110 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The program `core`: the real-time process.
+
+The node `robot` starts it as its child, with checked settings on standard input. Started by hand it
+reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+
+from rt_robot_os.core.app import Core
+from rt_robot_os.core.simulators import Simulators
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.kernel import MonotonicClock
+from rt_robot_os.link.paths import robot_name
+from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.settings import from_json
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.units import NS_PER_S
+
+OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
+_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='core', description='Run the real-time core of a robot by itself; '
+        'a robot node with core.spawn: false attaches to it.')
+    parser.add_argument('--settings', metavar='FILE',
+                        help='checked settings as JSON, - for standard input')
+    parser.add_argument('--socket', metavar='PATH', type=Path, help='where to listen')
+    parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
+    parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
+    return parser.parse_args(argv)
+
+
+def _settings(arguments: argparse.Namespace, argv: Sequence[str]
+              ) -> tuple[RobotSettings, Path]:
+    if arguments.settings:
+        text = (sys.stdin.read() if arguments.settings == '-'
+                else Path(arguments.settings).read_text())
+        return from_json(text), arguments.socket or socket_path()
+    # Reading YAML takes memory that a spawned core does not need.
+    from rt_robot_os.settings.arguments import load_from_arguments
+    settings, ros = load_from_arguments(argv)
+    return settings, arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the core until it is told to stop; the exit code is 2 for a bad configuration."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    own = given[:given.index('--ros-args')] if '--ros-args' in given else given
+    arguments = _arguments(own)
+    if arguments.parent is not None and not die_with_parent(arguments.parent):
+        return OK
+    simulators = Simulators()
+    try:
+        settings, path = _settings(arguments, given)
+        ports = simulators.start(settings, runtime_folder() / path.stem)
+        clock = MonotonicClock(_STOP_SIGNALS)
+        core = Core(settings, path, ports=ports, clock=clock)
+        previous = _stop_on_signals(core)
+        # A child of SCHED_FIFO would be one as well: the simulators run already.
+        core.prepare_process()
+        if arguments.settings is None:
+            core.write_reports_to(sys.stderr.fileno())
+        try:
+            core.run(None if arguments.duration is None else round(arguments.duration * NS_PER_S))
+        finally:
+            for signo, handler in previous.items():
+                signal.signal(signo, handler)
+    except (RtRobotError, OSError) as error:
+        print(error, file=sys.stderr)
+        return BAD_CONFIGURATION if isinstance(error, ValueError) else FAILED
+    finally:
+        simulators.stop()
+    return OK
+
+
+def _stop_on_signals(core: Core) -> dict[int, object]:
+    def stop(signum: int, frame: FrameType | None) -> None:
+        core.kernel.stop(signal.Signals(signum).name)
+
+    return {signo: signal.signal(signo, stop) for signo in _STOP_SIGNALS}
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,41 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The kernel's whole public face; everything above is built on these names alone."""
+
+from rt_robot_os.kernel.clock import Clock
+from rt_robot_os.kernel.clock import MonotonicClock
+from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.clock import VirtualClock
+from rt_robot_os.kernel.histogram import BUCKETS
+from rt_robot_os.kernel.histogram import bucket
+from rt_robot_os.kernel.histogram import bucket_limits
+from rt_robot_os.kernel.histogram import Histogram
+from rt_robot_os.kernel.histogram import summarise
+from rt_robot_os.kernel.histogram import Summary
+from rt_robot_os.kernel.kernel import Kernel
+from rt_robot_os.kernel.kernel import KernelStatistics
+from rt_robot_os.kernel.task import FailureReport
+from rt_robot_os.kernel.task import OverrunPolicy
+from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import TaskSpec
+from rt_robot_os.kernel.task import TaskStatistics
+from rt_robot_os.kernel.trace import TraceEvent
+from rt_robot_os.kernel.trace import TraceLog
+
+__all__ = [
+    'BUCKETS', 'bucket', 'bucket_limits', 'Clock', 'FailureReport', 'Histogram', 'Kernel',
+    'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OverrunPolicy', 'summarise', 'Summary',
+    'Task', 'TaskSpec', 'TaskStatistics', 'TraceEvent', 'TraceLog', 'VirtualClock',
+]

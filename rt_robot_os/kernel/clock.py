@@ -1,0 +1,209 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Time as the kernel sees it: now, one alarm, and waiting.
+
+The kernel never asks which clock it has. Under :class:`MonotonicClock` the alarm is a signal that
+interrupts the running Python code; under :class:`VirtualClock` time passes only where a task says
+that it works (:meth:`Clock.spend`), and the alarm is a plain call. Both reach the same handler.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+from collections.abc import Callable
+from collections.abc import Iterable
+import signal
+import threading
+import time
+from typing import Any
+
+from rt_robot_os.errors import TaskError
+from rt_robot_os.linux.timer import SignalGate
+from rt_robot_os.linux.timer import SignalTimer
+
+NEVER_NS = 1 << 62
+
+TICK_SIGNAL = signal.SIGRTMIN + 5
+INTERRUPT_SIGNAL = signal.SIGRTMIN + 6
+
+Handler = Callable[..., None]
+
+
+class Clock(ABC):
+    """
+    What a kernel needs of a clock.
+
+    :ivar now_ns: a callable that gives the time in nanoseconds; never runs backwards.
+    """
+
+    now_ns: Callable[[], int]
+
+    @abstractmethod
+    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
+        """Start to deliver alarms and interrupts to these handlers."""
+
+    @abstractmethod
+    def detach(self) -> None:
+        """Undo :meth:`attach`; may be called twice."""
+
+    @abstractmethod
+    def arm(self, deadline_ns: int) -> None:
+        """Set the one alarm; the deadline set before is forgotten."""
+
+    @abstractmethod
+    def hold(self) -> None:
+        """Keep alarms and interrupts back until :meth:`admit`: none is lost meanwhile."""
+
+    @abstractmethod
+    def admit(self) -> None:
+        """Let alarms and interrupts through."""
+
+    @abstractmethod
+    def wait(self) -> bool:
+        """
+        Wait, while they are held, for the alarm or an interrupt, and take it.
+
+        :return: True when it may have been something else than the alarm.
+        """
+
+    @abstractmethod
+    def spend(self, duration_ns: int) -> None:
+        """Pretend to compute: what a task calls in a simulation or a test."""
+
+
+class MonotonicClock(Clock):
+    """
+    CLOCK_MONOTONIC with a POSIX timer signal as the alarm.
+
+    :param wake_signals: signals that end a wait although they are none of the kernel's, such as
+        SIGTERM; their own Python handlers are called.
+    """
+
+    def __init__(self, wake_signals: Iterable[int] = ()) -> None:
+        self.now_ns = time.monotonic_ns
+        self._wake_signals = tuple(int(s) for s in wake_signals)
+        self._timer: SignalTimer | None = None
+        self._previous: dict[int, Any] = {}
+
+    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            raise TaskError(
+                f'the preemptive kernel was started in thread {threading.current_thread().name!r}: '
+                'Python runs signal handlers in the main thread only; start it there')
+        self._handlers: dict[int, Handler] = {
+            TICK_SIGNAL: on_tick, INTERRUPT_SIGNAL: on_interrupt}
+        for signo, handler in self._handlers.items():
+            self._previous[signo] = signal.signal(signo, handler)
+        self._gate = SignalGate((*self._handlers, *self._wake_signals))
+        self._timer = SignalTimer(TICK_SIGNAL)
+        self.arm = self._timer.arm  # type: ignore[method-assign]
+        self.hold = self._gate.hold  # type: ignore[method-assign]
+        self.admit = self._gate.admit  # type: ignore[method-assign]
+        self._sigwait = self._gate.wait
+
+    def detach(self) -> None:
+        if self._timer is None:
+            return
+        self._timer.disarm()
+        self._gate.admit()
+        self._timer.close()
+        self._timer = None
+        for signo, handler in self._previous.items():
+            # The default action of these signals ends the process, but none can come any more:
+            # the timer is gone, and what was held has been let through to the old handler.
+            signal.signal(signo, handler)
+        self._previous.clear()
+
+    def arm(self, deadline_ns: int) -> None:
+        raise TaskError('the clock is not attached: a kernel does that when it runs')
+
+    def hold(self) -> None:
+        """Do nothing while detached."""
+
+    def admit(self) -> None:
+        """Do nothing while detached."""
+
+    def wait(self) -> bool:
+        signo = self._sigwait()
+        if signo == TICK_SIGNAL:
+            return False
+        if signo in self._wake_signals:
+            handler = signal.getsignal(signo)
+            if callable(handler):
+                handler(signo, None)
+        return True
+
+    def spend(self, duration_ns: int) -> None:
+        now_ns = self.now_ns
+        end_ns = now_ns() + duration_ns
+        while now_ns() < end_ns:
+            pass
+
+
+class VirtualClock(Clock):
+    """
+    Time that passes only when a task spends it or when all are idle.
+
+    The same tasks run in the same order each time, with no signal and as fast as possible.
+
+    :param start_ns: the time at which it begins.
+    """
+
+    def __init__(self, start_ns: int = 0) -> None:
+        self._now_ns = start_ns
+        self._alarm_ns = NEVER_NS
+        self._on_tick: Handler | None = None
+        self.now_ns = self._read
+
+    def _read(self) -> int:
+        return self._now_ns
+
+    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
+        self._on_tick = on_tick
+
+    def detach(self) -> None:
+        self._on_tick = None
+        self._alarm_ns = NEVER_NS
+
+    def arm(self, deadline_ns: int) -> None:
+        self._alarm_ns = deadline_ns
+
+    def hold(self) -> None:
+        """Do nothing: nothing is asynchronous here."""
+
+    def admit(self) -> None:
+        """Do nothing: nothing is asynchronous here."""
+
+    def wait(self) -> bool:
+        if self._alarm_ns >= NEVER_NS:
+            raise TaskError('the virtual clock has nothing to wait for: add a periodic task, or '
+                            'give run() a duration')
+        self._now_ns = max(self._now_ns, self._alarm_ns)
+        self._alarm_ns = NEVER_NS
+        return True
+
+    def spend(self, duration_ns: int) -> None:
+        """Let time pass; what falls due preempts the caller and spends time of its own."""
+        left_ns = duration_ns
+        while left_ns > 0:
+            step_ns = min(left_ns, max(0, self._alarm_ns - self._now_ns))
+            self._now_ns += step_ns
+            left_ns -= step_ns
+            if self._now_ns >= self._alarm_ns:
+                self._alarm_ns = NEVER_NS
+                if self._on_tick is not None:
+                    self._on_tick()

@@ -1,0 +1,127 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Logarithmic histograms of durations: eight buckets an octave, so at most 12.5 % wide.
+
+The dispatcher counts straight into :attr:`Histogram.counts` with the arithmetic of
+:func:`bucket`, written out in place: a call would cost more than the counting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+BUCKETS = 320
+
+
+def bucket(duration_ns: int) -> int:
+    """
+    Number the bucket of a duration.
+
+    :param duration_ns: from 0 to 2**43 (2.4 hours); longer ones share the last bucket.
+    """
+    shift = duration_ns.bit_length() - 4
+    if shift <= 0:
+        return duration_ns
+    return min((shift << 3) + (duration_ns >> shift), BUCKETS - 1)
+
+
+def bucket_limits(index: int) -> tuple[int, int]:
+    """
+    Invert :func:`bucket`.
+
+    :return: the shortest duration of a bucket and the shortest of the next, in nanoseconds.
+    """
+    if index < 16:
+        return index, index + 1
+    shift = (index >> 3) - 1
+    mantissa = (index & 7) + 8
+    return mantissa << shift, (mantissa + 1) << shift
+
+
+@dataclass(frozen=True)
+class Summary:
+    """
+    What a histogram says.
+
+    :ivar count: how many durations were counted.
+    :ivar p50_ns: half of them are not above this (resolution 12.5 %).
+    :ivar maximum_ns: the longest one, exact.
+    """
+
+    count: int = 0
+    p50_ns: int = 0
+    p99_ns: int = 0
+    p999_ns: int = 0
+    maximum_ns: int = 0
+
+
+def percentile(counts: Sequence[int], total: int, part: float, maximum_ns: int) -> int:
+    """
+    Give the duration that a part of all durations does not exceed.
+
+    :param counts: one number a bucket.
+    :param total: their sum.
+    :param part: from 0 to 1.
+    :param maximum_ns: the longest duration; no answer is above it.
+    """
+    wanted = max(1, -int(-part * total // 1))
+    seen = 0
+    for index, count in enumerate(counts):
+        seen += count
+        if seen >= wanted:
+            low, high = bucket_limits(index)
+            return min((low + high) // 2, maximum_ns)
+    return maximum_ns
+
+
+def summarise(counts: Sequence[int], maximum_ns: int) -> Summary:
+    """
+    Summarise the counts of a histogram; not for the real-time loop.
+
+    :param counts: one number a bucket.
+    :param maximum_ns: the longest duration.
+    """
+    total = sum(counts)
+    if not total:
+        return Summary()
+    p50, p99, p999 = (percentile(counts, total, part, maximum_ns) for part in (.5, .99, .999))
+    return Summary(total, p50, p99, p999, maximum_ns)
+
+
+class Histogram:
+    """Counts of durations by bucket, with the exact maximum."""
+
+    __slots__ = ('counts', 'maximum_ns')
+
+    def __init__(self) -> None:
+        self.counts = [0] * BUCKETS
+        self.maximum_ns = 0
+
+    def add(self, duration_ns: int) -> None:
+        """Count a duration of at least 0; safe in the real-time loop."""
+        self.counts[bucket(duration_ns)] += 1
+        if duration_ns > self.maximum_ns:
+            self.maximum_ns = duration_ns
+
+    def clear(self) -> None:
+        """Forget all; the list stays the same object."""
+        self.counts[:] = [0] * BUCKETS
+        self.maximum_ns = 0
+
+    def summary(self) -> Summary:
+        """Summarise; not for the real-time loop."""
+        return summarise(self.counts, self.maximum_ns)

@@ -1,0 +1,296 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The other side of the link: what the ROS node, a recorder, a monitor or a test uses.
+
+Not for the real-time loop: calls here may wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import itertools
+import os
+from pathlib import Path
+import queue
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import HEADER
+from rt_robot_os.link.protocol import header
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import parse_header
+from rt_robot_os.link.records import decode_task
+
+RECEIVE_BUFFER_BYTES = 1 << 20
+
+DataHandler = Callable[[Header, memoryview], None]
+ReportHandler = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of the core as a client sees it."""
+
+    name: str
+    channel: int
+    type_name: str
+    size: int
+    max_size: int
+    stamp_offset: int | None
+    depth: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class CoreStatistics:
+    """What a core says of itself, as :meth:`LinkClient.statistics` gives it."""
+
+    core: dict[str, Any]
+    tasks: tuple[TaskStatistics, ...]
+    topics: tuple[dict[str, Any], ...]
+    devices: tuple[dict[str, Any], ...]
+    clients: tuple[dict[str, Any], ...]
+
+
+class LinkClient:
+    """
+    A connection to a core.
+
+    One thread reads, by :meth:`pump` or :meth:`serve`; requests may come from any thread, and read
+    by themselves when nobody else does.
+
+    :param path: of the core's socket.
+    :param name: what the core calls this client in its statistics.
+    :ivar on_data: called by the reading thread with each sample: header and CDR, valid during the
+        call only.
+    :ivar on_report: called by the reading thread with each report of the core.
+    :ivar core: what the core said when it was greeted: pid, version and so on.
+    :ivar topics: the topics of the core by name.
+    :raises LinkError: nobody listens there, or it is no core of this version.
+    """
+
+    def __init__(self, path: Path, name: str = 'client', timeout_s: float = 5.0) -> None:
+        self.on_data: DataHandler | None = None
+        self.on_report: ReportHandler | None = None
+        self.last_beat_ns = time.monotonic_ns()
+        self.closed = False
+        self._timeout_s = timeout_s
+        self._numbers = itertools.count(1)
+        self._replies: dict[int, queue.SimpleQueue[tuple[Header, bytes]]] = {}
+        self._reader = threading.Lock()
+        self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
+        self._view = memoryview(self._buffer)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            self._socket.settimeout(timeout_s)
+            self._socket.connect(str(path))
+            self._socket.setblocking(False)
+            self._poll = select.poll()
+            self._poll.register(self._socket, select.POLLIN)
+            self.core = self.request('hello', name=name, pid=os.getpid())
+        except OSError as error:
+            self._socket.close()
+            if isinstance(error, LinkError):
+                raise
+            raise LinkError(f'no core answers at {path}: {error.strerror or error}; '
+                            'is the robot running?') from error
+        self.topics = {t['name']: TopicInfo(**t) for t in self.core.pop('topics')}
+
+    def close(self) -> None:
+        """Leave; may be called twice."""
+        self.closed = True
+        self._socket.close()
+
+    def __enter__(self) -> LinkClient:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    # ---- reading -----------------------------------------------------------------------------
+
+    def pump(self, timeout_s: float) -> int:
+        """
+        Wait for packets and handle all that are there.
+
+        :return: how many there were; 0 when the time was over, or another thread reads.
+        :raises LinkError: the core is gone.
+        """
+        if not self._reader.acquire(timeout=timeout_s):
+            return 0
+        try:
+            if self.closed:
+                raise LinkError('the connection to the core is closed')
+            if not self._poll.poll(max(0.0, timeout_s) * 1000):
+                return 0
+            count = 0
+            while True:
+                try:
+                    length = self._socket.recv_into(self._buffer)
+                except BlockingIOError:
+                    return count
+                except OSError as error:
+                    raise LinkError(f'the core is gone: {error.strerror}') from error
+                if not length:
+                    raise LinkError('the core closed the connection')
+                count += 1
+                self._handle(length)
+        finally:
+            self._reader.release()
+
+    def _handle(self, length: int) -> None:
+        kind = self._buffer[0]
+        if kind == Kind.DATA and length >= HEADER_BYTES:
+            if self.on_data is not None:
+                self.on_data(Header(*HEADER.unpack_from(self._buffer)),
+                             self._view[HEADER_BYTES:length])
+            return
+        packet = bytes(self._view[:length])
+        head = parse_header(packet)
+        if kind == Kind.BEAT:
+            self.last_beat_ns = time.monotonic_ns()
+        elif kind == Kind.REPORT:
+            if self.on_report is not None:
+                self.on_report(decode_json(packet))
+        elif kind == Kind.TASK:
+            self._deliver(head.seq, head, packet)
+        elif kind == Kind.REPLY:
+            self._deliver(head.seq, head, packet)
+
+    def _deliver(self, number: int, head: Header, packet: bytes) -> None:
+        waiting = self._replies.get(number)
+        if waiting is not None:
+            waiting.put((head, packet))
+
+    # ---- asking ------------------------------------------------------------------------------
+
+    def _ask(self, do: str, **arguments: Any) -> list[tuple[Header, bytes]]:
+        """Send a request and collect the packets of its answer, the last one marked final."""
+        number = next(self._numbers)
+        replies: queue.SimpleQueue[tuple[Header, bytes]] = queue.SimpleQueue()
+        self._replies[number] = replies
+        deadline = time.monotonic() + self._timeout_s
+        collected: list[tuple[Header, bytes]] = []
+        try:
+            self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}))
+            while True:
+                try:
+                    head, packet = replies.get_nowait()
+                except queue.Empty:
+                    if time.monotonic() > deadline:
+                        raise LinkError(f'the core did not answer {do!r} within '
+                                        f'{self._timeout_s:g} s') from None
+                    self.pump(0.02)
+                    continue
+                collected.append((head, packet))
+                if head.channel == 0:  # no more to come
+                    return collected
+        finally:
+            del self._replies[number]
+
+    def request(self, do: str, **arguments: Any) -> dict[str, Any]:
+        """
+        Ask the core to do something.
+
+        :return: its answer.
+        :raises LinkError: the core is gone, silent, or refuses; the message says why.
+        """
+        answer = decode_json(self._ask(do, **arguments)[-1][1])
+        if 'error' in answer:
+            raise LinkError(str(answer['error']))
+        return answer
+
+    def statistics(self) -> CoreStatistics:
+        """
+        Get all statistics of the core.
+
+        :raises LinkError: as for :meth:`request`.
+        """
+        tasks: list[TaskStatistics] = []
+        parts: dict[str, list[dict[str, Any]]] = {
+            'core': [], 'topic': [], 'device': [], 'client': []}
+        for head, packet in self._ask('statistics'):
+            if head.kind == Kind.TASK:
+                tasks.append(decode_task(memoryview(packet)[HEADER_BYTES:]))
+                continue
+            content = decode_json(packet)
+            part = content.pop('part', None)
+            if part in parts:
+                parts[part].append(content)
+        core = parts['core'][0] if parts['core'] else {}
+        return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
+                              tuple(parts['client']))
+
+    def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
+               initial: bool = False) -> int:
+        """
+        Ask for the samples of a topic.
+
+        :param policy: ``drain`` or ``latest``.
+        :param max_rate_hz: 0 for no limit.
+        :param initial: begin with the last sample that is there already.
+        :return: their channel.
+        :raises LinkError: as for :meth:`request`.
+        """
+        return int(self.request('mirror', topic=topic, policy=policy, max_rate_hz=max_rate_hz,
+                                initial=initial)['channel'])
+
+    def advertise(self, topic: str) -> int:
+        """
+        Announce that this client publishes a topic.
+
+        :return: the channel for :meth:`publish`.
+        :raises LinkError: as for :meth:`request`.
+        """
+        return int(self.request('advertise', topic=topic)['channel'])
+
+    def publish(self, channel: int, cdr: bytes, stamp_ns: int = 0) -> None:
+        """
+        Publish a sample in the core.
+
+        :param cdr: with its four bytes of encapsulation.
+        :param stamp_ns: on CLOCK_MONOTONIC; 0 for the moment of its arrival in the core.
+        :raises LinkError: the core is gone, or does not keep up.
+        """
+        self._send(header(Kind.DATA, channel, stamp_ns=stamp_ns) + cdr)
+
+    def beat(self) -> None:
+        """
+        Tell the core that this client is alive.
+
+        :raises LinkError: the core is gone, or does not keep up.
+        """
+        self._send(header(Kind.BEAT, stamp_ns=time.monotonic_ns()))
+
+    def _send(self, packet: bytes) -> None:
+        try:
+            self._socket.send(packet)
+        except BlockingIOError:
+            raise LinkError('the core does not read what it is sent') from None
+        except OSError as error:
+            raise LinkError(f'the core is gone: {error.strerror or error}') from error

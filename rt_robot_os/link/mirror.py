@@ -1,0 +1,146 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Carry one topic to one client: what is sent, what is passed over, what is lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+import socket
+
+from rt_robot_os.link.protocol import HEADER
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_S
+
+
+class Policy(Enum):
+    """
+    Which samples a client gets.
+
+    DRAIN: all of them. LATEST: the newest whenever the link runs; the others are skipped.
+    """
+
+    DRAIN = 'drain'
+    LATEST = 'latest'
+
+
+@dataclass(frozen=True)
+class MirrorStatistics:
+    """
+    One topic on its way to one client.
+
+    sent + full + lost + skipped + limited + waiting = published since the mirror began.
+
+    :ivar full: samples that the client's full socket refused.
+    :ivar lost: samples overwritten in the ring before they could be sent.
+    :ivar skipped: samples passed over by ``latest``.
+    :ivar limited: samples passed over by ``max_rate_hz``.
+    """
+
+    topic: str
+    policy: str
+    max_rate_hz: float
+    sent: int
+    full: int
+    lost: int
+    skipped: int
+    limited: int
+    waiting: int
+
+
+class Mirror:
+    """
+    One topic to one client; used by the link's task alone.
+
+    :param channel: number of the topic.
+    :param max_rate_hz: 0 for no limit.
+    """
+
+    def __init__(self, bus: Bus, topic: str, client: str, connection: socket.socket, channel: int,
+                 policy: Policy, max_rate_hz: float, initial: bool) -> None:
+        self._packet = bytearray(HEADER_BYTES + bus.topic(topic).layout.max_size)
+        self._view = memoryview(self._packet)
+        self._channel = channel
+        self._send = connection.send
+        self._bus = bus
+        self.topic = bus.topic(topic)
+        self.subscription = bus.subscribe(
+            topic, f'link:{client}', initial=initial, buffer=self._view[HEADER_BYTES:])
+        self.sent = self.full = self.limited = 0
+        self._next_ns = 0
+        self.set_policy(policy, max_rate_hz)
+
+    def set_policy(self, policy: Policy, max_rate_hz: float) -> None:
+        """Change what is sent from now on."""
+        self.policy = policy
+        self.max_rate_hz = max_rate_hz
+        self._interval_ns = round(NS_PER_S / max_rate_hz) if max_rate_hz > 0 else 0
+
+    @property
+    def missed(self) -> int:
+        """How many samples the client did not get and did not ask to be spared."""
+        return self.full + self.subscription.lost
+
+    def carry(self, now_ns: int) -> None:
+        """
+        Send what is there and due; never waits.
+
+        :raises OSError: the client is gone.
+        """
+        subscription = self.subscription
+        latest = self.policy is Policy.LATEST
+        while subscription.unread:
+            if self._interval_ns and now_ns < self._next_ns:
+                if not latest:
+                    self._pass_over(subscription.unread)
+                return
+            if not (subscription.latest() if latest else subscription.take()):
+                return
+            HEADER.pack_into(
+                self._packet, 0, Kind.DATA, VERSION, self._channel,
+                (self.full + subscription.lost) & 0xFFFFFFFF, subscription.stamp_ns,
+                subscription.seq)
+            if self._interval_ns:
+                # On the grid while the topic keeps up; after a pause the grid starts anew.
+                self._next_ns += self._interval_ns
+                if self._next_ns < now_ns:
+                    self._next_ns = now_ns + self._interval_ns
+            try:
+                if subscription.length == len(subscription.buffer):
+                    self._send(self._packet)
+                else:
+                    self._send(self._view[:HEADER_BYTES + subscription.length])
+            except BlockingIOError:
+                self.full += 1
+                return
+            self.sent += 1
+
+    def _pass_over(self, count: int) -> None:
+        for _ in range(count):
+            if self.subscription.take():
+                self.limited += 1
+
+    def close(self) -> None:
+        """Stop reading the topic."""
+        self._bus.unsubscribe(self.subscription)
+
+    def statistics(self) -> MirrorStatistics:
+        """Take the statistics."""
+        s = self.subscription
+        return MirrorStatistics(self.topic.name, self.policy.value, self.max_rate_hz, self.sent,
+                                self.full, s.statistics().lost, s.skipped, self.limited, s.unread)

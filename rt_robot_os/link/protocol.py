@@ -1,0 +1,119 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The packets of the link.
+
+One packet, one datagram of a SOCK_SEQPACKET socket. It begins with 24 bytes, little-endian:
+
+====== ==== ========================================================================
+offset size meaning
+====== ==== ========================================================================
+0      1    kind, see :class:`Kind`
+1      1    protocol version
+2      2    channel: number of a topic; 0 otherwise
+4      4    samples of this topic that this client did not get so far, modulo 2**32
+8      8    stamp on CLOCK_MONOTONIC in nanoseconds, signed
+16     8    sequence number of the sample in its topic, or of the request that is answered
+====== ==== ========================================================================
+
+An answer may take several packets: all but the last have channel 1.
+
+After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a record of
+:mod:`rt_robot_os.link.records` for ``TASK``, nothing for ``BEAT``.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+import json
+import struct
+from typing import Any
+from typing import NamedTuple
+
+from rt_robot_os.errors import LinkError
+
+VERSION = 1
+HEADER = struct.Struct('<BBHIqQ')
+HEADER_BYTES = HEADER.size
+REQUEST_BYTES_MAXIMUM = 16_384
+# A datagram must fit the socket buffer, which ordinary users cannot raise above about 208 KiB.
+PACKET_BYTES_MAXIMUM = 128 * 1024
+
+
+class Kind(IntEnum):
+    """What a packet is."""
+
+    DATA = 1
+    REQUEST = 2
+    REPLY = 3
+    BEAT = 4
+    REPORT = 5
+    TASK = 6
+
+
+class Header(NamedTuple):
+    """The first 24 bytes of a packet."""
+
+    kind: int
+    version: int
+    channel: int
+    missed: int
+    stamp_ns: int
+    seq: int
+
+
+def header(kind: Kind, channel: int = 0, missed: int = 0, stamp_ns: int = 0, seq: int = 0) -> bytes:
+    """Make the first 24 bytes of a packet."""
+    return HEADER.pack(kind, VERSION, channel, missed & 0xFFFFFFFF, stamp_ns, seq)
+
+
+def parse_header(packet: bytes | memoryview) -> Header:
+    """
+    Read the first 24 bytes of a packet.
+
+    :raises LinkError: it is too short, or of another version.
+    """
+    if len(packet) < HEADER_BYTES:
+        raise LinkError(f'a packet of {len(packet)} bytes is no packet of the link')
+    parsed = Header(*HEADER.unpack_from(packet))
+    if parsed.version != VERSION:
+        raise LinkError(f'the other side speaks version {parsed.version} of the link, this one '
+                        f'{VERSION}; use one release of rt_robot_os on both sides')
+    return parsed
+
+
+def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0, more: bool = False) -> bytes:
+    """
+    Make a packet that carries JSON.
+
+    :param seq: the request that it answers.
+    :param more: further packets of the same answer follow.
+    """
+    return header(kind, int(more), seq=seq) + json.dumps(content, separators=(',', ':')).encode()
+
+
+def decode_json(packet: bytes | memoryview) -> dict[str, Any]:
+    """
+    Read the JSON of a packet.
+
+    :raises LinkError: it is no JSON object.
+    """
+    try:
+        content = json.loads(bytes(packet[HEADER_BYTES:]))
+    except (ValueError, RecursionError) as error:
+        raise LinkError(f'a packet holds no JSON: {error}') from error
+    if not isinstance(content, dict):
+        raise LinkError(f'a packet holds {type(content).__name__} where an object is expected')
+    return content

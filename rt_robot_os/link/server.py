@@ -1,0 +1,244 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The core's side of the link.
+
+Two tasks share the work. ``link/commands`` has a priority of the user's choice: released by the
+arrival of packets, it publishes samples from outside at once. ``link/service`` has a low one: it
+accepts clients, answers requests, and carries mirrored topics out, released by each publication.
+``link/beat`` of the same low priority runs 50 times a second for heart-beats and what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import socket
+import struct
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.mirror import Mirror
+from rt_robot_os.link.mirror import Policy
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import header
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.session import ClientStatistics
+from rt_robot_os.link.session import Session
+from rt_robot_os.reports import Report
+from rt_robot_os.reports import Reports
+from rt_robot_os.reports import Severity
+from rt_robot_os.topics import Bus
+
+CLIENTS_MAXIMUM = 16
+BEAT_RATE_HZ = 50.0
+BEATS_PER_HEARTBEAT = 10
+SEND_BUFFER_BYTES = 1 << 20
+
+Answer = Callable[[Session, bytes], None]
+
+
+class LinkServer:
+    """
+    Serve clients on a Unix socket; the tasks are added to the kernel at once.
+
+    :param path: of the socket; a leftover of a core that died is replaced.
+    :param answer: called for each request, at low priority.
+    :param service_priority: of mirroring; below everything that matters.
+    :param command_priority: of samples that clients publish.
+    """
+
+    def __init__(self, kernel: Kernel, bus: Bus, path: Path, answer: Answer, reports: Reports, *,
+                 service_priority: int = 2, command_priority: int = 50) -> None:
+        self.path = path
+        self.accepted = self.refused = 0
+        self._kernel = kernel
+        self._bus = bus
+        self._answer = answer
+        self._reports = reports
+        self._report_place = 0
+        self._sessions: tuple[Session, ...] = ()
+        self._listener: socket.socket | None = None
+        self._mirrored: set[str] = set()
+        self._beats = 0
+        self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
+        self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
+        kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Listen, with the socket for this user alone.
+
+        :raises LinkError: another core serves this path, or the folder cannot be written.
+        """
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self._clear_leftover()
+            mask = os.umask(0o177)
+            try:
+                listener.bind(str(self.path))
+            finally:
+                os.umask(mask)
+            listener.listen(CLIENTS_MAXIMUM)
+            listener.setblocking(False)
+        except OSError as error:
+            listener.close()
+            if isinstance(error, LinkError):
+                raise
+            raise LinkError(f'socket {self.path}: {error.strerror or error}; is the folder '
+                            'writable and the path below 108 characters?') from error
+        self._listener = listener
+        self._kernel.add_interrupt(listener.fileno(), self._service)
+
+    def close(self) -> None:
+        """Say goodbye to all clients and remove the socket; may be called twice."""
+        for session in self._sessions:
+            self._kernel.remove_interrupt(session.connection.fileno())
+            session.close()
+        self._sessions = ()
+        if self._listener is not None:
+            self._kernel.remove_interrupt(self._listener.fileno())
+            self._listener.close()
+            self._listener = None
+            self.path.unlink(missing_ok=True)
+
+    def _clear_leftover(self) -> None:
+        if not self.path.exists():
+            return
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+            try:
+                probe.connect(str(self.path))
+            except OSError:
+                self.path.unlink(missing_ok=True)
+                return
+        raise LinkError(f'socket {self.path}: another core serves it; stop that one, or give this '
+                        'robot another node name (--ros-args -r __node:=other)')
+
+    # ---- tasks -------------------------------------------------------------------------------
+
+    def _receive(self) -> None:
+        now_ns = self._kernel.now_ns()
+        work = False
+        for session in self._sessions:
+            session.receive(now_ns)
+            work = work or bool(session.gone or session.requests)
+        if work:
+            self._kernel.release(self._service)
+
+    def _serve(self) -> None:
+        now_ns = self._kernel.now_ns()
+        for session in self._sessions:
+            while session.requests and not session.gone:
+                self._answer(session, session.requests.popleft())
+            if session.mirrors:
+                session.carry(now_ns)
+            if session.gone:
+                self._remove(session)
+
+    def _beat(self) -> None:
+        self._accept()
+        self._beats += 1
+        if self._beats % BEATS_PER_HEARTBEAT == 0:
+            beat = header(Kind.BEAT, stamp_ns=self._kernel.now_ns())
+            for session in self._sessions:
+                session.post(beat)
+        self._report()
+        if self._sessions:
+            self._kernel.release(self._commands)
+        for session in self._sessions:
+            session.flush()
+        self._serve()
+
+    def _accept(self) -> None:
+        while self._listener is not None:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            connection.setblocking(False)
+            credentials = connection.getsockopt(
+                socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize('3i'))
+            pid, user, _ = struct.unpack('3i', credentials)
+            if user not in (os.getuid(), 0) or len(self._sessions) >= CLIENTS_MAXIMUM:
+                self.refused += 1
+                connection.close()
+                self._note(Severity.WARN, f'client {pid} refused: user {user}, '
+                           f'{len(self._sessions)} of {CLIENTS_MAXIMUM} clients connected')
+                continue
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            session = Session(connection, self._bus, pid, self._kernel.now_ns())
+            self._sessions = (*self._sessions, session)
+            self.accepted += 1
+            self._kernel.add_interrupt(connection.fileno(), self._commands)
+            self._kernel.release(self._commands)  # it may have spoken already
+
+    def _remove(self, session: Session) -> None:
+        refused = session.gone.startswith('refused')
+        self.refused += refused
+        self._note(Severity.WARN if refused else Severity.INFO,
+                   f'client {session.name} (pid {session.pid}) left: {session.gone}')
+        self._sessions = tuple(s for s in self._sessions if s is not session)
+        self._kernel.remove_interrupt(session.connection.fileno())
+        session.close()
+
+    # ---- for answers -------------------------------------------------------------------------
+
+    def mirror(self, session: Session, topic: str, policy: Policy, max_rate_hz: float,
+               initial: bool) -> int:
+        """
+        Begin to carry a topic to a client, or change how.
+
+        :return: the channel of its samples.
+        :raises TopicError: there is no such topic, or it has all its subscribers.
+        """
+        channel = session.channel(topic)
+        known = session.mirrors.get(topic)
+        if known is not None:
+            known.set_policy(policy, max_rate_hz)
+            return channel
+        session.mirrors[topic] = Mirror(self._bus, topic, session.name, session.connection,
+                                        channel, policy, max_rate_hz, initial)
+        if topic not in self._mirrored:
+            self._mirrored.add(topic)
+            self._bus.topic(topic).wake_on_publish(self._service)
+        return channel
+
+    def unmirror(self, session: Session, topic: str) -> None:
+        """Stop carrying a topic to a client; unknown ones are fine."""
+        mirror = session.mirrors.pop(topic, None)
+        if mirror is not None:
+            mirror.close()
+
+    def statistics(self) -> tuple[ClientStatistics, ...]:
+        """Take the statistics of all clients."""
+        now_ns = self._kernel.now_ns()
+        return tuple(session.statistics(now_ns) for session in self._sessions)
+
+    # ---- reports -----------------------------------------------------------------------------
+
+    def _note(self, severity: Severity, text: str) -> None:
+        self._reports.note(Report(self._kernel.now_ns(), severity, 'link', text))
+
+    def _report(self) -> None:
+        self._report_place, dropped, reports = self._reports.since(self._report_place)
+        for report in reports:
+            packet = encode_json(Kind.REPORT, {
+                'at_ns': report.at_ns, 'severity': int(report.severity), 'source': report.source,
+                'text': report.text[:4000], 'dropped': dropped})
+            for session in self._sessions:
+                session.post(packet)

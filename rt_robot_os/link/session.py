@@ -1,0 +1,200 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One connected client, as the core sees it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import asdict
+from dataclasses import dataclass
+import socket
+from typing import Any
+
+from rt_robot_os.errors import TopicError
+from rt_robot_os.link.mirror import Mirror
+from rt_robot_os.link.mirror import MirrorStatistics
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import parse_header
+from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
+
+REQUESTS_WAITING_MAXIMUM = 64
+OUTBOX_MAXIMUM = 2048
+PACKETS_PER_JOB = 256
+
+
+@dataclass(frozen=True)
+class ClientStatistics:
+    """
+    A client and what passed.
+
+    :ivar received: samples that it published.
+    :ivar refused: samples that did not fit their topic.
+    :ivar outbox_dropped: replies and reports that it was too slow for.
+    :ivar quiet_ns: since it was heard last.
+    """
+
+    name: str
+    pid: int
+    received: int
+    refused: int
+    outbox_dropped: int
+    quiet_ns: int
+    mirrors: tuple[MirrorStatistics, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Give plain values."""
+        return asdict(self)
+
+
+class Session:
+    """
+    A client's connection.
+
+    :meth:`receive` runs in the task for commands, everything else in the link's low one.
+
+    :ivar gone: why it is to be removed; empty while it is welcome.
+    """
+
+    def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int) -> None:
+        self.connection = connection
+        self.name = f'pid{pid}'
+        self.pid = pid
+        self.gone = ''
+        self.heard_ns = now_ns
+        self.received = self.refused = self.outbox_dropped = 0
+        self.last_refusal = ''
+        self.requests: deque[bytes] = deque()
+        self.mirrors: dict[str, Mirror] = {}
+        self._bus = bus
+        self._channels = bus.topics
+        self._publishers: dict[int, Publisher] = {}
+        self._outbox: deque[bytes] = deque()
+
+    def receive(self, now_ns: int) -> None:
+        """
+        Read the packets that are there: publish samples at once, keep requests for later.
+
+        No more than ``PACKETS_PER_JOB``; the next beat of the link sees to the rest.
+        """
+        for _ in range(PACKETS_PER_JOB):
+            if self.gone:
+                return
+            try:
+                packet = self.connection.recv(PACKET_BYTES_MAXIMUM)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self.gone = error.strerror or 'connection lost'
+                return
+            if not packet:
+                self.gone = 'closed by the client'
+                return
+            self.heard_ns = now_ns
+            try:
+                self._accept(packet)
+            except OSError as error:
+                self.gone = f'refused: {error}'
+
+    def _accept(self, packet: bytes) -> None:
+        head = parse_header(packet)
+        if head.kind == Kind.DATA:
+            self._publish(head.channel, head.stamp_ns, packet)
+        elif head.kind == Kind.REQUEST:
+            if len(packet) > REQUEST_BYTES_MAXIMUM:
+                self.gone = (f'refused: a request of {len(packet)} bytes; the limit is '
+                             f'{REQUEST_BYTES_MAXIMUM}')
+            elif len(self.requests) >= REQUESTS_WAITING_MAXIMUM:
+                self.gone = f'refused: more than {REQUESTS_WAITING_MAXIMUM} requests at once'
+            else:
+                self.requests.append(packet)
+        elif head.kind != Kind.BEAT:
+            self.gone = f'refused: a packet of kind {head.kind} is not for the core'
+
+    def _publish(self, channel: int, stamp_ns: int, packet: bytes) -> None:
+        publisher = self._publishers.get(channel)
+        if publisher is None:
+            self.gone = f'refused: a sample for channel {channel}, which it never advertised'
+            return
+        try:
+            publisher.publish_cdr(memoryview(packet)[HEADER_BYTES:], stamp_ns)
+            self.received += 1
+        except TopicError as error:
+            self.refused += 1
+            self.last_refusal = str(error)
+
+    def advertise(self, topic: str) -> int:
+        """
+        Allow the client to publish on a topic.
+
+        :return: the channel to use.
+        :raises TopicError: there is no such topic.
+        """
+        publisher = self._bus.publisher(topic)
+        channel = self._channels.index(publisher.topic)
+        self._publishers.setdefault(channel, publisher)
+        return channel
+
+    def channel(self, topic: str) -> int:
+        """
+        Number a topic.
+
+        :raises TopicError: there is no such topic.
+        """
+        return self._channels.index(self._bus.topic(topic))
+
+    def post(self, packet: bytes) -> None:
+        """Send a packet as soon as the client takes it; a client that is too slow loses it."""
+        if len(self._outbox) >= OUTBOX_MAXIMUM:
+            self.outbox_dropped += 1
+            return
+        self._outbox.append(packet)
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what waits, as far as the client takes it."""
+        try:
+            while self._outbox:
+                self.connection.send(self._outbox[0])
+                self._outbox.popleft()
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self.gone = self.gone or error.strerror or 'connection lost'
+
+    def carry(self, now_ns: int) -> None:
+        """Send the samples of all mirrored topics."""
+        try:
+            for mirror in self.mirrors.values():
+                if mirror.subscription.unread:
+                    mirror.carry(now_ns)
+        except OSError as error:
+            self.gone = self.gone or error.strerror or 'connection lost'
+
+    def close(self) -> None:
+        """Remove everything that it had."""
+        for mirror in self.mirrors.values():
+            mirror.close()
+        self.mirrors.clear()
+        self.connection.close()
+
+    def statistics(self, now_ns: int) -> ClientStatistics:
+        """Take the statistics."""
+        return ClientStatistics(
+            self.name, self.pid, self.received, self.refused, self.outbox_dropped,
+            now_ns - self.heard_ns, tuple(m.statistics() for m in self.mirrors.values()))

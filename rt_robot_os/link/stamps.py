@@ -1,0 +1,94 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Map moments on CLOCK_MONOTONIC to the time of day, without ever running backwards.
+
+The system clock is stepped (NTP, a person), CLOCK_MONOTONIC is not. The mapping is one offset,
+compared with the system clock now and then:
+
+* the system clock is ahead by more than ``STEP_NS``: follow at once (nothing runs backwards);
+* anything else: approach it slowly, changing intervals between stamps by at most 5 %.
+
+On top of it a :class:`StampLine` per topic never gives a stamp that is not after the last one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+STEP_NS = 50_000_000
+SLEW = 0.05
+
+
+class StampMapper:
+    """
+    The mapping of one process.
+
+    :param monotonic_ns: CLOCK_MONOTONIC.
+    :param wall_ns: the time of day, since 1970.
+    :ivar error_ns: how far the mapping was behind the system clock at the last comparison;
+        negative when it is ahead and waits.
+    :ivar forward_steps: times that it followed at once.
+    """
+
+    def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns,
+                 wall_ns: Callable[[], int] = time.time_ns) -> None:
+        self._monotonic_ns = monotonic_ns
+        self._wall_ns = wall_ns
+        self.forward_steps = 0
+        self.error_ns = 0
+        self._compared_ns = monotonic_ns()
+        self.offset_ns = wall_ns() - self._compared_ns
+
+    def compare(self) -> None:
+        """Look at the system clock and correct the mapping; call it a few times a second."""
+        now_ns = self._monotonic_ns()
+        error_ns = self._wall_ns() - now_ns - self.offset_ns
+        allowed_ns = int((now_ns - self._compared_ns) * SLEW)
+        self._compared_ns = now_ns
+        self.error_ns = error_ns
+        if error_ns > STEP_NS:
+            self.forward_steps += 1
+            self.offset_ns += error_ns
+        else:
+            self.offset_ns += max(-allowed_ns, min(allowed_ns, error_ns))
+
+    def line(self) -> StampLine:
+        """Make the line of one topic."""
+        return StampLine(self)
+
+
+class StampLine:
+    """The stamps of one topic, each after the one before."""
+
+    __slots__ = ('_mapper', '_last_ns')
+
+    def __init__(self, mapper: StampMapper) -> None:
+        self._mapper = mapper
+        self._last_ns = 0
+
+    def wall_ns(self, stamp_ns: int) -> int:
+        """
+        Map the stamp of the next sample.
+
+        :param stamp_ns: on CLOCK_MONOTONIC.
+        :return: nanoseconds since 1970.
+        """
+        wall_ns = stamp_ns + self._mapper.offset_ns
+        if wall_ns <= self._last_ns:
+            wall_ns = self._last_ns + 1
+        self._last_ns = wall_ns
+        return wall_ns

@@ -1,0 +1,125 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Real-time set-up of a process: each step may be refused, says so, and the process runs on.
+
+The idea of a result with a reason instead of an exception follows ros2_control's realtime_tools:
+a robot on a laptop without privileges must run, and must tell what it lacks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import gc
+import os
+
+from rt_robot_os.linux import _libc
+
+
+@dataclass(frozen=True)
+class RtResult:
+    """
+    What became of one step of the set-up.
+
+    :ivar ok: the step is in force.
+    :ivar step: what was asked for.
+    :ivar reason: why not, and the remedy; empty when it worked.
+    """
+
+    ok: bool
+    step: str
+    reason: str = ''
+
+    def __str__(self) -> str:
+        return f'{self.step}: {"in force" if self.ok else self.reason}'
+
+
+def set_fifo(priority: int) -> RtResult:
+    """
+    Run under SCHED_FIFO (sched(7)).
+
+    :param priority: 1..99, higher runs first; 0 leaves the process as it is.
+    """
+    step = f'SCHED_FIFO priority {priority}'
+    if priority == 0:
+        return RtResult(False, step, 'not asked for (core.scheduler_priority is 0)')
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        return RtResult(False, step, 'not permitted; other programs can delay the core. '
+                        "Remedy: add the line '@realtime - rtprio 98' to "
+                        '/etc/security/limits.conf, join that group and log in again')
+    except OSError as error:
+        return RtResult(False, step, f'refused: {error.strerror}')
+    return RtResult(True, step)
+
+
+def set_affinity(cpu: int) -> RtResult:
+    """
+    Pin the process to one CPU.
+
+    :param cpu: a CPU number; -1 takes the last one allowed, -2 leaves the process unpinned.
+    """
+    allowed = sorted(os.sched_getaffinity(0))
+    if cpu == -2:
+        return RtResult(False, 'CPU affinity', 'not asked for (core.cpu is -2)')
+    wanted = allowed[-1] if cpu == -1 else cpu
+    step = f'CPU {wanted}'
+    try:
+        os.sched_setaffinity(0, {wanted})
+    except (OSError, ValueError):
+        return RtResult(False, step, f'this process may use CPUs {allowed} only; '
+                        'remedy: choose core.cpu among them, or -1')
+    return RtResult(True, step)
+
+
+def lock_memory() -> RtResult:
+    """
+    Keep every page that the process touches in memory (mlockall(2)), now and later.
+
+    MCL_ONFAULT: without it the untouched parts of every shared library are read in as well,
+    which multiplies the resident size and gains nothing once the code has run.
+    """
+    step = 'locked memory'
+    try:
+        _libc.mlockall(_libc.MCL_CURRENT | _libc.MCL_FUTURE | _libc.MCL_ONFAULT)
+    except OSError as error:
+        return RtResult(False, step, f'{error.strerror}; pages may be swapped out. Remedy: add '
+                        "the line '@realtime - memlock unlimited' to /etc/security/limits.conf, "
+                        'join that group and log in again')
+    return RtResult(True, step)
+
+
+def set_timer_slack() -> RtResult:
+    """Ask for the least timer slack, 1 ns; it matters only where SCHED_FIFO was refused."""
+    step = 'timer slack 1 ns'
+    try:
+        _libc.prctl(_libc.PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    except OSError as error:
+        return RtResult(False, step, f'{error.strerror}')
+    return RtResult(True, step)
+
+
+def freeze_garbage() -> RtResult:
+    """
+    Take all objects of the set-up out of the cyclic garbage collector and turn it off.
+
+    A collection is a native call that no release can preempt; from now on somebody has to
+    collect where there is time for it.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return RtResult(True, 'garbage collector frozen')

@@ -1,0 +1,123 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A one-shot POSIX timer that signals one thread, and the waiting for its signal.
+
+``timer_create(CLOCK_MONOTONIC, SIGEV_THREAD_ID)`` (timer_create(2)): armed with an absolute time,
+so that no drift can build up, and aimed at the thread that created it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import ctypes
+import threading
+
+from rt_robot_os.linux import _libc
+from rt_robot_os.units import NS_PER_S
+
+
+class SignalTimer:
+    """
+    An absolute one-shot timer on CLOCK_MONOTONIC that sends a signal to the creating thread.
+
+    :param signo: the signal to send; its handler must be installed before :meth:`arm`.
+    :raises OSError: the system has no timer left (RLIMIT_SIGPENDING).
+    """
+
+    def __init__(self, signo: int) -> None:
+        event = _libc.SigEvent(signo=signo, notify=_libc.SIGEV_THREAD_ID,
+                               thread_id=threading.get_native_id())
+        self._timer = ctypes.c_void_p()
+        _libc.timer_create(_libc.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer))
+        self._spec_storage = (ctypes.c_int64 * 4)()
+        self._spec = memoryview(self._spec_storage).cast('B').cast('q')
+        self._arguments = (self._timer, ctypes.c_int(_libc.TIMER_ABSTIME),
+                           ctypes.byref(self._spec_storage), None)
+        self._alive = True
+
+    def arm(self, deadline_ns: int) -> None:
+        """
+        Fire at the deadline, at once when it has passed; safe in the real-time loop.
+
+        :param deadline_ns: CLOCK_MONOTONIC, above zero; replaces the deadline set before.
+        """
+        spec = self._spec
+        spec[2] = deadline_ns // NS_PER_S
+        spec[3] = deadline_ns % NS_PER_S
+        _libc.timer_settime(*self._arguments)
+
+    def disarm(self) -> None:
+        """Forget the deadline."""
+        spec = self._spec
+        spec[2] = spec[3] = 0
+        _libc.timer_settime(*self._arguments)
+
+    def close(self) -> None:
+        """Delete the timer; may be called twice."""
+        if self._alive:
+            self._alive = False
+            _libc.timer_delete(self._timer)
+
+
+class SignalGate:
+    """
+    A set of signals that can be held back and awaited.
+
+    :param signals: signal numbers from 1 to 64.
+    """
+
+    def __init__(self, signals: Iterable[int]) -> None:
+        # sigset_t is 1024 bits; bit n-1 stands for signal n.
+        self._set = (ctypes.c_uint64 * 16)()
+        for signo in signals:
+            self._set[0] |= 1 << (signo - 1)
+        reference = ctypes.byref(self._set)
+        self._hold = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
+        self._admit = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
+        self._wait = (reference, None)
+
+    def hold(self) -> None:
+        """Keep the signals pending; safe in the real-time loop."""
+        _libc.pthread_sigmask(*self._hold)
+
+    def admit(self) -> None:
+        """Let the signals through again; safe in the real-time loop."""
+        _libc.pthread_sigmask(*self._admit)
+
+    def wait(self) -> int:
+        """
+        Sleep until one of the held signals is there, and take it.
+
+        :return: its number; -1 when a signal outside the set was handled instead.
+        """
+        result: int = _libc.sigwaitinfo(*self._wait)
+        return result
+
+
+class Sleeper:
+    """The machine's floor: an absolute ``clock_nanosleep`` loop, for benchmarks."""
+
+    def __init__(self) -> None:
+        self._storage = (ctypes.c_int64 * 2)()
+        self._spec = memoryview(self._storage).cast('B').cast('q')
+        self._arguments = (ctypes.c_int(_libc.CLOCK_MONOTONIC), ctypes.c_int(_libc.TIMER_ABSTIME),
+                           ctypes.byref(self._storage), None)
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        """Sleep until the deadline on CLOCK_MONOTONIC."""
+        self._spec[0] = deadline_ns // NS_PER_S
+        self._spec[1] = deadline_ns % NS_PER_S
+        _libc.clock_nanosleep(*self._arguments)

@@ -1,0 +1,234 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The base class of function modules.
+
+A module says at class level what it reads, what it writes and what can be set, and does its work
+in :meth:`Module.step`::
+
+    class Tilt(Module):
+        imu = Input('imu/data')
+        tilt = Output('tilt', 'std_msgs/msg/Float64')
+
+        def step(self):
+            while self.imu.take():
+                x, y, z = self.imu.msg.linear_acceleration
+                self.tilt.msg.data = math.atan2(math.hypot(x, y), z)
+                self.tilt.publish(self.imu.stamp_ns)
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+from typing import Any
+from typing import ClassVar
+from typing import overload
+
+from rt_robot_os.drivers.device import Publication
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.schema import Field
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+
+
+@dataclass(frozen=True)
+class Input:
+    """
+    A topic that a module reads; in an instance the attribute is a :class:`Subscription`.
+
+    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
+    :ivar wake: each publication releases the module.
+    :ivar initial: begin with the last sample that is there already.
+    """
+
+    topic: str
+    wake: bool = False
+    initial: bool = False
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Input: ...
+
+    @overload
+    def __get__(self, instance: Module, owner: type) -> Subscription: ...
+
+    def __get__(self, instance: Module | None, owner: type) -> Input | Subscription:
+        if instance is None:
+            return self
+        raise TopicError(f'module {instance.name!r}: the input {self.topic!r} can be used from '
+                         'configure() on, not in __init__')
+
+
+@dataclass(frozen=True)
+class Output:
+    """
+    A topic that a module writes; in an instance the attribute is a :class:`Publisher`.
+
+    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
+    :ivar message: type such as ``'geometry_msgs/msg/Twist'``.
+    :ivar fixed: its strings and lengths, see :class:`rt_robot_os.topics.Layout`.
+    :ivar depth: number of samples kept, a power of two.
+    """
+
+    topic: str
+    message: str
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    depth: int = 16
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Output: ...
+
+    @overload
+    def __get__(self, instance: Module, owner: type) -> Publisher: ...
+
+    def __get__(self, instance: Module | None, owner: type) -> Output | Publisher:
+        if instance is None:
+            return self
+        raise TopicError(f'module {instance.name!r}: the output {self.topic!r} can be used from '
+                         'configure() on, not in __init__')
+
+
+class Module:
+    """
+    A function module.
+
+    :param name: unique among tasks.
+    :param settings: a value for each of :meth:`fields`, checked already.
+    :cvar SETTINGS: what can be set, besides rate, priority and topics.
+    """
+
+    SETTINGS: ClassVar[tuple[Field, ...]] = ()
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        self.name = name
+        self.settings = dict(settings)
+        self.task: Task | None = None
+        self.kernel: Kernel | None = None
+        self._rate_hz = 0.0
+        self._changes: deque[tuple[str, Any]] = deque()
+
+    # ---- what an author overrides ------------------------------------------------------------
+
+    def configure(self) -> None:
+        """Prepare: topics are there, nothing runs yet; may take long."""
+
+    def activate(self) -> None:
+        """Do what must happen right before the kernel starts."""
+
+    def step(self) -> None:
+        """Do one job, in the real-time loop."""
+        raise NotImplementedError(f'{type(self).__name__} has no step()')
+
+    def deactivate(self) -> None:
+        """Leave a safe state behind: called after the kernel stopped, also after a failure."""
+
+    def changed(self, name: str) -> None:
+        """React to a changed live setting; called between two jobs."""
+
+    # ---- declarations ------------------------------------------------------------------------
+
+    @classmethod
+    def ports(cls) -> dict[str, Input | Output]:
+        """Give the inputs and outputs by attribute, those of base classes first."""
+        found: dict[str, Input | Output] = {}
+        for owner in reversed(cls.__mro__):
+            for attribute, value in vars(owner).items():
+                if isinstance(value, Input | Output):
+                    found[attribute] = value
+        return found
+
+    @classmethod
+    def fields(cls) -> tuple[Field, ...]:
+        """Give everything that can be set: SETTINGS and a topic name for each port."""
+        names = tuple(
+            Field(f'{attribute}_topic', str, port.topic,
+                  f'topic that {"is read" if isinstance(port, Input) else "is written"} '
+                  f'as {attribute}')
+            for attribute, port in cls.ports().items())
+        return cls.SETTINGS + names
+
+    def topic_of(self, attribute: str) -> str:
+        """Name the topic of a port as it is set."""
+        default = self.ports()[attribute].topic
+        return str(self.settings.get(f'{attribute}_topic', default))
+
+    def publications(self) -> tuple[Publication, ...]:
+        """Give the topics that the module writes."""
+        return tuple(
+            Publication(self.topic_of(attribute), port.message, port.fixed, port.depth,
+                        self._rate_hz)
+            for attribute, port in self.ports().items() if isinstance(port, Output))
+
+    def subscriptions(self) -> tuple[str, ...]:
+        """Give the names of the topics that the module reads."""
+        return tuple(self.topic_of(attribute) for attribute, port in self.ports().items()
+                     if isinstance(port, Input))
+
+    # ---- used by the core --------------------------------------------------------------------
+
+    def job(self) -> None:
+        """Take over what was changed, then do one step; the function of the module's task."""
+        while self._changes:
+            name, value = self._changes.popleft()
+            self.settings[name] = value
+            self.changed(name)
+        self.step()
+
+    def change(self, name: str, value: Any) -> Any:
+        """
+        Change a live setting with the next job, never in the middle of one.
+
+        :return: the value in its declared type.
+        :raises ConfigError: no such setting, not a live one, or a value out of range.
+        """
+        fields = {f.name: f for f in self.fields() if f.live}
+        if name not in fields:
+            live = ', '.join(fields) or 'none'
+            raise ConfigError([f'{self.name}.{name} cannot be changed while the robot runs; '
+                               f'what can: {live}'])
+        problem = fields[name].problem(value)
+        if problem:
+            raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
+        coerced = fields[name].coerce(value)
+        self._changes.append((name, coerced))
+        return coerced
+
+    def declare(self, bus: Bus, rate_hz: float) -> None:
+        """Declare the outputs, so that all topics exist before anybody subscribes."""
+        self._rate_hz = rate_hz
+        for p in self.publications():
+            bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
+
+    def bind(self, bus: Bus, task: Task) -> None:
+        """
+        Connect inputs and outputs.
+
+        :raises TopicError: an input's topic is declared by nobody.
+        """
+        self.task = task
+        self.kernel = bus.kernel
+        for attribute, port in self.ports().items():
+            topic = self.topic_of(attribute)
+            if isinstance(port, Output):
+                self.__dict__[attribute] = bus.publisher(topic)
+            else:
+                self.__dict__[attribute] = bus.subscribe(
+                    topic, self.name, initial=port.initial, task=task if port.wake else None)

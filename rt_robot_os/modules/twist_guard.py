@@ -1,0 +1,64 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A guard between whoever steers and the wheels: limits, and stops when nobody steers."""
+
+from __future__ import annotations
+
+from rt_robot_os.modules.base import Input
+from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.base import Output
+from rt_robot_os.schema import Field
+from rt_robot_os.units import NS_PER_S
+
+
+def _limited(value: float, limit: float) -> float:
+    # A NaN compares false with everything: it must not pass.
+    return value if -limit <= value <= limit else limit if value > limit else (
+        -limit if value < -limit else 0.0)
+
+
+class TwistGuard(Module):
+    """
+    Pass velocity commands on, limited, and zero when they are too old or not a number.
+
+    The age that counts is that of the command's arrival, so a sender that died, a network that
+    stalls and a ROS side that was killed all end in a standstill after ``timeout_s``.
+    """
+
+    command = Input('cmd_vel')
+    safe = Output('cmd_vel_safe', 'geometry_msgs/msg/Twist')
+
+    SETTINGS = (
+        Field('timeout_s', float, 0.5, 'age of a command at which the robot is stopped', 's',
+              0.01, 60.0, live=True),
+        Field('linear_max_m_s', float, 1.0, 'largest speed along each axis', 'm/s', 0.0, 100.0,
+              live=True),
+        Field('angular_max_rad_s', float, 2.0, 'largest turning rate about each axis', 'rad/s',
+              0.0, 100.0, live=True),
+    )
+
+    def step(self) -> None:
+        """Publish the command in force."""
+        command = self.command
+        command.latest()
+        message = self.safe.msg
+        timeout_ns = self.settings['timeout_s'] * NS_PER_S
+        if command.seq < 0 or command.age_ns > timeout_ns:
+            message.linear = message.angular = (0.0, 0.0, 0.0)
+        else:
+            linear, angular = self.settings['linear_max_m_s'], self.settings['angular_max_rad_s']
+            message.linear = [_limited(v, linear) for v in command.msg.linear]
+            message.angular = [_limited(v, angular) for v in command.msg.angular]
+        self.safe.publish()

@@ -1,0 +1,115 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Start, watch and end the core as a child process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+CONFIGURATION_EXIT_CODE = 2
+_STOP_TIMEOUT_S = 3.0
+# One BLAS thread: the others would only take memory, and there is one thread in the core.
+_ENVIRONMENT = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
+
+
+class CoreProcess:
+    """
+    A core that is this process's child, restarted with a growing pause when it ends.
+
+    It asks Linux to be told of our death, which counts the *thread* that starts it as the parent:
+    call :meth:`start` from the thread that lives as long as the core shall.
+
+    :param settings_json: what the core is told on its standard input.
+    :param socket_path: where it shall listen.
+    :ivar starts: how often it was started.
+    """
+
+    def __init__(self, settings_json: str, socket_path: Path, arguments: Sequence[str] = ()
+                 ) -> None:
+        self.starts = 0
+        self.exit_code: int | None = None
+        self._settings = settings_json.encode()
+        self._path = socket_path
+        self._arguments = list(arguments)
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def set_settings(self, settings_json: str) -> None:
+        """Tell the next core something else."""
+        self._settings = settings_json.encode()
+
+    @property
+    def pid(self) -> int:
+        """The process id; 0 when it does not run."""
+        return self._process.pid if self._process is not None else 0
+
+    def start(self) -> None:
+        """
+        Start the core; it is ready when its socket answers.
+
+        :raises OSError: the interpreter cannot be started.
+        """
+        self.starts += 1
+        self.exit_code = None
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'rt_robot_os.core.main', '--socket', str(self._path),
+             '--settings', '-', '--parent', str(os.getpid()), *self._arguments],
+            stdin=subprocess.PIPE, env={**os.environ, **_ENVIRONMENT},
+            # A Ctrl-C in the terminal is for this process, which then ends the core in order.
+            start_new_session=True)
+        pipe = self._process.stdin
+        if pipe is not None:
+            try:
+                pipe.write(self._settings)
+                pipe.close()
+            except BrokenPipeError:
+                pass  # it ended already: alive() tells how
+
+    def alive(self) -> bool:
+        """Look whether it runs; :attr:`exit_code` says how it ended."""
+        if self._process is None:
+            return False
+        code = self._process.poll()
+        if code is None:
+            return True
+        self.exit_code = code
+        self._process = None
+        self._path.unlink(missing_ok=True)
+        return False
+
+    def kill(self) -> None:
+        """End a core that hangs."""
+        self._end((signal.SIGKILL,))
+
+    def stop(self) -> None:
+        """End the core in order, by force when it does not listen; may be called twice."""
+        self._end((signal.SIGTERM, signal.SIGKILL))
+
+    def _end(self, signals: Sequence[int]) -> None:
+        for signo in signals:
+            if not self.alive() or self._process is None:
+                return
+            self._process.send_signal(signo)
+            deadline = time.monotonic() + _STOP_TIMEOUT_S
+            try:
+                self._process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                continue
+        self.alive()

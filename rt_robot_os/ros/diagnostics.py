@@ -1,0 +1,161 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Turn the core's statistics into `diagnostic_msgs`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import KeyValue
+
+from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamps import STEP_NS
+from rt_robot_os.units import NS_PER_S
+
+OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR,
+                          DiagnosticStatus.STALE)
+
+
+def _status(name: str, level: bytes, message: str, values: dict[str, Any]) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        level=level, name=name, message=message, hardware_id='rt_robot_os',
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()])
+
+
+def _text(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+class Diagnostics:
+    """
+    Judge the statistics, comparing them with the ones before.
+
+    :param name: of the robot; each status is called ``name: what``.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._before: CoreStatistics | None = None
+
+    def judge(self, now: CoreStatistics, mapper: StampMapper,
+              mirrors: Iterable[tuple[str, dict[str, Any]]]) -> list[DiagnosticStatus]:
+        """Give one status for the core, each task, device, topic and client, and the clock."""
+        before, self._before = self._before, now
+        if before is not None and before.core['pid'] != now.core['pid']:
+            before = None
+        return [
+            self._core(now),
+            *(self._device(d) for d in now.devices),
+            *(self._task(t, before) for t in now.tasks),
+            *(self._topic(t, now, before) for t in now.topics),
+            *(self._client(c, before) for c in now.clients),
+            *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
+              for what, values in mirrors),
+            self._clock(mapper),
+        ]
+
+    def silent(self, reason: str) -> list[DiagnosticStatus]:
+        """Say that there is no core to ask."""
+        self._before = None
+        return [_status(f'{self._name}: core', ERROR, reason, {})]
+
+    def _core(self, now: CoreStatistics) -> DiagnosticStatus:
+        lacking = [r for r in now.core['realtime'] if not r['ok']]
+        level = WARN if lacking else OK
+        message = ('not in force: ' + ', '.join(r['step'] for r in lacking)) if lacking else (
+            'running')
+        values = {r['step']: 'in force' if r['ok'] else r['reason'] for r in now.core['realtime']}
+        values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
+                   'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
+                   'clients_refused': now.core['refused'], 'pid': now.core['pid']}
+        return _status(f'{self._name}: core', level, message, values)
+
+    def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
+        state = device['state']
+        level = {'active': OK, 'opening': WARN, 'closed': STALE}.get(state, ERROR)
+        message = f'{state}: {device["reason"]}' if device['reason'] else state
+        values = {'faults': device['faults'], 'opened': device['opened'],
+                  'age_s': device['age_ns'] / NS_PER_S, **device['device']}
+        return _status(f'{self._name}: device {device["name"]}', level, message, values)
+
+    def _task(self, task: TaskStatistics, before: CoreStatistics | None) -> DiagnosticStatus:
+        old = next((t for t in before.tasks if t.name == task.name), None) if before else None
+        missed = task.missed - (old.missed if old else 0)
+        failures = task.failures - (old.failures if old else 0)
+        level, message = OK, 'on time'
+        if missed:
+            level, message = WARN, f'{missed} releases missed'
+        if failures:
+            level, message = ERROR, f'{failures} jobs failed'
+        return _status(f'{self._name}: task {task.name}', level, message, {
+            'priority': task.priority, 'rate_hz': NS_PER_S / task.period_ns if task.period_ns
+            else 0.0, 'releases': task.releases, 'runs': task.runs, 'missed': task.missed,
+            'coalesced': task.coalesced, 'failures': task.failures,
+            'latency_p50_us': task.latency.p50_ns / 1000,
+            'latency_p99_us': task.latency.p99_ns / 1000,
+            'latency_max_us': task.latency.maximum_ns / 1000,
+            'execution_p50_us': task.execution.p50_ns / 1000,
+            'execution_max_us': task.execution.maximum_ns / 1000,
+            'jitter_p99_us': task.jitter.p99_ns / 1000,
+            'gap_max_us': task.gap_maximum_ns / 1000,
+            'blocked_others_max_us': task.blocked_maximum_ns / 1000})
+
+    def _topic(self, topic: dict[str, Any], now: CoreStatistics,
+               before: CoreStatistics | None) -> DiagnosticStatus:
+        rate_hz = 0.0
+        if before:
+            old = next((t for t in before.topics if t['name'] == topic['name']), topic)
+            elapsed_s = (now.core['now_ns'] - before.core['now_ns']) / NS_PER_S
+            rate_hz = (topic['published'] - old['published']) / elapsed_s
+        readers = [s for s in topic['subscribers'] if not s['name'].startswith('link:')]
+        lost = sum(s['lost'] for s in readers)
+        values = {'type': topic['type_name'], 'published': topic['published'],
+                  'rate_hz': rate_hz, 'expected_rate_hz': topic['rate_hz'],
+                  'depth': topic['depth'], 'subscribers': len(readers)}
+        values |= {f'lost by {s["name"]}': s['lost'] for s in readers}
+        return _status(f'{self._name}: topic {topic["name"]}', WARN if lost else OK,
+                       f'{rate_hz:.1f} Hz' if topic['published'] else 'nothing published yet',
+                       values)
+
+    def _client(self, client: dict[str, Any], before: CoreStatistics | None) -> DiagnosticStatus:
+        drops = self._drops(client)
+        old = next((c for c in before.clients if c['pid'] == client['pid']
+                    and c['name'] == client['name']), None) if before else None
+        new = drops - (self._drops(old) if old else 0)
+        values = {'pid': client['pid'], 'received': client['received'],
+                  'refused': client['refused'], 'dropped': drops}
+        for mirror in client['mirrors']:
+            for key in ('sent', 'full', 'lost', 'skipped', 'limited'):
+                values[f'{mirror["topic"]} {key}'] = mirror[key]
+        return _status(f'{self._name}: client {client["name"]}', WARN if new > 0 else OK,
+                       f'{new} samples dropped' if new > 0 else 'keeps up', values)
+
+    @staticmethod
+    def _drops(client: dict[str, Any]) -> int:
+        return int(client['refused'] + client['outbox_dropped']
+                   + sum(m['full'] + m['lost'] for m in client['mirrors']))
+
+    def _clock(self, mapper: StampMapper) -> DiagnosticStatus:
+        ahead_ns = -mapper.error_ns
+        values = {'error_s': mapper.error_ns / NS_PER_S, 'forward_steps': mapper.forward_steps}
+        if ahead_ns > STEP_NS:
+            return _status(f'{self._name}: clock', WARN,
+                           f'the system clock was set back; stamps are {ahead_ns / 1e9:.3f} s '
+                           'ahead of it and let it catch up', values)
+        return _status(f'{self._name}: clock', OK, 'stamps follow the system clock', values)

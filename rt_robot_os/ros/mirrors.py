@@ -1,0 +1,215 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Carry samples between the link and ROS 2 topics, as CDR, without building messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import struct
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy
+from rclpy.qos import QoSHistoryPolicy
+from rclpy.qos import QoSProfile
+from rclpy.qos import QoSReliabilityPolicy
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link import TopicInfo
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.topics.resolve import message_class
+from rt_robot_os.units import NS_PER_S
+
+_STAMP = struct.Struct('<iI')
+
+
+def qos_of(mirror: MirrorSettings) -> QoSProfile:
+    """Make the quality of service of a mirror; by default `ros2 topic echo` matches it."""
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST, depth=mirror.depth,
+        reliability=(QoSReliabilityPolicy.RELIABLE if mirror.reliability == 'reliable'
+                     else QoSReliabilityPolicy.BEST_EFFORT),
+        durability=(QoSDurabilityPolicy.TRANSIENT_LOCAL
+                    if mirror.durability == 'transient_local' else QoSDurabilityPolicy.VOLATILE))
+
+
+class OutwardMirror:
+    """
+    One topic from the core to ROS 2.
+
+    :ivar published: samples given to ROS 2.
+    :ivar missed: samples that this client did not get from the core, since the last connection.
+    """
+
+    def __init__(self, node: Node, settings: MirrorSettings, mapper: StampMapper) -> None:
+        self.settings = settings
+        self.published = 0
+        self.missed = 0
+        self._line = mapper.line()
+        self._stamp_offset: int | None = None
+        self.publisher = node.create_publisher(
+            message_class(settings.message), settings.ros_topic, qos_of(settings))
+        self._publish: Callable[[bytes], None] = self.publisher.publish
+
+    def connect(self, info: TopicInfo) -> None:
+        """Take over what the core says of the topic."""
+        self._stamp_offset = info.stamp_offset
+        self.missed = 0
+
+    def carry(self, head: Header, cdr: memoryview) -> None:
+        """Publish one sample with its stamp mapped to the time of day."""
+        if self._stamp_offset is not None:
+            _STAMP.pack_into(cdr, self._stamp_offset,
+                             *divmod(self._line.wall_ns(head.stamp_ns), NS_PER_S))
+        self.missed = head.missed
+        self.published += 1
+        self._publish(bytes(cdr))
+
+
+class InwardMirror:
+    """
+    One topic from ROS 2 to the core.
+
+    :ivar received: samples that ROS 2 delivered.
+    :ivar dropped: samples that came while there was no core, or that it did not take.
+    """
+
+    def __init__(self, node: Node, settings: MirrorSettings) -> None:
+        self.settings = settings
+        self.received = self.dropped = 0
+        self._client: LinkClient | None = None
+        self._channel = 0
+        self.subscription = node.create_subscription(
+            message_class(settings.message), settings.ros_topic, self._carry, qos_of(settings),
+            raw=True)
+
+    def connect(self, client: LinkClient | None) -> None:
+        """
+        Take the connection, or None when there is none.
+
+        :raises LinkError: the core refuses.
+        """
+        if client is not None:
+            self._channel = client.advertise(self.settings.topic)
+        self._client = client
+
+    def _carry(self, cdr: bytes) -> None:
+        self.received += 1
+        client = self._client
+        if client is None:
+            self.dropped += 1
+            return
+        try:
+            client.publish(self._channel, cdr)
+        except LinkError:
+            self.dropped += 1
+
+
+class Mirrors:
+    """
+    All mirrored topics of a node; the entities exist as long as the node is configured.
+
+    :ivar active: whether samples are carried outward.
+    """
+
+    def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper
+                 ) -> None:
+        self.active = False
+        self._node = node
+        self._client: LinkClient | None = None
+        self.outward = [OutwardMirror(node, m, mapper) for m in settings if m.direction == 'out']
+        self.inward = [InwardMirror(node, m) for m in settings if m.direction == 'in']
+        self._by_channel: dict[int, list[OutwardMirror]] = {}
+
+    def connect(self, client: LinkClient) -> None:
+        """
+        Begin to carry over a new connection.
+
+        :raises LinkError: the core refuses.
+        """
+        self._client = client
+        self._by_channel = {}
+        for mirror in self.outward:
+            info = client.topics[mirror.settings.topic]
+            mirror.connect(info)
+            self._by_channel.setdefault(info.channel, []).append(mirror)
+        client.on_data = self._carry
+        if self.active:
+            self.activate()
+
+    def disconnect(self) -> None:
+        """Forget the connection; samples from ROS 2 are dropped and counted from now on."""
+        self._client = None
+        for mirror in self.inward:
+            mirror.connect(None)
+
+    def activate(self) -> None:
+        """
+        Ask the core for the outward topics and open the inward ones.
+
+        :raises LinkError: the core refuses.
+        """
+        self.active = True
+        client = self._client
+        if client is None:
+            return
+        for mirror in self.inward:
+            mirror.connect(client)
+        for out in self.outward:
+            client.mirror(out.settings.topic, out.settings.policy, out.settings.max_rate_hz,
+                          initial=True)
+
+    def deactivate(self) -> None:
+        """Let nothing through any more, in either direction."""
+        self.active = False
+        for mirror in self.inward:
+            mirror.connect(None)
+        if self._client is not None:
+            for out in self.outward:
+                self._client.request('unmirror', topic=out.settings.topic)
+
+    def change(self, name: str, policy: str, max_rate_hz: float) -> None:
+        """
+        Change how an outward topic is carried.
+
+        :raises LinkError: the core refuses.
+        """
+        for out in self.outward:
+            if out.settings.name == name and self._client is not None and self.active:
+                self._client.mirror(out.settings.topic, policy, max_rate_hz)
+
+    def destroy(self) -> None:
+        """Remove the publishers and subscriptions from the node."""
+        self.disconnect()
+        for out in self.outward:
+            self._node.destroy_publisher(out.publisher)
+        for mirror in self.inward:
+            self._node.destroy_subscription(mirror.subscription)
+
+    def _carry(self, head: Header, cdr: memoryview) -> None:
+        for mirror in self._by_channel.get(head.channel, ()):
+            mirror.carry(head, cdr)
+
+    def counters(self) -> list[tuple[str, dict[str, Any]]]:
+        """Give the counters of all mirrors, by ROS topic."""
+        rows: list[tuple[str, dict[str, Any]]] = [
+            (f'{m.settings.topic} -> {m.settings.ros_topic}',
+             {'published': m.published, 'missed': m.missed}) for m in self.outward]
+        rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
+                  {'received': m.received, 'dropped': m.dropped}) for m in self.inward]
+        return rows

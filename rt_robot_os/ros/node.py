@@ -1,0 +1,192 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `robot`: starts and supervises the core, and mirrors topics both ways."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.logging import LoggingSeverity
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link import socket_path
+from rt_robot_os.link.paths import robot_name
+from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.ros.core_process import CoreProcess
+from rt_robot_os.ros.diagnostics import Diagnostics
+from rt_robot_os.ros.mirrors import Mirrors
+from rt_robot_os.ros.parameters import NodeParameters
+from rt_robot_os.ros.supervisor import Supervisor
+from rt_robot_os.settings import changed
+from rt_robot_os.settings import check_change
+from rt_robot_os.settings import parameters
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
+
+_START_TIMEOUT_S = 15.0
+
+
+class RobotNode(LifecycleNode):
+    """
+    The ROS 2 face of one robot.
+
+    configure: start the core and connect. activate: mirror. deactivate: stop mirroring, the core
+    runs on. cleanup and shutdown: end the core.
+
+    :param settings: checked already.
+    :param name: of the node, before remapping.
+    """
+
+    def __init__(self, settings: RobotSettings, name: str = 'robot') -> None:
+        super().__init__(name)
+        self.settings = settings
+        self.robot = robot_name(self.get_name(), self.get_namespace())
+        self.path: Path = socket_path(self.robot)
+        self._mapper = StampMapper()
+        self._mirrors: Mirrors | None = None
+        self._supervisor: Supervisor | None = None
+        self._diagnostics = Diagnostics(self.get_name())
+        self._publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
+        self._parameters = NodeParameters(self, parameters(settings), self._check, self._apply)
+
+    # ---- lifecycle ---------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the core and wait for it."""
+        process = CoreProcess(to_json(self.settings), self.path) if (
+            self.settings.core.spawn) else None
+        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper)
+        self._supervisor = Supervisor(
+            self.path, process, self._mapper, self._log, name=self.robot,
+            on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
+            heartbeat_s=self.settings.core.heartbeat_s,
+            statistics_period_s=1.0 / self.settings.diagnostics_rate_hz)
+        self._supervisor.start()
+        connected = self._supervisor.wait(_START_TIMEOUT_S)
+        if process is not None and not connected:
+            self._stop_core()
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to mirror."""
+        try:
+            if self._mirrors is not None:
+                self._mirrors.activate()
+        except LinkError as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop mirroring; the core runs on."""
+        try:
+            if self._mirrors is not None:
+                self._mirrors.deactivate()
+        except LinkError as error:
+            self.get_logger().warning(str(error))
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core; the node may be configured again."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        """End the core and the node; may be called twice."""
+        self._stop_core()
+        super().destroy_node()
+
+    @property
+    def fatal(self) -> str:
+        """Why no core can run with this configuration; empty otherwise."""
+        return self._supervisor.fatal if self._supervisor is not None else ''
+
+    def _stop_core(self) -> None:
+        if self._supervisor is not None:
+            self._supervisor.stop()
+        if self._mirrors is not None:
+            self._mirrors.destroy()
+            self._mirrors = None
+
+    # ---- diagnostics -------------------------------------------------------------------------
+
+    def _diagnose(self) -> None:
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        supervisor, mirrors = self._supervisor, self._mirrors
+        if supervisor is None or mirrors is None:
+            message.status = self._diagnostics.silent('not configured')
+        elif not supervisor.connected.is_set() or supervisor.statistics is None:
+            message.status = self._diagnostics.silent(supervisor.fatal or 'no core is connected')
+        else:
+            message.status = self._diagnostics.judge(
+                supervisor.statistics, self._mapper, mirrors.counters())
+        self._publisher.publish(message)
+
+    def _log(self, severity: int, text: str) -> None:
+        # rclpy remembers a call site by its severity, so each has a line of its own.
+        logger = self.get_logger()
+        if severity >= LoggingSeverity.ERROR:
+            logger.error(text)
+        elif severity >= LoggingSeverity.WARN:
+            logger.warning(text)
+        elif severity >= LoggingSeverity.INFO:
+            logger.info(text)
+        else:
+            logger.debug(text)
+
+    # ---- parameters --------------------------------------------------------------------------
+
+    def _check(self, name: str, value: Any) -> str | None:
+        return check_change(self.settings, name, value)
+
+    def _apply(self, name: str, value: Any) -> None:
+        """Make a change in the core, and remember it for a core that is started again."""
+        settings = changed(self.settings, name, value)
+        client = self._client()
+        section, _, key = name.partition('.')
+        if client is not None:
+            if key == 'rate_hz':
+                client.request('set_rate', task=section, rate_hz=value)
+            elif any(m.name == section for m in settings.mirrors):
+                mirror = next(m for m in settings.mirrors if m.name == section)
+                if self._mirrors is not None:
+                    self._mirrors.change(section, mirror.policy, mirror.max_rate_hz)
+            else:
+                client.request('set_parameter', owner=section, name=key, value=value)
+        self.settings = settings
+        if self._supervisor is not None and self._supervisor.process is not None:
+            self._supervisor.process.set_settings(to_json(settings))
+
+    def _client(self) -> LinkClient | None:
+        return self._supervisor.client if self._supervisor is not None else None

@@ -1,0 +1,103 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The robot's settings as parameters of its node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterable
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange
+from rcl_interfaces.msg import IntegerRange
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from rt_robot_os.settings import ParameterDescription
+
+Check = Callable[[str, Any], 'str | None']
+Apply = Callable[[str, Any], None]
+
+_EMPTY_LISTS = {str: Parameter.Type.STRING_ARRAY, int: Parameter.Type.INTEGER_ARRAY,
+                float: Parameter.Type.DOUBLE_ARRAY, bool: Parameter.Type.BOOL_ARRAY}
+
+
+def _descriptor(entry: ParameterDescription) -> ParameterDescriptor:
+    field = entry.field
+    unit = f' [{field.unit}]' if field.unit else ''
+    descriptor = ParameterDescriptor(
+        name=entry.name, description=f'{field.description}{unit}', read_only=entry.read_only)
+    if field.choices:
+        descriptor.additional_constraints = 'one of ' + ', '.join(map(str, field.choices))
+    if field.minimum is not None and field.maximum is not None:
+        if field.kind is int:
+            descriptor.integer_range = [IntegerRange(
+                from_value=int(field.minimum), to_value=int(field.maximum), step=0)]
+        elif field.kind is float:
+            descriptor.floating_point_range = [FloatingPointRange(
+                from_value=float(field.minimum), to_value=float(field.maximum), step=0.0)]
+    return descriptor
+
+
+class NodeParameters:
+    """
+    Declare the settings on a node and pass changes on.
+
+    :param check: says why a change is refused, or None.
+    :param apply: makes it; what it raises refuses it as well.
+    """
+
+    def __init__(self, node: Node, entries: Iterable[ParameterDescription], check: Check,
+                 apply: Apply) -> None:
+        self._node = node
+        self._check = check
+        self._apply = apply
+        self._kinds: dict[str, type] = {}
+        for entry in entries:
+            self._kinds[entry.name] = entry.field.kind
+            value = entry.value
+            if isinstance(value, list) and not value:
+                value = Parameter(entry.name, _EMPTY_LISTS[entry.field.item], [])
+                value = value.value
+            # The values were read and checked already, with the file and line of every mistake.
+            node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
+        node.add_pre_set_parameters_callback(self._widen)
+        node.add_on_set_parameters_callback(self._set)
+
+    def _widen(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Let people write 100 where a float is meant."""
+        return [
+            Parameter(p.name, Parameter.Type.DOUBLE, float(p.value))
+            if self._kinds.get(p.name) is float and p.type_ is Parameter.Type.INTEGER else p
+            for p in parameters]
+
+    def _set(self, parameters: list[Parameter]) -> SetParametersResult:
+        ours = [p for p in parameters if p.name in self._kinds]
+        reasons = [reason for p in ours if (reason := self._check(p.name, p.value))]
+        if reasons:
+            return SetParametersResult(successful=False, reason='; '.join(reasons))
+        done: list[tuple[str, Any]] = []
+        try:
+            for p in ours:
+                done.append((p.name, self._node.get_parameter(p.name).value))
+                self._apply(p.name, p.value)
+        except (OSError, ValueError, ParameterNotDeclaredException) as error:
+            for name, value in reversed(done[:-1]):
+                self._apply(name, value)
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)

@@ -1,0 +1,255 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The SensorManager: opens every device in its list, polls each by its own priority, and recovers.
+
+A device is polled by a task of its own: first its ``write``, then its ``read``, which publishes.
+Whatever may take long (opening a port, closing one) happens in one task of low priority that all
+others preempt, so a dead device never delays another. A fault is never final: the port is closed
+and opened again after a pause that doubles up to a limit, and starts over once a frame arrived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from rt_robot_os.drivers.device import Device
+from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.reports import Report
+from rt_robot_os.reports import Reports
+from rt_robot_os.reports import Severity
+from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_S
+
+RECOVERY_RATE_HZ = 20.0
+_CHECKS_PER_TIMEOUT = 8
+
+
+class DeviceState(Enum):
+    """
+    Where a device stands.
+
+    CLOSED: not started. OPENING: its port is open, nothing valid came yet. ACTIVE: it delivers.
+    FAULT: it does not; it will be tried again.
+    """
+
+    CLOSED = 'closed'
+    OPENING = 'opening'
+    ACTIVE = 'active'
+    FAULT = 'fault'
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """
+    A device and how it fares.
+
+    :ivar reason: why it is in FAULT; empty otherwise.
+    :ivar faults: times that it went to FAULT.
+    :ivar opened: times that its port was opened.
+    :ivar age_ns: since the last valid frame; -1 when there was none.
+    """
+
+    name: str
+    state: DeviceState
+    reason: str
+    faults: int
+    opened: int
+    age_ns: int
+    device: DeviceStatistics
+
+
+@dataclass(frozen=True)
+class RecoverySettings:
+    """
+    When a device counts as dead and when it is tried again.
+
+    :ivar timeout_ns: without a valid frame for this long it goes to FAULT.
+    :ivar retry_ns: first pause before opening it again; it doubles with each failure.
+    :ivar retry_maximum_ns: longest pause.
+    """
+
+    timeout_ns: int = NS_PER_S
+    retry_ns: int = NS_PER_S // 2
+    retry_maximum_ns: int = 10 * NS_PER_S
+
+
+class ManagedDevice:
+    """One device under the manager; its ``poll`` is the task that reads it."""
+
+    def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
+                 reports: Reports) -> None:
+        self.device = device
+        self.state = DeviceState.CLOSED
+        self.reason = ''
+        self.faults = self.opened = 0
+        self.task: Task | None = None
+        self._kernel = kernel
+        self._recovery = recovery
+        self._reports = reports
+        self._pause_ns = recovery.retry_ns
+        self._retry_at_ns = 0
+        self._alive_ns = 0
+        self._checked_ns = 0
+        self._bytes_when_alive = 0
+        self._port_open = False
+
+    def poll(self) -> None:
+        """Write the command, read and publish; safe in the real-time loop."""
+        if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
+            return
+        now_ns = self._kernel.now_ns()
+        try:
+            self.device.write(now_ns)
+            samples = self.device.read(now_ns)
+        except DeviceError as error:
+            self._fault(str(error))
+            return
+        if samples:
+            self._alive_ns = now_ns
+            if self.state is DeviceState.OPENING:
+                self._recovered()
+        elif now_ns - self._checked_ns > self._recovery.timeout_ns // _CHECKS_PER_TIMEOUT:
+            self._check(now_ns)
+
+    def _check(self, now_ns: int) -> None:
+        """Look, now and then, whether valid frames come although nothing is published."""
+        self._checked_ns = now_ns
+        counters = self.device.statistics()
+        if counters.last_frame_ns > self._alive_ns:
+            self._alive_ns = counters.last_frame_ns
+            self._bytes_when_alive = counters.bytes_read
+            if self.state is DeviceState.OPENING:
+                self._recovered()
+        elif now_ns - self._alive_ns > self._recovery.timeout_ns:
+            self._fault(self._why_nothing(counters.bytes_read - self._bytes_when_alive))
+
+    def recover(self) -> None:
+        """Close what failed and open what is due; may take long, so at low priority."""
+        if self.state is DeviceState.FAULT and self._port_open:
+            self._port_open = False
+            self.device.close()
+        waits = self.state is DeviceState.FAULT and self._kernel.now_ns() < self._retry_at_ns
+        if waits or self.state not in (DeviceState.FAULT, DeviceState.CLOSED):
+            return
+        try:
+            self.device.open()
+        except DeviceError as error:
+            self._fault(str(error))
+            return
+        self._port_open = True
+        self.opened += 1
+        self._alive_ns = self._checked_ns = self._kernel.now_ns()
+        self._bytes_when_alive = self.device.statistics().bytes_read
+        self.state = DeviceState.OPENING
+
+    def close(self) -> None:
+        """Close the port for good; may be called twice."""
+        self.state = DeviceState.CLOSED
+        self._port_open = False
+        self.device.close()
+
+    def statistics(self) -> SensorStatistics:
+        """Take the statistics."""
+        counters = self.device.statistics()
+        last_ns = counters.last_frame_ns
+        return SensorStatistics(
+            self.device.name, self.state, self.reason, self.faults, self.opened,
+            self._kernel.now_ns() - last_ns if last_ns else -1, counters)
+
+    def _why_nothing(self, came: int) -> str:
+        seconds = self._recovery.timeout_ns / NS_PER_S
+        if came:
+            return (f'{came} bytes but no valid frame for {seconds:g} s: check the baud rate, and '
+                    'that it is the device that the configuration says')
+        return f'silent for {seconds:g} s: check its power, its wiring and its output settings'
+
+    def _fault(self, reason: str) -> None:
+        again = self.state is DeviceState.FAULT and reason == self.reason
+        self.state = DeviceState.FAULT
+        self.reason = reason
+        self.faults += 1
+        now_ns = self._kernel.now_ns()
+        self._retry_at_ns = now_ns + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
+        if not again:
+            self._reports.note(Report(now_ns, Severity.ERROR, self.device.name, reason))
+
+    def _recovered(self) -> None:
+        self.state = DeviceState.ACTIVE
+        self._pause_ns = self._recovery.retry_ns
+        text = f'active again after {self.reason!r}' if self.reason else 'active'
+        self.reason = ''
+        self._reports.note(Report(self._kernel.now_ns(), Severity.INFO, self.device.name, text))
+
+
+class SensorManager:
+    """
+    All devices of a robot; add them, then run the kernel.
+
+    :param recovery_priority: of the task that opens and closes ports; below all that matters.
+    """
+
+    def __init__(self, kernel: Kernel, bus: Bus, reports: Reports,
+                 recovery_priority: int = 3) -> None:
+        self._kernel = kernel
+        self._bus = bus
+        self._reports = reports
+        self._devices: dict[str, ManagedDevice] = {}
+        kernel.add_task('sensors/recovery', self._recover, priority=recovery_priority,
+                        rate_hz=RECOVERY_RATE_HZ)
+
+    def add(self, device: Device, *, rate_hz: float, priority: int,
+            recovery: RecoverySettings = RecoverySettings()) -> ManagedDevice:
+        """
+        Declare the topics of a device and the task that polls it; nothing is opened yet.
+
+        :param rate_hz: how often it is polled.
+        :param priority: of its polling task.
+        :raises TaskError: a task of its name exists.
+        :raises TopicError: one of its topics is taken by another type.
+        """
+        publications = device.publications()
+        for p in publications:
+            self._bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
+        device.bind([self._bus.publisher(p.topic) for p in publications])
+        managed = ManagedDevice(device, self._kernel, recovery, self._reports)
+        managed.task = self._kernel.add_task(device.name, managed.poll, priority=priority,
+                                             rate_hz=rate_hz)
+        self._devices[device.name] = managed
+        return managed
+
+    @property
+    def devices(self) -> Sequence[ManagedDevice]:
+        """All devices in the order in which they were added."""
+        return tuple(self._devices.values())
+
+    def close(self) -> None:
+        """Close every device; may be called twice."""
+        for managed in self._devices.values():
+            managed.close()
+
+    def statistics(self) -> tuple[SensorStatistics, ...]:
+        """Take the statistics of all devices."""
+        return tuple(managed.statistics() for managed in self._devices.values())
+
+    def _recover(self) -> None:
+        for managed in self._devices.values():
+            managed.recover()

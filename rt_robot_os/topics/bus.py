@@ -1,0 +1,136 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The table of all topics of one kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import re
+from typing import Any
+
+from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.topics.layout import Layout
+from rt_robot_os.topics.publisher import Publisher
+from rt_robot_os.topics.subscription import Subscription
+from rt_robot_os.topics.topic import Topic
+from rt_robot_os.topics.topic import TopicStatistics
+
+_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+
+
+class Bus:
+    """
+    Declare topics, then publish and subscribe by name.
+
+    :param kernel: the one that runs the publishing and subscribing tasks.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.kernel = kernel
+        self._topics: dict[str, Topic] = {}
+
+    def declare(self, name: str, message: Any, fixed: Mapping[str, Any] | None = None, *,
+                tail: int | None = None, depth: int = 16, rate_hz: float = 0.0,
+                max_subscribers: int = 64) -> Topic:
+        """
+        Declare a topic; not for the real-time loop.
+
+        Declaring it again with the same shape gives the same topic.
+
+        :param name: relative ROS name such as ``imu/data``.
+        :param message: ``'sensor_msgs/msg/Imu'`` or the class.
+        :param fixed: strings and lengths of sequences, see :class:`Layout`.
+        :param tail: largest length of a variable last field.
+        :param depth: number of samples kept, a power of two.
+        :param rate_hz: expected rate; 0 when there is none.
+        :param max_subscribers: a further one is refused.
+        :raises TopicError: the name is no ROS name, or taken by a topic of another shape.
+        :raises LayoutError: the message cannot be laid out like this.
+        """
+        if not _NAME.fullmatch(name):
+            raise TopicError(f'topic {name!r}: a name is made of letters, digits and _ in parts '
+                             "that begin with a letter or _, joined by '/', such as imu/data")
+        layout = Layout.compile(message, fixed, tail=tail)
+        known = self._topics.get(name)
+        if known is not None:
+            if (known.layout.type_name, known.layout.prototype, known.layout.max_size) != (
+                    layout.type_name, layout.prototype, layout.max_size):
+                raise TopicError(f'topic {name!r}: declared as {known.layout!r} before and as '
+                                 f'{layout!r} now; choose another name for one of them')
+            return known
+        topic = Topic(self.kernel, name, layout, depth=depth, rate_hz=rate_hz,
+                      max_subscribers=max_subscribers)
+        self._topics[name] = topic
+        return topic
+
+    def topic(self, name: str) -> Topic:
+        """
+        Find a topic.
+
+        :raises TopicError: there is none of that name.
+        """
+        try:
+            return self._topics[name]
+        except KeyError:
+            known = ', '.join(sorted(self._topics)) or 'none'
+            raise TopicError(f'no topic {name!r}; there are: {known}') from None
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """All topics in the order of their declaration."""
+        return tuple(self._topics.values())
+
+    def publisher(self, name: str) -> Publisher:
+        """
+        Make a publisher; not for the real-time loop.
+
+        :raises TopicError: there is no such topic.
+        """
+        return Publisher(self.topic(name))
+
+    def subscribe(self, name: str, subscriber: str, *, initial: bool = False,
+                  task: Task | None = None, buffer: memoryview | None = None) -> Subscription:
+        """
+        Make a subscription; not for the real-time loop.
+
+        :param name: of the topic.
+        :param subscriber: who reads, for the statistics.
+        :param initial: begin with the last sample that is there already.
+        :param task: released by each publication.
+        :param buffer: where samples are copied to, of the layout's ``max_size`` bytes; by default
+            one of its own.
+        :raises TopicError: no such topic, or it has ``max_subscribers`` already.
+        """
+        topic = self.topic(name)
+        if len(topic.subscribers) >= topic.max_subscribers:
+            raise TopicError(f'topic {name!r}: {subscriber!r} would be subscriber number '
+                             f'{len(topic.subscribers) + 1}; raise max_subscribers '
+                             f'({topic.max_subscribers})')
+        subscription = Subscription(topic, subscriber, initial=initial, buffer=buffer)
+        topic.subscribers.append(subscription)
+        if task is not None:
+            topic.wake_on_publish(task)
+        return subscription
+
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """Remove a subscription, for instance of a client that left; unknown ones are fine."""
+        if subscription in subscription.topic.subscribers:
+            subscription.topic.subscribers.remove(subscription)
+
+    def statistics(self) -> tuple[TopicStatistics, ...]:
+        """Take the statistics of all topics; not for the real-time loop."""
+        return tuple(topic.statistics() for topic in self._topics.values())

@@ -1,0 +1,106 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The writing end of a topic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rt_robot_os.errors import TopicError
+from rt_robot_os.topics.topic import Topic
+
+
+class Publisher:
+    """
+    Write messages to a topic; made by :meth:`rt_robot_os.topics.Bus.publisher`.
+
+    Fill in the fields of :attr:`msg`, then :meth:`publish`. The message keeps its values, so what
+    does not change is set once. Several publishers may share a topic; each has its own message.
+
+    :ivar msg: a view with the field names of the ROS message.
+    :ivar published: number of publications through this publisher.
+    """
+
+    __slots__ = ('topic', 'msg', 'published', '_buffer', '_kernel', '_slots', '_mask', '_stamps',
+                 '_has_tail')
+
+    def __init__(self, topic: Topic) -> None:
+        self.topic = topic
+        self._buffer = topic.layout.new_buffer()
+        self.msg: Any = topic.layout.view(self._buffer)
+        self.published = 0
+        self._kernel = topic.kernel
+        self._slots = topic.slots
+        self._mask = topic.mask
+        self._stamps = topic.stamps
+        self._has_tail = topic.has_tail
+
+    def publish(self, stamp_ns: int = 0) -> None:
+        """
+        Publish the message as it stands; safe in the real-time loop.
+
+        Subscribed tasks above the caller's priority run before this returns.
+
+        :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
+        """
+        if self._has_tail:
+            self._publish(self._buffer[:self.topic.layout.length(self._buffer)], stamp_ns)
+            return
+        kernel, topic = self._kernel, self.topic
+        now_ns = stamp_ns or kernel.now_ns()
+        kernel.locked = True
+        head = topic.head
+        index = head & self._mask
+        self._slots[index][:] = self._buffer
+        self._stamps[index] = now_ns
+        topic.head = head + 1
+        self.published += 1
+        if topic.wakes:
+            kernel.wake(topic.wakes, kernel.now_ns() if stamp_ns else now_ns)
+        kernel.locked = False
+        if kernel.pending:
+            kernel.settle()
+
+    def publish_cdr(self, data: bytes | memoryview, stamp_ns: int = 0) -> None:
+        """
+        Publish a message that is CDR already, for instance from a raw ROS 2 subscription.
+
+        :param data: with its four bytes of encapsulation.
+        :param stamp_ns: as for :meth:`publish`.
+        :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
+        """
+        layout = self.topic.layout
+        reason = layout.check(data)
+        if reason is not None:
+            raise TopicError(f'topic {self.topic.name!r}: {reason}')
+        length = layout.length(data) if self._has_tail else layout.size
+        self._publish(memoryview(data)[:length], stamp_ns)
+
+    def _publish(self, data: memoryview, stamp_ns: int) -> None:
+        kernel, topic = self._kernel, self.topic
+        now_ns = kernel.now_ns()
+        length = len(data)
+        kernel.locked = True
+        head = topic.head
+        index = head & self._mask
+        self._slots[index][:length] = data
+        topic.lengths[index] = length
+        self._stamps[index] = stamp_ns or now_ns
+        topic.head = head + 1
+        self.published += 1
+        kernel.wake(topic.wakes, now_ns)
+        kernel.locked = False
+        if kernel.pending:
+            kernel.settle()

@@ -1,0 +1,149 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The reading end of a topic."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from rt_robot_os.topics.topic import SubscriberStatistics
+from rt_robot_os.topics.topic import SubscriberStatisticsSource
+from rt_robot_os.topics.topic import Topic
+
+
+class ReadStatus(Enum):
+    """How the message of a subscription stands (the words are those of Orocos RTT, plus stale)."""
+
+    NONE = 'none'
+    NEW = 'new'
+    OLD = 'old'
+    STALE = 'stale'
+
+
+class Subscription(SubscriberStatisticsSource):
+    """
+    Read messages from a topic; made by :meth:`rt_robot_os.topics.Bus.subscribe`.
+
+    :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`, which then stays as it is until
+    the next call: no publisher changes it underfoot.
+
+    :ivar msg: a view with the field names of the ROS message; zeros before the first sample.
+    :ivar stamp_ns: moment of the data in :attr:`msg` on the kernel's clock; 0 before the first.
+    :ivar seq: its number in the topic, from 0; -1 before the first.
+    :ivar lost: samples overwritten before :meth:`take` reached them.
+    :ivar skipped: samples that :meth:`latest` passed over.
+    """
+
+    __slots__ = ('topic', 'name', 'msg', 'buffer', 'stamp_ns', 'seq', 'length', 'lost', 'skipped',
+                 'reads', '_fresh', '_next', '_depth', '_mask', '_slots', '_stamps', '_has_tail')
+
+    def __init__(self, topic: Topic, name: str, *, initial: bool = False,
+                 buffer: memoryview | None = None) -> None:
+        self.topic = topic
+        self.name = name
+        self.buffer = topic.layout.new_buffer() if buffer is None else buffer
+        self.msg: Any = topic.layout.view(self.buffer)
+        self.stamp_ns = 0
+        self.seq = -1
+        self.length = topic.layout.size
+        self.lost = self.skipped = self.reads = 0
+        self._fresh = False
+        self._next = max(0, topic.head - 1) if initial else topic.head
+        self._depth = topic.depth
+        self._mask = topic.mask
+        self._slots = topic.slots
+        self._stamps = topic.stamps
+        self._has_tail = topic.has_tail
+
+    def take(self) -> bool:
+        """
+        Copy the oldest unread sample into :attr:`msg`; safe in the real-time loop.
+
+        A reader that was lapped goes to the oldest kept sample; what it lost is counted.
+
+        :return: whether there was one.
+        """
+        topic, depth = self.topic, self._depth
+        wanted = self._next
+        while True:
+            head = topic.head
+            if wanted >= head:
+                self._fresh = False
+                return False
+            if head - wanted > depth:
+                self.lost += head - depth - wanted
+                self._next = wanted = head - depth
+            index = wanted & self._mask
+            if self._has_tail:
+                self._copy_tail(index)
+            else:
+                self.buffer[:] = self._slots[index]
+            stamp_ns = self._stamps[index]
+            if topic.head - wanted <= depth:  # not lapped while copying
+                break
+        self.stamp_ns = stamp_ns
+        self.seq = wanted
+        self._next = wanted + 1
+        self.reads += 1
+        self._fresh = True
+        return True
+
+    def latest(self) -> bool:
+        """
+        Copy the newest sample into :attr:`msg`; safe in the real-time loop.
+
+        :return: whether it is newer than the one read before.
+        """
+        behind = self.topic.head - self._next - 1
+        if behind > 0:
+            self.skipped += behind
+            self._next += behind
+        return self.take()
+
+    def _copy_tail(self, index: int) -> None:
+        length = self.topic.lengths[index]
+        self.buffer[:length] = self._slots[index][:length]
+        self.length = length
+
+    @property
+    def unread(self) -> int:
+        """How many samples wait, those that are lost already not counted."""
+        return min(self.topic.head - self._next, self._depth)
+
+    @property
+    def age_ns(self) -> int:
+        """How old :attr:`msg` is; 0 before the first sample."""
+        return self.topic.kernel.now_ns() - self.stamp_ns if self.seq >= 0 else 0
+
+    @property
+    def status(self) -> ReadStatus:
+        """
+        How :attr:`msg` stands.
+
+        New: the last call copied it. Old: it was read before. Stale: old, and older than ten
+        periods of the topic's expected rate. None: there has been no sample.
+        """
+        if self.seq < 0:
+            return ReadStatus.NONE
+        if self._fresh:
+            return ReadStatus.NEW
+        limit_ns = self.topic.stale_after_ns
+        return ReadStatus.STALE if limit_ns and self.age_ns > limit_ns else ReadStatus.OLD
+
+    def statistics(self) -> SubscriberStatistics:
+        """Take the statistics; what was overwritten since the last read counts as lost."""
+        overwritten = max(0, self.topic.head - self._next - self._depth)
+        return SubscriberStatistics(self.name, self.reads, self.lost + overwritten, self.skipped)

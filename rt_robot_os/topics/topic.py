@@ -1,0 +1,149 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A topic: a ring of fixed slots, each holding one message as CDR.
+
+The algorithm, in steps (``head`` counts publications, so sample ``n`` lies in slot ``n mod depth``
+and the kept ones are ``head - depth`` to ``head - 1``):
+
+1. publish: inside a critical section copy the message into slot ``head mod depth``, note its
+   stamp and length, increment ``head``, make the subscribed tasks ready; leave the section.
+2. take: a reader remembers the number of the sample that it wants next. If that is ``head``,
+   nothing is new. If it is below ``head - depth`` it was lapped: count what is lost and go to the
+   oldest kept one. Copy the slot, then look at ``head`` again: if a publisher that preempted the
+   copy lapped it, go to the beginning.
+3. latest: the same for sample ``head - 1``; what lies in between is counted as skipped.
+
+A reader never writes to the ring: publishing costs the same with one or a hundred of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from rt_robot_os.topics.layout import Layout
+
+DEPTH_MAXIMUM = 1 << 16
+STALE_PERIODS = 10
+
+
+@dataclass(frozen=True)
+class SubscriberStatistics:
+    """
+    What one subscriber read.
+
+    :ivar reads: samples copied out.
+    :ivar lost: samples that were overwritten before ``take`` reached them.
+    :ivar skipped: samples that ``latest`` passed over, as it is meant to.
+    """
+
+    name: str
+    reads: int
+    lost: int
+    skipped: int
+
+
+@dataclass(frozen=True)
+class TopicStatistics:
+    """
+    What went through a topic.
+
+    :ivar stamp_ns: arrival of the last sample on CLOCK_MONOTONIC, 0 when there is none.
+    """
+
+    name: str
+    type_name: str
+    depth: int
+    slot_bytes: int
+    published: int
+    stamp_ns: int
+    rate_hz: float
+    subscribers: tuple[SubscriberStatistics, ...]
+
+
+class Topic:
+    """
+    A ring of CDR slots; made by :meth:`rt_robot_os.topics.Bus.declare`.
+
+    :param kernel: its critical section makes each publication atomic under preemption.
+    :param name: relative ROS name such as ``imu/data``.
+    :param layout: of the messages.
+    :param depth: number of slots, a power of two.
+    :param rate_hz: expected rate; 0 when there is none. A sample older than ten periods is stale.
+    :param max_subscribers: a further one is refused.
+    :raises TopicError: a value is out of range.
+    """
+
+    __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
+                 'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'subscribers',
+                 'has_tail', '_storage')
+
+    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = 16,
+                 rate_hz: float = 0.0, max_subscribers: int = 64) -> None:
+        if depth < 1 or depth > DEPTH_MAXIMUM or depth & (depth - 1):
+            raise TopicError(f'topic {name!r}: depth {depth} must be a power of two from 1 to '
+                             f'{DEPTH_MAXIMUM}')
+        self.kernel = kernel
+        self.name = name
+        self.layout = layout
+        self.depth = depth
+        self.mask = depth - 1
+        self.rate_hz = rate_hz
+        self.stale_after_ns = round(STALE_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
+        self.max_subscribers = max_subscribers
+        self.head = 0
+        stride = layout.max_size + -layout.max_size % 8
+        self._storage = bytearray(depth * stride)
+        view = memoryview(self._storage)
+        self.slots = [view[i * stride:i * stride + layout.max_size] for i in range(depth)]
+        self.stamps = [0] * depth
+        self.lengths = [layout.size] * depth
+        self.has_tail = layout.max_size != layout.size
+        self.wakes: list[Task] = []
+        self.subscribers: list[SubscriberStatisticsSource] = []
+
+    def wake_on_publish(self, task: Task) -> None:
+        """
+        Release a task with each publication.
+
+        A task above the publisher runs before ``publish`` returns.
+        """
+        self.wakes.append(task)
+
+    def statistics(self) -> TopicStatistics:
+        """Take the statistics; not for the real-time loop."""
+        head = self.head
+        return TopicStatistics(
+            name=self.name, type_name=self.layout.type_name, depth=self.depth,
+            slot_bytes=self.layout.max_size, published=head,
+            stamp_ns=self.stamps[(head - 1) & self.mask] if head else 0, rate_hz=self.rate_hz,
+            subscribers=tuple(s.statistics() for s in self.subscribers))
+
+
+class SubscriberStatisticsSource:
+    """What a topic knows of a subscriber."""
+
+    __slots__ = ()
+
+    def statistics(self) -> SubscriberStatistics:
+        """Take the statistics."""
+        raise NotImplementedError
