@@ -1,0 +1,299 @@
+#!/usr/bin/env bash
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+# Sourced by scripts/run and scripts/test: finds or makes the Python environment, builds the package
+# with colcon, and enters the result. Each step does nothing when it has been done before.
+#
+# Environment variables a user may set:
+#   RT_ROBOT_OS_PYTHON  the Python to use (3.10 to 3.13)
+#   RT_ROBOT_OS_VENV    where the virtual environment is, or is to be made
+
+ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
+PACKAGE=rt_robot_os
+LOG=$ROOT/log/setup.log
+MODE=      # wheels: ROS 2 Jazzy from wheels in a virtual environment; ros: the sourced installation
+BASE=      # the Python that a virtual environment is made from
+VENV=
+PYTHON=    # the Python that runs the package
+
+say() { printf '%s: %s\n' "$PACKAGE" "$*" >&2; }
+
+fail() {
+  say "error: $*"
+  exit 2
+}
+
+logged() { printf '+ %s\n' "$*" >>"$LOG"; "$@" >>"$LOG" 2>&1 </dev/null; }
+
+# ---- which ROS 2, which Python ---------------------------------------------------------------
+
+version_of() {
+  "$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
+}
+
+suitable() { case $(version_of "$1") in 3.10 | 3.11 | 3.12 | 3.13) ;; *) return 1 ;; esac; }
+
+can_make_venv() { "$1" -I -c 'import ensurepip, venv' >/dev/null 2>&1; }
+
+# The Pythons worth a try, best first. One named by the user is the only one.
+candidates() {
+  local name
+  if [ -n "${RT_ROBOT_OS_PYTHON:-}" ]; then
+    printf '%s\n' "$RT_ROBOT_OS_PYTHON"
+    return
+  fi
+  for name in python3 python3.12 python3.11 python3.10 python3.13; do
+    type -aP "$name"
+  done
+}
+
+choose_mode() {
+  if [ -n "${ROS_DISTRO:-}" ] && [ "$ROS_DISTRO" != jazzy ]; then
+    fail "ROS 2 '$ROS_DISTRO' is sourced, this package needs 'jazzy': source /opt/ros/jazzy/setup.bash" \
+      "in a new shell, or use a shell without ROS"
+  fi
+  if [ -n "${ROS_DISTRO:-}" ] && [ -n "${AMENT_PREFIX_PATH:-}" ]; then
+    MODE=ros
+  else
+    MODE=wheels
+    # What an earlier shell left behind must not choose the libraries of this environment.
+    unset AMENT_PREFIX_PATH COLCON_PREFIX_PATH PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE
+    forget_wheel_libraries
+  fi
+}
+
+forget_wheel_libraries() {
+  local kept='' part parts
+  IFS=: read -r -a parts <<<"${LD_LIBRARY_PATH:-}"
+  for part in "${parts[@]}"; do
+    case $part in *'/site-packages/ros_'*) ;; ?*) kept=${kept:+$kept:}$part ;; esac
+  done
+  if [ -n "$kept" ]; then export LD_LIBRARY_PATH=$kept; else unset LD_LIBRARY_PATH; fi
+}
+
+choose_python() {
+  local python version found='' without_venv=''
+  while read -r python; do
+    version=$(version_of "$python") || continue
+    found=${found:+$found, }"$python ($version)"
+    suitable "$python" || continue
+    if [ "$MODE" = ros ] && ! "$python" -c 'import rclpy' >/dev/null 2>&1; then continue; fi
+    if can_make_venv "$python"; then
+      BASE=$python
+      return
+    fi
+    without_venv=${without_venv:-$python}
+  done < <(candidates)
+  if [ -n "$without_venv" ]; then
+    if [ "$MODE" = ros ] && has_everything "$without_venv"; then
+      BASE=$without_venv
+      return
+    fi
+    fail "$without_venv cannot make virtual environments:" \
+      "sudo apt install python$(version_of "$without_venv")-venv"
+  fi
+  if [ "$MODE" = ros ]; then
+    fail "ROS 2 jazzy is sourced, but no Python here can import rclpy (tried ${found:-none}):" \
+      "leave other virtual environments, or sudo apt install ros-jazzy-rclpy"
+  fi
+  if [ -n "${RT_ROBOT_OS_PYTHON:-}" ]; then
+    fail "RT_ROBOT_OS_PYTHON=$RT_ROBOT_OS_PYTHON is not a Python 3.10 to 3.13 that runs (${found:-it does not start})"
+  fi
+  fail "Python 3.10 to 3.13 is needed, found ${found:-none}:" \
+    "sudo apt install python3 python3-venv, or set RT_ROBOT_OS_PYTHON to one"
+}
+
+# ---- the virtual environment -----------------------------------------------------------------
+
+modules_for() {
+  printf 'import colcon_core, colcon_ros, numpy, pynmeagps, serial, yaml\n'
+  if [ "$1" = test ]; then
+    printf 'import ament_flake8, ament_pep257, hypothesis, mypy, pytest\n'
+  fi
+}
+
+has_everything() { "$1" -c "$(modules_for "$KIND")" >/dev/null 2>&1; }
+
+# With ROS sourced and nothing missing, no virtual environment is needed at all.
+choose_environment() {
+  local default=.venv
+  [ "$MODE" = wheels ] || default=.venv-ros
+  VENV=${RT_ROBOT_OS_VENV:-$ROOT/$default}
+  case $VENV in /*) ;; *) VENV=$PWD/$VENV ;; esac
+  PYTHON=$VENV/bin/python
+  if [ "$MODE" = ros ] && ! venv_is_ready; then
+    choose_python
+    if has_everything "$BASE"; then
+      PYTHON=$BASE
+      VENV=
+    fi
+  fi
+}
+
+# Ours when the mark is there: only then may it be thrown away.
+venv_mark() { cat "$VENV/.$PACKAGE" 2>/dev/null; }
+
+venv_is_ready() {
+  local version
+  [ "$(venv_mark)" = "$MODE" ] || return 1
+  version=$(version_of "$PYTHON") || return 1
+  [ -z "${RT_ROBOT_OS_PYTHON:-}" ] || [ "$(version_of "$RT_ROBOT_OS_PYTHON")" = "$version" ]
+}
+
+make_venv() {
+  local options=()
+  venv_is_ready && return
+  if [ -e "$VENV" ] && [ -z "$(venv_mark)" ] && [ -n "$(ls -A "$VENV" 2>/dev/null)" ]; then
+    adopt_venv
+    return
+  fi
+  [ -n "$BASE" ] || choose_python
+  say "making the virtual environment $VENV (Python $(version_of "$BASE"))"
+  [ "$MODE" = wheels ] || options=(--system-site-packages)
+  rm -rf "$VENV"
+  mkdir -p "$VENV" || fail "cannot write to $VENV: set RT_ROBOT_OS_VENV to a folder that can be written"
+  echo incomplete >"$VENV/.$PACKAGE"
+  logged "$BASE" -m venv "${options[@]}" "$VENV" || fail "$BASE -m venv failed, see $LOG"
+  echo "$MODE" >"$VENV/.$PACKAGE"
+}
+
+# A folder that was there before: used when it is a virtual environment that works, never removed.
+adopt_venv() {
+  [ -f "$VENV/pyvenv.cfg" ] || fail "$VENV is not a virtual environment: set RT_ROBOT_OS_VENV to another folder"
+  if ! suitable "$PYTHON" || ! "$PYTHON" -m pip --version >/dev/null 2>&1; then
+    fail "$VENV does not work as a virtual environment of Python 3.10 to 3.13: remove it, or set RT_ROBOT_OS_VENV"
+  fi
+}
+
+# ---- what is installed in it -----------------------------------------------------------------
+
+requirement_files() {
+  printf '%s\n' "$ROOT/scripts/requirements-run.txt"
+  [ "$1" != test ] || printf '%s\n' "$ROOT/scripts/requirements-test.txt"
+}
+
+# A sourced ROS installation brings the ROS packages itself.
+requirements() {
+  local filter='s/x/x/'
+  [ "$MODE" = wheels ] || filter='/^ros-jazzy-/d'
+  requirement_files "$1" | while read -r file; do sed -e "$filter" "$file"; done
+}
+
+requirements_hash() { { requirements "$1"; version_of "$PYTHON"; } | sha256sum | cut -c1-32; }
+
+install_requirements() {
+  local kind=$1 stamp=$VENV/.$PACKAGE-$1 list hash
+  hash=$(requirements_hash "$kind")
+  [ "$(cat "$stamp" 2>/dev/null)" != "$hash" ] || return 0
+  case $kind in
+    run) say "installing what the package needs (the first time takes a minute or two)" ;;
+    test) say "installing what the package and its tests need (the first time takes a minute or two)" ;;
+  esac
+  list=$VENV/.$PACKAGE-requirements.txt
+  requirements "$kind" >"$list" || fail "cannot write to $VENV"
+  PIP_USER=0 logged "$PYTHON" -m pip install --disable-pip-version-check --no-input --retries 3 -r "$list" ||
+    explain_pip_failure
+  echo "$hash" >"$stamp"
+  [ "$kind" = run ] || requirements_hash run >"$VENV/.$PACKAGE-run"
+}
+
+explain_pip_failure() {
+  local last
+  if grep -qE 'NewConnectionError|ConnectTimeout|ProxyError|NameResolutionError|Network is unreachable|ReadTimeout' "$LOG"; then
+    fail "the Python package index cannot be reached: check the network or pip's settings and start again; log: $LOG"
+  fi
+  if grep -qE 'No matching distribution found for ros-' "$LOG"; then
+    fail "there are no ROS 2 Jazzy wheels for this machine ($(uname -m), Python $(version_of "$PYTHON"))" \
+      "install ROS 2 Jazzy, source its setup.bash and start again; log: $LOG"
+  fi
+  last=$(grep '^ERROR' "$LOG" | tail -n 1)
+  fail "pip could not install what is needed${last:+ (${last#ERROR: })}; log: $LOG"
+}
+
+# ---- the colcon build ------------------------------------------------------------------------
+
+colcon() {
+  "$PYTHON" -c 'import sys; from colcon_core.command import main; sys.exit(main())' \
+    --log-base "$ROOT/log" "$@"
+}
+
+# With --symlink-install the built package is the source itself: an edited module needs no new build.
+build_state() {
+  printf '%s\n' "$PYTHON" "$ROOT" "$MODE" "${AMENT_PREFIX_PATH:-}"
+  version_of "$PYTHON"
+  cd "$ROOT" || return
+  sha256sum package.xml setup.py setup.cfg
+  if [ -L "build/$PACKAGE/setup.py" ]; then
+    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -print
+  else
+    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -printf '%p %s %T@\n'
+  fi | LC_ALL=C sort
+}
+
+build() {
+  local stamp=$ROOT/build/.$PACKAGE-build
+  if [ "$(cat "$stamp" 2>/dev/null)" = "$(build_state | sha256sum)" ]; then return 0; fi
+  say 'building with colcon'
+  # A build that another Python made, or that was cut short, is not built upon.
+  if [ "$(head -n 1 "$stamp.python" 2>/dev/null)" != "$PYTHON $(version_of "$PYTHON")" ] || [ ! -f "$stamp" ]; then
+    rm -rf "${ROOT:?}/build/$PACKAGE" "${ROOT:?}/install/$PACKAGE"
+  fi
+  rm -f "$stamp"
+  logged colcon build --paths "$ROOT" --packages-select "$PACKAGE" --symlink-install \
+    --build-base "$ROOT/build" --install-base "$ROOT/install" ||
+    fail "colcon build failed, see $LOG"
+  echo "$PYTHON $(version_of "$PYTHON")" >"$stamp.python"
+  build_state | sha256sum >"$stamp"
+}
+
+enter() {
+  export PATH="$(dirname "$PYTHON"):$PATH"
+  # The package's own file: the one of the whole installation cannot bear a blank in the path.
+  # shellcheck disable=SC1090
+  COLCON_CURRENT_PREFIX=$ROOT/install/$PACKAGE . "$ROOT/install/$PACKAGE/share/$PACKAGE/package.bash"
+}
+
+# ---- all of it -------------------------------------------------------------------------------
+
+# set_up run|test
+set_up() {
+  KIND=$1
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  [ "$(uname -s)" = Linux ] || fail "this package needs Linux, this is $(uname -s)"
+  mkdir -p "$ROOT/log" 2>/dev/null && [ -w "$ROOT/log" ] || fail "cannot write to $ROOT"
+  choose_mode
+  choose_environment
+  hold_lock
+  : >"$LOG"
+  if [ -n "$VENV" ]; then
+    make_venv
+    install_requirements "$KIND"
+  fi
+  build
+  exec 9>&-
+  trap - INT TERM
+  enter
+}
+
+# Two starts at the same time set up one after the other.
+hold_lock() {
+  local lock=$ROOT/.venv.lock
+  exec 9>"$lock" || fail "cannot write to $ROOT"
+  if command -v flock >/dev/null && ! flock -n 9; then
+    say 'waiting for another start to finish setting up'
+    flock 9
+  fi
+}

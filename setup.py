@@ -1,0 +1,54 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Describe the package to colcon and setuptools."""
+
+from glob import glob
+
+from setuptools import find_packages
+from setuptools import setup
+
+package_name = 'rt_robot_os'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test', 'test.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', sorted(glob('config/*.yaml'))),
+        ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    python_requires='>=3.10',
+    zip_safe=False,
+    author='The rt_robot_os authors',
+    maintainer='The rt_robot_os authors',
+    maintainer_email='maintainers@rt-robot-os.example.org',
+    description='A preemptive fixed-priority real-time kernel for Python robot code.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'bench = rt_robot_os.cli.bench:main',
+            'core = rt_robot_os.cli.core:main',
+            'echo = rt_robot_os.cli.echo:main',
+            'player = rt_robot_os.sim.main:player_main',
+            'robot = rt_robot_os.cli.robot:main',
+            'simulator = rt_robot_os.sim.main:main',
+        ],
+    },
+)
