@@ -27,6 +27,7 @@ from pathlib import Path
 import signal
 import sys
 from types import FrameType
+from typing import Any
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.simulators import Simulators
@@ -99,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return OK
 
 
-def _stop_on_signals(core: Core) -> dict[int, object]:
+def _stop_on_signals(core: Core) -> dict[int, Any]:
     def stop(signum: int, frame: FrameType | None) -> None:
         core.kernel.stop(signal.Signals(signum).name)
 

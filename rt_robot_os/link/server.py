@@ -17,8 +17,9 @@ The core's side of the link.
 
 Two tasks share the work. ``link/commands`` has a priority of the user's choice: released by the
 arrival of packets, it publishes samples from outside at once. ``link/service`` has a low one: it
-accepts clients, answers requests, and carries mirrored topics out, released by each publication.
-``link/beat`` of the same low priority runs 50 times a second for heart-beats and what is left.
+answers requests and carries mirrored topics out, released by each publication. With the same low
+priority ``link/accept`` welcomes clients, and ``link/beat`` runs 50 times a second for heart-beats
+and what is left.
 """
 
 from __future__ import annotations
@@ -76,6 +77,7 @@ class LinkServer:
         self._beats = 0
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
+        self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
 
     # ---- life --------------------------------------------------------------------------------
@@ -103,7 +105,7 @@ class LinkServer:
             raise LinkError(f'socket {self.path}: {error.strerror or error}; is the folder '
                             'writable and the path below 108 characters?') from error
         self._listener = listener
-        self._kernel.add_interrupt(listener.fileno(), self._service)
+        self._kernel.add_interrupt(listener.fileno(), self._accepting)
 
     def close(self) -> None:
         """Say goodbye to all clients and remove the socket; may be called twice."""
@@ -151,7 +153,6 @@ class LinkServer:
                 self._remove(session)
 
     def _beat(self) -> None:
-        self._accept()
         self._beats += 1
         if self._beats % BEATS_PER_HEARTBEAT == 0:
             beat = header(Kind.BEAT, stamp_ns=self._kernel.now_ns())

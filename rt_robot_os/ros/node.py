@@ -23,13 +23,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode
 from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.logging import LoggingSeverity
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.diagnostics import Diagnostics
 from rt_robot_os.ros.mirrors import Mirrors
@@ -64,9 +64,9 @@ class RobotNode(LifecycleNode):
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
         self._diagnostics = Diagnostics(self.get_name())
-        self._publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
-        self._parameters = NodeParameters(self, parameters(settings), self._check, self._apply)
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._diagnostics_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
+        self._robot_parameters = NodeParameters(self, parameters(settings), self._check, self._apply)
 
     # ---- lifecycle ---------------------------------------------------------------------------
 
@@ -151,16 +151,16 @@ class RobotNode(LifecycleNode):
         else:
             message.status = self._diagnostics.judge(
                 supervisor.statistics, self._mapper, mirrors.counters())
-        self._publisher.publish(message)
+        self._diagnostics_publisher.publish(message)
 
     def _log(self, severity: int, text: str) -> None:
         # rclpy remembers a call site by its severity, so each has a line of its own.
         logger = self.get_logger()
-        if severity >= LoggingSeverity.ERROR:
+        if severity >= Severity.ERROR:
             logger.error(text)
-        elif severity >= LoggingSeverity.WARN:
+        elif severity >= Severity.WARN:
             logger.warning(text)
-        elif severity >= LoggingSeverity.INFO:
+        elif severity >= Severity.INFO:
             logger.info(text)
         else:
             logger.debug(text)

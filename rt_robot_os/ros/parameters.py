@@ -72,8 +72,7 @@ class NodeParameters:
             self._kinds[entry.name] = entry.field.kind
             value = entry.value
             if isinstance(value, list) and not value:
-                value = Parameter(entry.name, _EMPTY_LISTS[entry.field.item], [])
-                value = value.value
+                value = _EMPTY_LISTS[entry.field.item]
             # The values were read and checked already, with the file and line of every mistake.
             node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
         node.add_pre_set_parameters_callback(self._widen)

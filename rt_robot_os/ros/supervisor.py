@@ -26,6 +26,7 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
 
@@ -37,7 +38,7 @@ _LONG_LIFE_S = 30.0
 _DEAD_AFTER_BEATS = 3
 
 Log = Callable[[int, str], None]
-INFO, WARN, ERROR = 20, 30, 40
+INFO, WARN, ERROR = int(Severity.INFO), int(Severity.WARN), int(Severity.ERROR)
 
 
 class Supervisor:

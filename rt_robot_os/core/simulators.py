@@ -1,0 +1,86 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Run the simulated devices of a robot in a process of their own, as real devices are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+from typing import Any
+
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import SIM_PORT
+
+_READY_TIMEOUT_S = 10.0
+_STOP_TIMEOUT_S = 3.0
+
+
+class Simulators:
+    """The child process with the simulated devices; it ends with this process."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
+        """
+        Start what the settings ask for and wait until the ports are there.
+
+        :param folder: where the ports get their stable paths.
+        :return: the path of the port of each simulated device, by device.
+        :raises DeviceError: the simulator ended or hangs.
+        """
+        devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
+                   for d in settings.devices if d.port == SIM_PORT}
+        if not devices:
+            return {}
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'rt_robot_os.core.simulator_process', str(os.getpid()),
+             str(folder)], stdin=subprocess.PIPE)
+        pipe = self._process.stdin
+        if pipe is not None:
+            pipe.write(json.dumps(devices, default=_plain).encode())
+            pipe.close()
+        ports = {name: folder / name for name in devices}
+        deadline = time.monotonic() + _READY_TIMEOUT_S
+        while not all(path.exists() for path in ports.values()):
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                raise DeviceError('the simulated devices did not start; see the message above')
+            time.sleep(0.01)
+        return {name: str(path) for name, path in ports.items()}
+
+    def stop(self) -> None:
+        """End the simulator; may be called twice."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(_STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process = None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f'{value!r} cannot be handed to the simulator')

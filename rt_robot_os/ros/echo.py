@@ -1,0 +1,115 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Print the messages of a topic in the manner of `ros2 topic echo`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+from rt_robot_os.topics.resolve import message_class
+
+_ITEMS_SHOWN = 16
+
+
+def lines_of(value: Any, name: str = '', indent: int = 0) -> Iterator[str]:
+    """Write a message as lines of YAML; long arrays are cut."""
+    pad = '  ' * indent
+    if hasattr(value, 'get_fields_and_field_types'):
+        if name:
+            yield f'{pad}{name}:'
+            indent += 1
+        for field in value.get_fields_and_field_types():
+            yield from lines_of(getattr(value, field), field, indent)
+    elif isinstance(value, list | tuple) and value and hasattr(
+            value[0], 'get_fields_and_field_types'):
+        yield f'{pad}{name}:'
+        for item in value:
+            first, *rest = lines_of(item, indent=indent + 2)
+            yield f'{pad}  - {first.strip()}'
+            yield from rest
+    elif isinstance(value, str | bytes | bool | int | float):
+        yield f'{pad}{name}: {value!r}'
+    else:
+        items = np.asarray(value).tolist()
+        cut = ', ...' if len(items) > _ITEMS_SHOWN else ''
+        yield f'{pad}{name}: [{", ".join(map(str, items[:_ITEMS_SHOWN]))}{cut}]'
+
+
+def _type_of(node: Node, topic: str, timeout_s: float) -> str | None:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        for name, types in node.get_topic_names_and_types():
+            if name == topic:
+                return str(types[0])
+        rclpy.spin_once(node, timeout_sec=0.1)
+    return None
+
+
+class _Printer:
+    def __init__(self, hz: bool, count: int) -> None:
+        self.hz = hz
+        self.left = count or -1
+        self._seen = 0
+        self._since_s = time.monotonic()
+
+    def __call__(self, message: Any) -> None:
+        if not self.hz:
+            print('\n'.join(lines_of(message)), '---', sep='\n', flush=True)
+            self.left -= 1
+            return
+        self._seen += 1
+        elapsed_s = time.monotonic() - self._since_s
+        if elapsed_s >= 1.0:
+            print(f'{self._seen / elapsed_s:.1f} Hz', flush=True)
+            self._seen, self._since_s = 0, time.monotonic()
+            self.left -= 1
+
+
+def echo(topic: str, *, hz: bool, count: int, timeout_s: float) -> int:
+    """
+    Print a topic until Ctrl-C or so many times.
+
+    :return: the exit code; 1 when nobody publishes it.
+    """
+    topic = topic if topic.startswith('/') else f'/{topic}'
+    rclpy.init()
+    node = rclpy.create_node('rt_robot_os_echo')
+    try:
+        type_name = _type_of(node, topic, timeout_s)
+        if type_name is None:
+            print(f'echo: nobody publishes {topic} (waited {timeout_s:g} s); there are: '
+                  + ', '.join(sorted(n for n, _ in node.get_topic_names_and_types())),
+                  file=sys.stderr)
+            return 1
+        printer = _Printer(hz, count)
+        # Best effort takes part with publishers of either kind.
+        node.create_subscription(message_class(type_name), topic, printer, qos_profile_sensor_data)
+        while printer.left:
+            rclpy.spin_once(node, timeout_sec=0.5)
+        return 0
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
