@@ -1,0 +1,141 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+WitMotion frames (WT901, JY901, WT61, WT31N, ...): ``55 ID d0..d7 SUM``, 11 bytes.
+
+SUM is the low byte of the sum of the ten bytes before it; d0..d7 are four little-endian int16.
+0x55 may appear in the data, so a header counts only with a known ID and a good sum, otherwise the
+decoder slides on by one byte. A frame found by chance in noise or while getting into step passes
+that test once in 256 headers; the format has nothing better to offer.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+from typing import NamedTuple
+
+TIME: Final = 0x50
+ACCELERATION: Final = 0x51
+ANGULAR_VELOCITY: Final = 0x52
+ANGLE: Final = 0x53
+MAGNETIC_FIELD: Final = 0x54
+QUATERNION: Final = 0x59
+LAST: Final = 0x5A
+
+HEADER: Final = 0x55
+FRAME_SIZE: Final = 11
+
+# Full scale is 2^15 counts in each of them.
+ACCELERATION_RANGE_G: Final = 16.0
+ANGULAR_VELOCITY_RANGE_DEG_S: Final = 2000.0
+ANGLE_RANGE_DEG: Final = 180.0
+FULL_SCALE: Final = 32768.0
+
+_HEADER_BYTE: Final = bytes((HEADER,))
+_UNPACK: Final = struct.Struct('<4h').unpack_from
+
+
+class WitMotionFrame(NamedTuple):
+    """
+    One valid frame.
+
+    :ivar kind: its ID, 0x50 to 0x5A.
+    :ivar values: the four int16.
+    :ivar end: index just after its last byte in the chunk that completed it.
+    :ivar skipped: bytes rejected between the frame before and this one.
+    """
+
+    kind: int
+    values: tuple[int, int, int, int]
+    end: int
+    skipped: int
+
+
+class WitMotionDecoder:
+    """
+    Find the frames in a stream of bytes; safe in the loop, keeps at most 10 bytes.
+
+    :ivar frames: valid frames so far.
+    :ivar rejected_bytes: bytes that belong to no valid frame.
+    :ivar rejected_frames: headers with a known ID whose sum was wrong.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.rejected_bytes = 0
+        self.rejected_frames = 0
+        self._pending = b''
+        self._skipped = 0
+
+    @property
+    def pending_bytes(self) -> int:
+        """Give the number of bytes that wait for the rest of their frame."""
+        return len(self._pending)
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew."""
+        self.rejected_bytes += len(self._pending)
+        self._pending = b''
+        self._skipped = 0
+
+    def feed(self, data: bytes) -> list[WitMotionFrame]:
+        """
+        Take the next bytes of the stream.
+
+        :return: the frames that they complete, in order; the same however the stream is cut.
+        """
+        held = len(self._pending)
+        buffer = self._pending + data
+        size = len(buffer)
+        frames: list[WitMotionFrame] = []
+        at = 0
+        rejected = 0
+        skipped = self._skipped
+        while size - at >= FRAME_SIZE:
+            kind = buffer[at + 1]
+            if buffer[at] == HEADER and TIME <= kind <= LAST:
+                if sum(buffer[at:at + 10]) & 0xFF == buffer[at + 10]:
+                    values = _UNPACK(buffer, at + 2)
+                    at += FRAME_SIZE
+                    frames.append(WitMotionFrame(kind, values, at - held, skipped))
+                    skipped = 0
+                    continue
+                self.rejected_frames += 1
+            found = buffer.find(_HEADER_BYTE, at + 1)
+            slid = (size if found < 0 else found) - at
+            rejected += slid
+            skipped += slid
+            at += slid
+        start = _possible_start(buffer, at)
+        self.rejected_bytes += rejected + start - at
+        self._skipped = skipped + start - at
+        self._pending = buffer[start:]
+        self.frames += len(frames)
+        return frames
+
+
+def _possible_start(buffer: bytes, at: int) -> int:
+    """Find where in the rest a frame may have begun; its end when nowhere."""
+    size = len(buffer)
+    while at < size:
+        at = buffer.find(_HEADER_BYTE, at)
+        if at < 0:
+            return size
+        if at + 1 == size or TIME <= buffer[at + 1] <= LAST:
+            return at
+        at += 1
+    return size

@@ -1,0 +1,180 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The device: ``open``, ``close``, ``read`` and ``write`` for whatever is connected to the robot.
+
+The SensorManager knows nothing else of a device. It asks for the publications, hands over one
+publisher for each, and then calls ``write`` and ``read`` when it sees fit.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from typing import ClassVar
+from typing import Protocol
+
+from rt_robot_os.errors import TopicError
+from rt_robot_os.schema import Field
+
+
+@dataclass(frozen=True)
+class Publication:
+    """
+    One topic that a device publishes on.
+
+    :ivar topic: name of the topic.
+    :ivar message: ROS 2 type such as ``sensor_msgs/msg/Imu``.
+    :ivar fixed: dotted field name -> value of what never changes: all texts, sequence lengths.
+    :ivar depth: samples kept, a power of two.
+    :ivar rate_hz: samples a second that the device is expected to give.
+    """
+
+    topic: str
+    message: str
+    fixed: Mapping[str, object]
+    depth: int
+    rate_hz: float
+
+
+class SamplePublisher(Protocol):
+    """
+    What the SensorManager hands over for each publication.
+
+    :ivar msg: view of the message to fill in. It has the ROS message's own attribute names, nested
+        numbers may be set at once (``msg.angular_velocity = (x, y, z)``), numeric arrays are NumPy
+        views. What it holds before it is filled in is undefined.
+    """
+
+    msg: Any
+
+    def publish(self, stamp_ns: int) -> None:
+        """
+        Publish what ``msg`` holds.
+
+        :param stamp_ns: arrival of the sample on CLOCK_MONOTONIC.
+        """
+
+
+@dataclass(frozen=True)
+class DeviceStatistics:
+    """
+    Counters of one device since it was made; opening it again does not clear them.
+
+    :ivar bytes_read: bytes taken from the port.
+    :ivar frames: valid frames, used or not.
+    :ivar samples: samples published.
+    :ivar rejected_bytes: bytes that belong to no valid frame.
+    :ivar rejected_frames: frames that were there but had a bad checksum.
+    :ivar ignored_frames: valid frames that the driver has no use for.
+    :ivar last_frame_ns: arrival of the last valid frame on CLOCK_MONOTONIC, 0 = none yet.
+    :ivar lost_samples: samples not published because a frame of theirs is missing.
+    :ivar contradicted_samples: samples in which the device contradicted itself.
+    :ivar dropped_write_bytes: bytes for the device that found no room.
+    """
+
+    bytes_read: int = 0
+    frames: int = 0
+    samples: int = 0
+    rejected_bytes: int = 0
+    rejected_frames: int = 0
+    ignored_frames: int = 0
+    last_frame_ns: int = 0
+    lost_samples: int = 0
+    contradicted_samples: int = 0
+    dropped_write_bytes: int = 0
+
+
+class Device(ABC):
+    """
+    One device.
+
+    :cvar SETTINGS: the keys of the device's section in the configuration.
+    :cvar description: one line for lists of drivers.
+    :ivar name: name of the device in the configuration, used in every error.
+    """
+
+    SETTINGS: ClassVar[tuple[Field, ...]] = ()
+    description: ClassVar[str] = ''
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Keep the settings; nothing is opened.
+
+        :param settings: a value for each of ``SETTINGS``, already checked.
+        """
+        self.name = name
+        self.settings = settings
+        self._publishers: tuple[SamplePublisher, ...] = ()
+
+    @abstractmethod
+    def open(self) -> None:  # noqa: A003
+        """
+        Connect to the device.
+
+        :raises DeviceError: it cannot be reached; the message says what to do. Opening it again
+            later is allowed.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the device; may be called at any time and twice, and does not raise."""
+
+    @abstractmethod
+    def read(self, now_ns: int) -> int:
+        """
+        Read what is there without blocking, decode it and publish it.
+
+        :param now_ns: the time now on CLOCK_MONOTONIC.
+        :return: number of samples published.
+        :raises DeviceError: the device is gone. No bytes whatever raise anything else.
+        """
+
+    def write(self, now_ns: int) -> None:
+        """
+        Send the periodic command of the device, if it has one, without blocking.
+
+        :raises DeviceError: the device is gone.
+        """
+
+    def fileno(self) -> int | None:
+        """Give the file descriptor that becomes readable with new data, None if there is none."""
+        return None
+
+    @abstractmethod
+    def publications(self) -> tuple[Publication, ...]:
+        """Say what the device publishes; does not change while the device lives."""
+
+    def bind(self, publishers: Sequence[SamplePublisher]) -> None:
+        """
+        Take the publishers, in the order of :meth:`publications`.
+
+        :raises TopicError: there are more or fewer of them than publications.
+        """
+        wanted = len(self.publications())
+        if len(publishers) != wanted:
+            raise TopicError(
+                f'{self.name}: {len(publishers)} publishers for {wanted} publications: '
+                'bind one for each, in order')
+        self._publishers = tuple(publishers)
+
+    @abstractmethod
+    def statistics(self) -> DeviceStatistics:
+        """Give the counters as they are now."""

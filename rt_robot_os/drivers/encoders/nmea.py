@@ -1,0 +1,83 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""NMEA 0183 sentences from values, for simulated receivers and tests."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from rt_robot_os.drivers.decoders.nmea import xor
+
+
+def sentence(content: str) -> bytes:
+    """Frame what stands between ``$`` and ``*``."""
+    data = content.encode('ascii')
+    return b'$%s*%02X\r\n' % (data, xor(data))
+
+
+def gga(
+    time: datetime, latitude_deg: float, longitude_deg: float, *, quality: int = 1,
+    satellites: int = 8, hdop: float = 0.9, altitude_m: float = 0.0, separation_m: float = 0.0,
+) -> bytes:
+    """
+    Make a position sentence.
+
+    :param altitude_m: above mean sea level.
+    :param separation_m: of the geoid above the ellipsoid.
+    """
+    return sentence(
+        f'GPGGA,{_time(time)},{_position(latitude_deg, longitude_deg)},{quality},'
+        f'{satellites:02d},{hdop:.1f},{altitude_m:.2f},M,{separation_m:.1f},M,,')
+
+
+def rmc(
+    time: datetime, latitude_deg: float, longitude_deg: float, *, valid: bool = True,
+    speed_m_s: float = 0.0, course_deg: float = 0.0,
+) -> bytes:
+    """Make a sentence of time, date, speed and course (clockwise from north)."""
+    knots = speed_m_s * 3600 / 1852
+    return sentence(
+        f'GPRMC,{_time(time)},{"A" if valid else "V"},{_position(latitude_deg, longitude_deg)},'
+        f'{knots:.2f},{course_deg % 360:.1f},{time:%d%m%y},,,{"A" if valid else "N"}')
+
+
+def gsa(satellites: tuple[int, ...], pdop: float, hdop: float, vdop: float) -> bytes:
+    """Make the sentence of the satellites used, at most twelve, in a three-dimensional fix."""
+    used = [f'{number:02d}' for number in satellites[:12]]
+    used += [''] * (12 - len(used))
+    return sentence(f'GPGSA,A,3,{",".join(used)},{pdop:.1f},{hdop:.1f},{vdop:.1f}')
+
+
+def gst(time: datetime, rms_m: float, north_m: float, east_m: float, up_m: float) -> bytes:
+    """Make the sentence of the standard deviations of the position, without error ellipse."""
+    return sentence(f'GPGST,{_time(time)},{rms_m:.1f},,,,{north_m:.2f},{east_m:.2f},{up_m:.2f}')
+
+
+def _time(time: datetime) -> str:
+    return f'{time:%H%M%S}.{time.microsecond // 10_000:02d}'
+
+
+def _position(latitude_deg: float, longitude_deg: float) -> str:
+    latitude, longitude = _degrees_minutes(latitude_deg, 2), _degrees_minutes(longitude_deg, 3)
+    north = 'S' if latitude_deg < 0 else 'N'
+    east = 'W' if longitude_deg < 0 else 'E'
+    return f'{latitude},{north},{longitude},{east}'
+
+
+def _degrees_minutes(degrees: float, digits: int) -> str:
+    # Rounded as a whole, so that 59.999999 minutes become the next degree.
+    whole, minutes = divmod(round(abs(degrees) * 60 * 10**5), 60 * 10**5)
+    return f'{whole:0{digits}d}{minutes / 10**5:08.5f}'

@@ -1,0 +1,108 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Names of plug-ins: those of this package and those of entry points, imported only when asked for.
+
+Users add their own from a package of theirs, here a driver::
+
+    entry_points={'rt_robot_os.drivers': ['my_lidar = my_package.my_lidar:MyLidar']}
+
+A plug-in that cannot be imported is reported when it is named; it does not disturb the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Generic
+from typing import TypeVar
+
+from rt_robot_os.errors import ConfigError
+
+T = TypeVar('T')
+
+
+class PluginRegistry(Generic[T]):
+    """
+    The classes of one kind, by name.
+
+    :ivar group: entry-point group from which other packages add to it.
+    """
+
+    def __init__(self, group: str, base: type[T], noun: str, own: Mapping[str, str]) -> None:
+        """
+        Keep the names; nothing is imported.
+
+        :param base: what each class must derive from.
+        :param noun: what a plug-in is called in errors, such as ``driver``.
+        :param own: name -> ``module:Class`` of this package; these names cannot be taken over.
+        """
+        self.group = group
+        self._base = base
+        self._noun = noun
+        self._own = own
+
+    def names(self) -> tuple[str, ...]:
+        """Give all names, sorted; those of broken plug-ins too."""
+        return tuple(sorted({**self._others(), **self._own}))
+
+    def load(self, name: str) -> type[T]:
+        """
+        Import a class.
+
+        :raises ConfigError: there is no such name, or its plug-in is broken.
+        """
+        target = self._own.get(name) or self._others().get(name)
+        if target is None:
+            raise ConfigError([
+                f'there is no {self._noun} {name!r}: use one of {", ".join(self.names())}, or '
+                f'install the package that adds it to the entry-point group {self.group}'])
+        module, _, attribute = target.partition(':')
+        try:
+            found = getattr(import_module(module), attribute)
+        except ImportError as error:
+            raise ConfigError([
+                f'{self._noun} {name!r} ({target}) cannot be imported: {error}; install what is '
+                'missing']) from error
+        except Exception as error:  # the code of others may raise anything while it is imported
+            raise ConfigError([
+                f'{self._noun} {name!r} ({target}) is broken: {type(error).__name__}: {error}; '
+                'report it to its author']) from error
+        if not (isinstance(found, type) and issubclass(found, self._base)):
+            raise ConfigError([
+                f'{self._noun} {name!r} ({target}) is broken: not a class derived from '
+                f'{self._base.__name__}; report it to its author'])
+        return found
+
+    def problems(self) -> tuple[str, ...]:
+        """Import every plug-in and say what is wrong, one line a problem."""
+        found = [
+            f'{self._noun} {name!r} of the entry point {target} is not used: this package has one '
+            'of that name; rename it'
+            for name, target in sorted(self._others().items()) if name in self._own
+        ]
+        for name in self.names():
+            try:
+                self.load(name)
+            except ConfigError as error:
+                found.extend(error.problems)
+        return tuple(found)
+
+    def _others(self) -> dict[str, str]:
+        # A value may name extras behind the class: `module:Class [extra]`.
+        return {point.name: point.value.partition('[')[0].strip()
+                for point in entry_points(group=self.group)}

@@ -1,0 +1,250 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The serial device: everything between a serial port and the frames of a protocol.
+
+A driver for a serial device adds a decoder and says what a frame means; see ``witmotion.py``.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from typing import Final
+from typing import Generic
+from typing import Protocol
+from typing import TypeVar
+
+from rt_robot_os.drivers.device import Device
+from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.drivers.transport import SerialPort
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.units import NS_PER_S
+
+# Start bit, eight data bits, stop bit.
+BITS_PER_BYTE: Final = 10
+
+
+class Frame(Protocol):
+    """
+    What a decoder gives.
+
+    :ivar end: index just after the last byte of the frame in the chunk that completed it.
+    """
+
+    @property
+    def end(self) -> int:
+        """Give the index."""
+
+
+FrameT = TypeVar('FrameT', bound=Frame)
+FrameOutT = TypeVar('FrameOutT', bound=Frame, covariant=True)
+
+
+class Decoder(Protocol[FrameOutT]):
+    """
+    What turns bytes into frames, bounded in memory and never raising.
+
+    Each byte fed is in one of the frames, or rejected, or pending.
+
+    :ivar frames: valid frames so far.
+    :ivar rejected_bytes: bytes that belong to no valid frame.
+    :ivar rejected_frames: frames with a bad checksum; their bytes are rejected bytes.
+    """
+
+    frames: int
+    rejected_bytes: int
+    rejected_frames: int
+
+    @property
+    def pending_bytes(self) -> int:
+        """Give the number of bytes that wait for the rest of their frame."""
+
+    def feed(self, data: bytes) -> Sequence[FrameOutT]:
+        """Take the next bytes of the stream and give the frames that they complete."""
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew."""
+
+
+def serial_settings(
+    *, baud: int, frame_id: str, topic: str, rate_hz: float, rates_hz: tuple[float, ...] = (),
+) -> tuple[Field, ...]:
+    """
+    Declare the settings that every serial device has, with the defaults of one device.
+
+    :param baud: default speed in bits a second.
+    :param frame_id: default of ``header.frame_id``.
+    :param topic: default name of the main topic.
+    :param rate_hz: default of the rate at which the device sends.
+    :param rates_hz: the only rates it can send at; empty allows all.
+    """
+    return (
+        Field('port', str, REQUIRED, 'Serial port, best one of /dev/serial/by-id; '
+              'sim is a simulated device.'),
+        Field('baud', int, baud, 'Speed of the serial line; 0 for a pty.', unit='bit/s',
+              minimum=0, maximum=4_000_000),
+        Field('frame_id', str, frame_id, 'Coordinate frame of the samples.'),
+        Field('topic', str, topic, 'Topic of the samples.'),
+        Field('depth', int, 16, 'Samples that each topic keeps.',
+              choices=(2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)),
+        Field('output_rate_hz', float, rate_hz, 'Samples a second that the device sends.',
+              unit='Hz', minimum=0.05, maximum=10_000.0, choices=rates_hz),
+    )
+
+
+class SerialDevice(Device, Generic[FrameT]):
+    """
+    A device on a serial port.
+
+    The arrival of a frame is back-dated by the bytes that followed it in the same read, since
+    those took their time on the line; it never lies before the arrival of the frame before.
+    """
+
+    def __init__(
+        self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT],
+    ) -> None:
+        """
+        Keep settings and decoder; nothing is opened.
+
+        :param decoder: what turns the bytes into frames.
+        """
+        super().__init__(name, settings)
+        baud: int = settings['baud']
+        self._decoder = decoder
+        self._byte_ns = BITS_PER_BYTE * NS_PER_S // baud if baud else 0
+        self._port: SerialPort | None = None
+        self._bytes_read = 0
+        self._dropped_write_bytes = 0
+        self._samples = 0
+        self._last_frame_ns = 0
+        self._previous_read_ns = 0
+        self._ignored_frames = 0
+
+    @abstractmethod
+    def handle(self, frame: FrameT, arrival_ns: int) -> int:
+        """
+        Use one frame; in the loop.
+
+        :return: number of samples published.
+        """
+
+    def restart(self) -> None:
+        """Forget what belongs to the stream so far: the port has just been opened."""
+
+    def idle(self, now_ns: int) -> int:
+        """
+        Do what is due without a frame; called at the end of every read.
+
+        :return: number of samples published.
+        """
+        return 0
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Open the port for us alone; what it had received before is discarded.
+
+        :raises DeviceError: the port cannot be opened.
+        """
+        self.close()
+        try:
+            self._port = SerialPort(self.settings['port'], self.settings['baud'])
+        except DeviceError as error:
+            raise DeviceError(f'{self.name}: {error}') from error
+        self._decoder.reset()
+        self._previous_read_ns = 0
+        self.restart()
+
+    def close(self) -> None:
+        """Close the port; may be called twice and does not raise."""
+        port, self._port = self._port, None
+        if port is not None:
+            self._bytes_read += port.bytes_read
+            self._dropped_write_bytes += port.dropped_write_bytes
+            port.close()
+
+    def fileno(self) -> int | None:
+        """Give the file descriptor of the port, None when it is closed."""
+        return None if self._port is None else self._port.fileno()
+
+    def read(self, now_ns: int) -> int:
+        """
+        Read, decode and publish what is there; safe in the loop, does not block.
+
+        :raises DeviceError: the port is gone or was not opened.
+        """
+        try:
+            data = self._opened().read()
+        except DeviceError as error:
+            raise DeviceError(f'{self.name}: {error}') from error
+        samples = 0
+        if data:
+            size = len(data)
+            for frame in self._decoder.feed(data):
+                arrival_ns = now_ns - (size - frame.end) * self._byte_ns
+                if arrival_ns < self._last_frame_ns:
+                    arrival_ns = self._last_frame_ns
+                samples += self.handle(frame, arrival_ns)
+                self._last_frame_ns = arrival_ns
+        samples += self.idle(now_ns)
+        self._previous_read_ns = now_ns
+        self._samples += samples
+        return samples
+
+    def send(self, data: bytes) -> None:
+        """
+        Send bytes to the device without blocking.
+
+        :raises DeviceError: the port is gone or was not opened.
+        """
+        try:
+            self._opened().write(data)
+        except DeviceError as error:
+            raise DeviceError(f'{self.name}: {error}') from error
+
+    def statistics(self) -> DeviceStatistics:
+        """Give the counters as they are now."""
+        return self._counters()
+
+    def _counters(self, *, lost_samples: int = 0, contradicted: int = 0) -> DeviceStatistics:
+        port = self._port
+        return DeviceStatistics(
+            bytes_read=self._bytes_read + (port.bytes_read if port else 0),
+            frames=self._decoder.frames,
+            samples=self._samples,
+            rejected_bytes=self._decoder.rejected_bytes,
+            rejected_frames=self._decoder.rejected_frames,
+            ignored_frames=self._ignored_frames,
+            last_frame_ns=self._last_frame_ns,
+            lost_samples=lost_samples,
+            contradicted_samples=contradicted,
+            dropped_write_bytes=self._dropped_write_bytes
+            + (port.dropped_write_bytes if port else 0),
+        )
+
+    @property
+    def pending_bytes(self) -> int:
+        """Give the number of bytes that wait for the rest of their frame."""
+        return self._decoder.pending_bytes
+
+    def _opened(self) -> SerialPort:
+        if self._port is None:
+            raise DeviceError(f'port {self.settings["port"]} is not open: call open() first')
+        return self._port
