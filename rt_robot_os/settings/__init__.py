@@ -1,0 +1,48 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Settings: ROS 2 parameter files to frozen, checked facts, with every problem told at once.
+
+Nothing is opened here, and nothing of ROS 2 is needed.
+"""
+
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.json_text import from_json
+from rt_robot_os.settings.json_text import to_json
+from rt_robot_os.settings.load import load
+from rt_robot_os.settings.model import CoreSettings
+from rt_robot_os.settings.model import DeviceSettings
+from rt_robot_os.settings.model import MirrorSettings
+from rt_robot_os.settings.model import ModuleSettings
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import SIM_PORT
+from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.parameters import changed
+from rt_robot_os.settings.parameters import check_change
+from rt_robot_os.settings.parameters import ParameterDescription
+from rt_robot_os.settings.parameters import parameters
+from rt_robot_os.settings.paths import default_path
+from rt_robot_os.settings.ros_args import parse_ros_args
+from rt_robot_os.settings.ros_args import RosArguments
+
+__all__ = [
+    'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'MirrorSettings', 'ModuleSettings',
+    'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT', 'TopicSettings',
+    'TopicUse', 'changed', 'check_change', 'default_path', 'from_json', 'load', 'parameters',
+    'parse_ros_args', 'to_json',
+]

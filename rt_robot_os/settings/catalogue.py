@@ -1,0 +1,101 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+What can be configured: drivers, modules, simulators and message types, looked up by name.
+
+Settings know none of them; :func:`installed` asks the registries, late, and tests bring their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Hashable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import field
+from typing import Any, Protocol
+
+from rt_robot_os.schema import Field
+
+
+@dataclass(frozen=True, slots=True)
+class TopicUse:
+    """
+    A topic that a device or a module publishes or reads.
+
+    :ivar message: its type, such as ``sensor_msgs/msg/Imu``; empty when a reader takes any.
+    :ivar publishes: False when it only reads.
+    :ivar fixed: strings and lengths of sequences fixed at declaration.
+    :ivar tail: largest length of a variable last field; None without.
+    """
+
+    topic: str
+    message: str
+    publishes: bool = True
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    tail: int | None = None
+
+
+def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+    """Use no topic."""
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """
+    A driver, a module or a simulator, as far as settings care.
+
+    :ivar fields: its own settings.
+    :ivar uses: its topics, from the name of its section and the checked settings.
+    :ivar shares_port: several devices may be on one port (a bus).
+    """
+
+    fields: tuple[Field, ...] = ()
+    uses: Callable[[str, Mapping[str, Any]], Sequence[TopicUse]] = no_topics
+    shares_port: bool = False
+
+
+class Lookup(Protocol):
+    """Kinds by name."""
+
+    def names(self) -> Sequence[str]:
+        """List the names that are known without importing anything foreign."""
+
+    def find(self, name: str) -> Kind:
+        """
+        Find one.
+
+        :raises ConfigError: there is none, or it cannot be imported; the text completes
+            ``imu.type = 'x': ...``.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Catalogue:
+    """
+    All that a configuration may name.
+
+    :ivar simulators: by the driver's name.
+    :ivar layout: lays a message type out with its fixed fields and tail; equal results mean the
+        same shape, LayoutError that it cannot be.
+    """
+
+    drivers: Lookup
+    modules: Lookup
+    simulators: Lookup
+    layout: Callable[[str, Mapping[str, Any], int | None], Hashable]

@@ -1,0 +1,158 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The page of all keys, written from the same declarations that check them.
+
+``python3 -m rt_robot_os.settings.describe > docs/configuration.md``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Sequence
+import sys
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import Lookup
+from rt_robot_os.settings.fields import CORE
+from rt_robot_os.settings.fields import DEVICE
+from rt_robot_os.settings.fields import MIRROR
+from rt_robot_os.settings.fields import MODULE
+from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.settings.fields import TOPIC
+from rt_robot_os.settings.installed import installed
+from rt_robot_os.settings.problems import range_of
+from rt_robot_os.settings.tree import show
+
+_HEAD: Final = """\
+# Configuration
+
+Written by `python3 -m rt_robot_os.settings.describe`; do not edit it here.
+
+The configuration is a ROS 2 parameter file: lists of names under the node's name, then a section
+for each name. `config/robot.yaml` is a complete one with simulated devices, `config/serial.yaml`
+one with real ports.
+
+```yaml
+robot:
+  ros__parameters:
+    devices: [imu]
+    imu: {type: witmotion, port: /dev/ttyUSB0, baud: 115200, frame_id: imu_link}
+    mirrors: [imu_data]
+    imu_data: {topic: imu/data}
+```
+
+```
+ros2 run rt_robot_os robot --ros-args --params-file my_robot.yaml -p imu.rate_hz:=100.0
+```
+
+## How it is read
+
+- Every problem is told at once, with file, line, key, value and what would be right, before
+  anything is opened: `robot.yaml:14: imu.baud = 'fast': must be a whole number from ...`.
+- Several files are laid over each other, key by key; later ones win, and the command line wins over
+  all files. (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
+- `robot:`, `/robot:`, `/lab: {robot: ...}` and `/lab/robot:` name the node as in every ROS 2 file.
+  The wildcards `*` (one name) and `**` (any number) work, in the order of the file.
+- Values are what ROS 2 reads in them: `yes` and `on` are true, `010` is eight, `1e3` is a number,
+  `"5"` is a text. A whole number will do where a number is wanted. Items of a list are of one type.
+- A key given twice, a key nobody knows, a key without value, an alias, a section in no list: each
+  is an error and none is ignored. Only `use_sim_time`, `start_type_description_service` and
+  `qos_overrides` belong to ROS 2 and are left alone.
+- Names of sections are letters, digits and `_`; each belongs to one list.
+- *Live* keys can be changed while the robot runs: `ros2 param set /robot imu.rate_hz 50.0`.
+"""
+
+_DEVICE_TEXT: Final = """\
+Each name in `devices` has a section with these keys and those of its driver. With `port: sim` the
+device is simulated: a pseudo-terminal speaks its bytes, as its section `sim` says (below, with
+each driver). With any other port the section `sim` is checked and then left alone.
+"""
+
+_TOPIC_TEXT: Final = """\
+Topics that no device and no module declares, such as inputs from ROS. A section `fixed` gives the
+texts and the lengths of sequences that the message is laid out with, by dotted field name:
+`fixed: {header.frame_id: base_link}`.
+"""
+
+_COLUMNS: Final = ('key', 'type', 'default', 'range', 'unit', 'live', 'meaning')
+_KINDS: Final = {bool: 'bool', int: 'int', float: 'float', str: 'string'}
+
+
+def describe(catalogue: Catalogue | None = None) -> str:
+    """Write the page, as Markdown."""
+    known = catalogue or installed()
+    parts = [
+        _HEAD,
+        _section('The robot', '', ROBOT),
+        _section('`core`: the real-time process', '', CORE),
+        _section('Devices', _DEVICE_TEXT, DEVICE),
+        _section('Modules', 'Each name in `modules` has a section with these keys and those of '
+                 'its class.\n', MODULE),
+        _section('Topics', _TOPIC_TEXT, TOPIC),
+        _section('Mirrors', 'Each copies one topic of the core to ROS, or one from ROS.\n', MIRROR),
+    ]
+    for name in sorted(known.drivers.names()):
+        parts += _kind('driver', name, known.drivers)
+        if name in known.simulators.names():
+            text = 'The section `sim` of such a device:\n'
+            parts.append(_section('', text, known.simulators.find(name).fields))
+    for name in sorted(known.modules.names()):
+        parts += _kind('module', name, known.modules)
+    return '\n'.join(part for part in parts if part)
+
+
+def _kind(noun: str, name: str, lookup: Lookup) -> Iterable[str]:
+    try:
+        fields = lookup.find(name).fields
+    except ConfigError as error:
+        return [f'## {noun.capitalize()} `{name}`\n', f'Not usable here: {error}\n']
+    return [_section(f'{noun.capitalize()} `{name}`', '', fields) or
+            f'## {noun.capitalize()} `{name}`\n\nIt has no keys of its own.\n']
+
+
+def _section(title: str, text: str, fields: Sequence[Field]) -> str:
+    if not fields:
+        return ''
+    lines = [f'## {title}', ''] if title else []
+    lines += [text] if text else []
+    lines += [_row(_COLUMNS), _row(['---'] * len(_COLUMNS))]
+    lines += [_row(_cells(field)) for field in fields]
+    return '\n'.join(lines) + '\n'
+
+
+def _cells(field: Field) -> Sequence[str]:
+    kind = f'list of {_KINDS[field.item]}' if field.kind is list else _KINDS[field.kind]
+    default = 'required' if field.default is REQUIRED else f'`{show(field.default)}`'
+    if field.choices:
+        limits = ', '.join(f'`{choice}`' for choice in field.choices)
+    else:
+        limits = range_of(field).removeprefix(' from ').removeprefix(' of ')
+    return (f'`{field.name}`', kind, default, limits, field.unit, 'yes' if field.live else '',
+            field.description)
+
+
+def _row(cells: Sequence[str]) -> str:
+    escaped = (cell.replace('|', '\\|') for cell in cells)
+    return f"| {' | '.join(escaped)} |"
+
+
+if __name__ == '__main__':
+    sys.stdout.write(describe())

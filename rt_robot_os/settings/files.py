@@ -1,0 +1,162 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Reads the parameter files and lays them over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import stat
+from typing import Any
+
+from rt_robot_os.settings.names import full_name
+from rt_robot_os.settings.nodes import expand
+from rt_robot_os.settings.nodes import NodeParameters
+from rt_robot_os.settings.nodes import select
+from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.tree import Branch
+from rt_robot_os.settings.tree import COMMAND_LINE
+from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.tree import merge
+from rt_robot_os.settings.tree import NO_VALUE
+from rt_robot_os.settings.tree import Origin
+from rt_robot_os.settings.tree import RawMap
+from rt_robot_os.settings.yaml_text import DEEPEST
+from rt_robot_os.settings.yaml_text import parse
+from rt_robot_os.settings.yaml_text import YamlProblem
+
+LARGEST_BYTES = 1 << 20
+
+_INT64 = 2 ** 63
+
+
+def read_files(
+    paths: Sequence[Path], namespace: str, node: str, problems: Problems,
+) -> Branch:
+    """
+    Merge the node's parameters of several files; later ones win.
+
+    :raises ConfigError: a file cannot be read or is not YAML; what it would have said is missing,
+        so nothing else can be judged.
+    """
+    read: list[tuple[Path, NodeParameters]] = []
+    broken = False
+    for path in paths:
+        try:
+            root = parse(_text(path), str(path))
+        except YamlProblem as problem:
+            problems.add(Origin(str(path), problem.line), str(problem))
+            broken = True
+            continue
+        if isinstance(root, Leaf):
+            problems.add(root.origin, f"must be parameters: '{node}:', then 'ros__parameters:'")
+            broken = True
+        elif root is not None:
+            read.append((path, select(root, namespace, node, problems)))
+        else:
+            read.append((path, NodeParameters(Branch(Origin(str(path))), False, ())))
+    if broken:
+        problems.raise_any()
+    _check_matched(read, namespace, node, problems)
+    tree = Branch(Origin(str(paths[-1]), 1) if paths else Origin(COMMAND_LINE))
+    for _, parameters in read:
+        tree = merge(tree, parameters.tree)
+    return tree
+
+
+def _check_matched(
+    read: Sequence[tuple[Path, NodeParameters]], namespace: str, node: str, problems: Problems,
+) -> None:
+    """Find files that say nothing to this node, though they were meant to."""
+    name = full_name(namespace, node)
+    nobody = not any(parameters.matched for _, parameters in read)
+    for path, parameters in read:
+        guess = _misspelt(node, parameters.others)
+        if parameters.matched or not (nobody or guess):
+            continue
+        there = ', '.join(parameters.others[:5]) or 'nothing'
+        hint = f'did you mean {node!r} by {guess!r}?' if guess else f"put them under '{name}:'"
+        problems.add(Origin(str(path)), f'has no parameters for {name}, only for {there}: {hint}')
+
+
+def _misspelt(node: str, sections: Sequence[str]) -> str | None:
+    """Find a name that looks like the node's; robot1 and robot2 are two robots, no mistake."""
+    def letters(name: str) -> str:
+        return ''.join(c for c in name if not c.isdigit())
+
+    lasts = {section.rpartition('/')[2] for section in sections}
+    return nearest(node, {last for last in lasts if letters(last) != letters(node)})
+
+
+def _text(path: Path) -> str:
+    """
+    Read a file as text, never more than is sensible, never from what could block.
+
+    :raises YamlProblem: with the reason.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise YamlProblem('cannot be read: it is no file')
+        with path.open('rb') as file:
+            data = file.read(LARGEST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise YamlProblem(f'cannot be read: {reason}') from None
+    if len(data) > LARGEST_BYTES:
+        raise YamlProblem(f'is longer than {LARGEST_BYTES} bytes: no parameter file is')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError as error:
+        before = data[:error.start]
+        line, column = before.count(b'\n') + 1, error.start - before.rfind(b'\n')
+        reason = f'not UTF-8: byte 0x{data[error.start]:02x}'
+        raise YamlProblem(reason, line, column) from None
+
+
+def read_overrides(overrides: Mapping[str, Any], problems: Problems) -> Branch:
+    """Take the values of the command line, by dotted name, as one more file."""
+    return expand(_raw(overrides, 0), problems)
+
+
+def _raw(mapping: Mapping[Any, Any], depth: int) -> RawMap:
+    origin = Origin(COMMAND_LINE)
+    raw = RawMap(origin)
+    for key, value in mapping.items():
+        name = key if isinstance(key, str) else repr(key)
+        if isinstance(value, Mapping) and depth < DEEPEST:
+            raw.items.append((name, origin, _raw(value, depth + 1)))
+        else:
+            raw.items.append((name, origin, _leaf(value, origin)))
+    return raw
+
+
+def _leaf(value: Any, origin: Origin) -> Leaf:
+    if isinstance(value, list | tuple):
+        if any(isinstance(item, list | tuple | Mapping) for item in value):
+            return Leaf(origin, (), 'a list may hold no section and no list')
+        leaves = [_leaf(item, origin) for item in value]
+        fault = next((leaf.fault for leaf in leaves if leaf.fault), '')
+        return Leaf(origin, tuple(leaf.value for leaf in leaves), fault)
+    if isinstance(value, int) and not -_INT64 <= value < _INT64:
+        return Leaf(origin, math.inf if value > 0 else -math.inf)
+    if isinstance(value, bool | int | float | str):
+        return Leaf(origin, value)
+    if value is None:
+        return Leaf(origin, None, NO_VALUE)
+    return Leaf(origin, type(value).__name__, 'must be true or false, a number, a text or a list')

@@ -1,0 +1,122 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The catalogue of what is installed: the registries of drivers, modules and simulators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Hashable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+import functools
+from typing import Any
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.problems import did_you_mean
+
+
+@dataclass(frozen=True)
+class _Registry:
+    """
+    A registry behind the interface of :class:`rt_robot_os.settings.catalogue.Lookup`.
+
+    :ivar noun: what it holds.
+    :ivar listed: gives the registered names.
+    :ivar described: makes a kind of a name.
+    :ivar open_ended: names with a colon are imported without being registered.
+    """
+
+    noun: str
+    listed: Callable[[], Sequence[str]]
+    described: Callable[[str], Kind]
+    open_ended: bool = False
+
+    def names(self) -> Sequence[str]:
+        return self.listed()
+
+    def find(self, name: str) -> Kind:
+        if name not in self.listed() and not (self.open_ended and ':' in name):
+            raise ConfigError([f'no such {self.noun}, {did_you_mean(name, self.listed())}'])
+        try:
+            return self.described(name)
+        except ConfigError:
+            raise
+        except Exception as error:  # a class from elsewhere may fail in any way
+            raise ConfigError([f'this {self.noun} cannot be imported: {error!r}']) from error
+
+
+def _driver_names() -> Sequence[str]:
+    from rt_robot_os.drivers import registry
+    return registry.names()
+
+
+def _driver(name: str) -> Kind:
+    from rt_robot_os.drivers import registry
+    cls = registry.driver_class(name)
+
+    def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+        return [TopicUse(each.topic, each.message, True, each.fixed)
+                for each in cls(section, values).publications()]
+
+    return Kind(tuple(cls.SETTINGS), uses)
+
+
+def _module_names() -> Sequence[str]:
+    from rt_robot_os.modules import registry
+    return registry.names()
+
+
+def _module(name: str) -> Kind:
+    from rt_robot_os.modules import registry
+    cls = registry.module_class(name)
+
+    def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+        module = cls(section, values)
+        written = [TopicUse(each.topic, each.message, True, each.fixed)
+                   for each in module.publications()]
+        return [*written, *(TopicUse(topic, '', False) for topic in module.subscriptions())]
+
+    return Kind(tuple(cls.fields()), uses)
+
+
+def _simulator_names() -> Sequence[str]:
+    from rt_robot_os.sim import registry
+    return registry.names()
+
+
+def _simulator(name: str) -> Kind:
+    from rt_robot_os.sim import registry
+    return Kind(tuple(registry.simulator_class(name).SETTINGS))
+
+
+def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashable:
+    from rt_robot_os.topics import Layout
+    layout = Layout.compile(message, fixed, tail=tail)
+    return layout.type_name, bytes(layout.prototype), layout.max_size
+
+
+@functools.cache
+def installed() -> Catalogue:
+    """Give the catalogue of this installation; imports a driver or module when it is named."""
+    return Catalogue(
+        drivers=_Registry('driver', _driver_names, _driver),
+        modules=_Registry('module', _module_names, _module, open_ended=True),
+        simulators=_Registry('simulator', _simulator_names, _simulator),
+        layout=_layout)

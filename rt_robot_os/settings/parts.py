@@ -1,0 +1,200 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Reads the sections of devices and modules: our keys and those of the driver or module class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.catalogue import Lookup
+from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.fields import DEVICE
+from rt_robot_os.settings.fields import MODULE
+from rt_robot_os.settings.model import DeviceSettings
+from rt_robot_os.settings.model import frozen
+from rt_robot_os.settings.model import ModuleSettings
+from rt_robot_os.settings.model import SIM_PORT
+from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.section import read_section
+from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.tree import Branch
+from rt_robot_os.settings.tree import Leaf
+
+_PLACEHOLDERS: Mapping[type, Any] = {bool: False, int: 0, float: 0.0, str: 'x', list: ()}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """
+    A device or module on its way to being settings.
+
+    :ivar branch: as it was written.
+    :ivar kind: None when its type is not known.
+    :ivar sim: what the simulator gets; None when the device is real.
+    """
+
+    section: Section
+    branch: Branch
+    kind: Kind | None
+    sim: Mapping[str, Any] | None = None
+
+    @property
+    def name(self) -> str:
+        """Give the name of its section."""
+        return self.section.name
+
+    def own(self) -> Mapping[str, Any]:
+        """Give the values of the class's own settings."""
+        return self.section.pick(self.kind.fields if self.kind else ())
+
+
+def common(ours: Sequence[Field], kind: Kind) -> tuple[Field, ...]:
+    """Join our keys and the class's; the class may give one of ours another default or range."""
+    theirs = {each.name for each in kind.fields}
+    return (*(each for each in ours if each.name not in theirs), *kind.fields)
+
+
+def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
+    """Read the section of one device and of its simulator."""
+    kind, section = _read(branch, name, catalogue.drivers, DEVICE, 'driver', ('sim',), problems)
+    _check_retry(section, problems)
+    sim = _read_simulator(branch, section, catalogue.simulators, problems) if kind else None
+    return Part(section, branch, kind, sim)
+
+
+def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
+    """Read the section of one module."""
+    kind, section = _read(branch, name, catalogue.modules, MODULE, 'module', (), problems)
+    return Part(section, branch, kind)
+
+
+def _read(
+    branch: Branch, name: str, lookup: Lookup, ours: Sequence[Field], noun: str,
+    elsewhere: tuple[str, ...], problems: Problems,
+) -> tuple[Kind | None, Section]:
+    node = branch.children.get('type')
+    kind = None
+    if isinstance(node, Leaf) and isinstance(node.value, str) and not node.fault:
+        try:
+            kind = lookup.find(node.value)
+        except ConfigError as error:
+            for text in error.problems:
+                problems.value(node.origin, f'{name}.type', node.value, text)
+    elif node is None:
+        text = f'{name}.type is missing: must be a {noun}, '
+        problems.add(branch.origin, text + did_you_mean('', lookup.names()))
+        branch = Branch(branch.origin, {**branch.children, 'type': Leaf(branch.origin, '')})
+    if kind is None:
+        # Without its class nobody can say which other keys are right.
+        return None, read_section(branch, name, ours, problems, tuple(branch.children))
+    return kind, read_section(branch, name, common(ours, kind), problems, elsewhere)
+
+
+def _check_retry(section: Section, problems: Problems) -> None:
+    first, longest = section.values.get('retry_s'), section.values.get('retry_max_s')
+    if first is not None and longest is not None and longest < first:
+        section.reject('retry_max_s', f'must be at least retry_s, {first:g} (s)', problems)
+
+
+def _read_simulator(
+    branch: Branch, section: Section, simulators: Lookup, problems: Problems,
+) -> Mapping[str, Any] | None:
+    node = branch.children.get('sim')
+    wanted = section.values.get('port') == SIM_PORT
+    if isinstance(node, Leaf):
+        problems.add(node.origin, f"{section.name}.sim must be a section of the simulator's keys")
+        return None
+    if node is None and not wanted:
+        return None
+    driver = section.values.get('type', '')
+    try:
+        kind = simulators.find(driver)
+    except ConfigError as error:
+        key = 'port' if wanted else 'sim'
+        origin = section.where(key) if node is None else node.origin
+        for text in error.problems:
+            problems.add(origin, f'{section.name}.{key}: {text}')
+        return None
+    tree = Branch(section.origin) if node is None else node
+    found = read_section(tree, f'{section.name}.sim', kind.fields, problems)
+    return found.values if wanted else None
+
+
+def topics_of(part: Part, noun: str, problems: Problems) -> Sequence[TopicUse] | None:
+    """
+    Ask the class which topics it uses with these settings.
+
+    A wrong value is replaced by its default, so that one mistake does not bring on others.
+
+    :return: None when that cannot be known.
+    """
+    if part.kind is None:
+        return None
+    values = dict(part.own())
+    complete = True
+    for each in part.kind.fields:
+        if each.name not in values:
+            complete = False
+            values[each.name] = _stand_in(each)
+    try:
+        return tuple(part.kind.uses(part.name, values))
+    except RtRobotError as error:
+        if complete:
+            for line in str(error).splitlines():
+                problems.add(part.section.origin, f'{part.name}: {line}')
+    except Exception as error:  # a class from elsewhere may fail in any way
+        if complete:
+            text = f'{part.name}: this {noun} cannot be made from these settings: {error!r}'
+            problems.add(part.section.origin, text)
+    return None
+
+
+def _stand_in(field: Field) -> Any:
+    if field.default is not REQUIRED:
+        return field.default
+    if field.choices:
+        return field.choices[0]
+    if field.minimum is not None and field.kind in (int, float):
+        return field.kind(field.minimum)
+    return _PLACEHOLDERS[field.kind]
+
+
+def build_device(part: Part) -> DeviceSettings:
+    """Make the settings of a device that has no problem."""
+    values = part.section.values
+    return DeviceSettings(
+        name=part.name, type=values['type'], port=values.get('port', ''),
+        rate_hz=values['rate_hz'], priority=values['priority'], timeout_s=values['timeout_s'],
+        retry_s=values['retry_s'], retry_max_s=values['retry_max_s'],
+        settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim))
+
+
+def build_module(part: Part) -> ModuleSettings:
+    """Make the settings of a module that has no problem."""
+    values = part.section.values
+    return ModuleSettings(
+        name=part.name, type=values['type'], rate_hz=values['rate_hz'],
+        priority=values['priority'], settings=frozen(part.own()))

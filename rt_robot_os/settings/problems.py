@@ -1,0 +1,155 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Everything that is wrong, collected, and the words for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+import difflib
+from typing import Any
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import Field
+from rt_robot_os.settings.tree import Origin
+from rt_robot_os.settings.tree import show
+
+# A file of nonsense gets this many lines, then their number.
+MOST_LINES = 500
+
+_NOUNS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+_PLURALS = {bool: 'true or false', int: 'whole numbers', float: 'numbers', str: 'texts'}
+_LONGEST_GUESS = 64
+
+
+class Problems:
+    """
+    The problems found so far, told in the order of the files.
+
+    :param files: the files as the user gave them, in order.
+    """
+
+    def __init__(self, files: Iterable[str] = ()) -> None:
+        self._order = {name: index for index, name in enumerate(dict.fromkeys(files))}
+        self._found: list[tuple[int, int, str]] = []
+        self._dropped = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def add(self, origin: Origin, text: str) -> None:
+        """Note one problem at a place."""
+        if len(self._found) >= MOST_LINES:
+            self._dropped += 1
+            return
+        rank = self._order.get(origin.file, len(self._order))
+        self._found.append((rank, origin.line, _one_line(f'{origin}: {text}')))
+
+    def value(self, origin: Origin, name: str, value: Any, remedy: str) -> None:
+        """Note that a value cannot be used, and what would be right."""
+        self.add(origin, f'{name} = {show(value)}: {remedy}')
+
+    def lines(self) -> tuple[str, ...]:
+        """Give one line a problem, each once, by file and line."""
+        ordered = sorted(self._found, key=lambda found: found[:2])
+        lines = tuple(dict.fromkeys(text for _, _, text in ordered))
+        if self._dropped:
+            lines += (f'and {self._dropped} more problems',)
+        return lines
+
+    def raise_any(self) -> None:
+        """
+        Do nothing when nothing was found.
+
+        :raises ConfigError: with all that was found.
+        """
+        if self._found:
+            raise ConfigError(self.lines())
+
+
+def _one_line(text: str) -> str:
+    """Keep an error one line that any terminal can show, whatever a key contains."""
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
+
+
+def problem_of(field: Field, value: Any) -> str | None:
+    """
+    Check one value against its declaration, each item of a list included.
+
+    :return: None when the value may be used, else ``must be ...``.
+    """
+    if field.kind is not list:
+        wrong = field.problem(value) or (isinstance(value, str) and not _is_text(value))
+        return f'must be {wanted(field)}' if wrong else None
+    item = replace(field, kind=field.item)
+    if not isinstance(value, list | tuple):
+        hint = '' if problem_of(item, value) else f': write [{show(value)}]'
+        return f'must be {wanted(field)}{hint}'
+    if field.problem(value) or any(problem_of(item, each) for each in value):
+        return f'must be {wanted(field)}'
+    return None
+
+
+def _is_text(value: str) -> bool:
+    return all(c.isprintable() or c in '\n\t' for c in value)
+
+
+def wanted(field: Field) -> str:
+    """Say what a field takes: its type, range and unit, or its choices."""
+    if field.choices:
+        names = ', '.join(str(choice) for choice in field.choices)
+        text = f'a list of any of {names}' if field.kind is list else f'one of {names}'
+    elif field.kind is list:
+        text = f'a list of {_PLURALS[field.item]}{range_of(field)}'
+    else:
+        text = f'{_NOUNS[field.kind]}{range_of(field)}'
+    return f'{text} ({field.unit})' if field.unit else text
+
+
+def range_of(field: Field) -> str:
+    """Write the range of a field; empty when there is none."""
+    low, high = number(field.minimum), number(field.maximum)
+    if low and high:
+        return f' from {low} to {high}'
+    if low:
+        return f' of at least {low}'
+    return f' of at most {high}' if high else ''
+
+
+def number(value: float | None) -> str:
+    """Write a limit without exponent where that stays short."""
+    if value is None:
+        return ''
+    if float(value).is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    return f'{value:g}'
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Guess which of the known names was meant."""
+    if len(name) > _LONGEST_GUESS:
+        return None
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Say which known name is nearest, or which names there are."""
+    names = sorted(set(known))
+    guess = nearest(name, names)
+    if guess:
+        return f'did you mean {guess!r}?'
+    return f"known: {', '.join(names)}" if names else 'there are none'

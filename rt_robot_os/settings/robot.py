@@ -1,0 +1,139 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""From the parameters of the node to the settings of the robot: every section, then the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.fields import CORE
+from rt_robot_os.settings.fields import MIRROR
+from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.settings.fields import ROS_OWN
+from rt_robot_os.settings.fields import TOPIC
+from rt_robot_os.settings.model import CoreSettings
+from rt_robot_os.settings.model import frozen
+from rt_robot_os.settings.model import MirrorSettings
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.parts import build_device
+from rt_robot_os.settings.parts import build_module
+from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import read_device
+from rt_robot_os.settings.parts import read_module
+from rt_robot_os.settings.parts import topics_of
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.section import read_section
+from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.sections import find_sections
+from rt_robot_os.settings.sections import texts
+from rt_robot_os.settings.tree import Branch
+from rt_robot_os.settings.tree import flatten
+from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.wiring import check_mirrors
+from rt_robot_os.settings.wiring import check_ports
+from rt_robot_os.settings.wiring import TopicTable
+
+
+def read_robot(
+    tree: Branch, namespace: str, node: str, catalogue: Catalogue, problems: Problems,
+) -> RobotSettings:
+    """
+    Check everything and build the settings.
+
+    :raises ConfigError: with every problem, also those noted before.
+    """
+    named = find_sections(tree, catalogue, problems)
+    top = read_section(tree, '', ROBOT, problems, set(tree.children) | ROS_OWN)
+    core = _read_core(tree, problems)
+    devices = [read_device(branch, name, catalogue, problems)
+               for name, branch in named.devices.items()]
+    modules = [read_module(branch, name, catalogue, problems)
+               for name, branch in named.modules.items()]
+    topics = [_read_topic(branch, name, problems) for name, branch in named.topics.items()]
+    mirrors = [read_section(branch, name, MIRROR, problems)
+               for name, branch in named.mirrors.items()]
+    check_ports(devices, problems)
+    table = TopicTable(loose=named.loose, complete=not named.loose)
+    _fill_table(table, devices, modules, topics, catalogue, problems)
+    table.check_reads(problems)
+    check_mirrors(mirrors, table, namespace, node, problems)
+    problems.raise_any()
+    return RobotSettings(
+        autostart=top.values['autostart'], diagnostics_rate_hz=top.values['diagnostics_rate_hz'],
+        core=CoreSettings(**core.values),
+        devices=tuple(build_device(part) for part in devices),
+        modules=tuple(build_module(part) for part in modules),
+        topics=tuple(_build_topic(section) for section in topics),
+        mirrors=tuple(_build_mirror(section, table) for section in mirrors))
+
+
+def _read_core(tree: Branch, problems: Problems) -> Section:
+    node = tree.children.get('core', Branch(tree.origin))
+    if isinstance(node, Leaf):
+        problems.value(node.origin, 'core', node.value, 'must be a section')
+        node = Branch(tree.origin)
+    return read_section(node, 'core', CORE, problems)
+
+
+def _fill_table(
+    table: TopicTable, devices: list[Part], modules: list[Part], topics: list[Section],
+    catalogue: Catalogue, problems: Problems,
+) -> None:
+    for noun, parts in (('device', devices), ('module', modules)):
+        for part in parts:
+            uses = topics_of(part, noun, problems)
+            if uses is None:
+                table.loose.update(texts(part.branch))
+            table.add_uses(part.section, noun, uses, catalogue, problems)
+    for section in topics:
+        table.add_topic(section, catalogue, problems)
+
+
+def _read_topic(branch: Branch, name: str, problems: Problems) -> Section:
+    section = read_section(branch, name, TOPIC, problems, ('fixed',))
+    depth = section.values.get('depth', 1)
+    if depth & (depth - 1):
+        remedy = f'must be a power of two, such as {1 << (depth - 1).bit_length()}'
+        section.reject('depth', remedy, problems)
+    section.values['fixed'] = _read_fixed(branch, name, problems)
+    return section
+
+
+def _read_fixed(branch: Branch, name: str, problems: Problems) -> Mapping[str, Any]:
+    node = branch.children.get('fixed')
+    if isinstance(node, Leaf):
+        text = f'{name}.fixed must be a section: fields of the message, with their text or length'
+        problems.add(node.origin, text)
+    if not isinstance(node, Branch):
+        return {}
+    return {key: leaf.value for key, leaf in flatten(node).items() if not leaf.fault}
+
+
+def _build_topic(section: Section) -> TopicSettings:
+    values = section.values
+    return TopicSettings(
+        name=section.name, topic=values['topic'] or section.name, message=values['message'],
+        depth=values['depth'], rate_hz=values['rate_hz'], fixed=frozen(values['fixed']),
+        tail=values['tail'] or None)
+
+
+def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:
+    values = {**section.values, 'message': table.message(section.values['topic'])}
+    values['ros_topic'] = values['ros_topic'] or values['topic']
+    return MirrorSettings(name=section.name, **values)

@@ -1,0 +1,160 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What the settings need of a ROS 2 command line; rclpy judges the rest of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from rt_robot_os.settings.names import full_name
+from rt_robot_os.settings.names import is_token
+from rt_robot_os.settings.names import namespace_problem
+from rt_robot_os.settings.names import TOKEN_RULE
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.tree import COMMAND_LINE
+from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.tree import Origin
+from rt_robot_os.settings.yaml_text import parse
+from rt_robot_os.settings.yaml_text import YamlProblem
+
+_ORIGIN = Origin(COMMAND_LINE)
+_VALUED = ('-e', '--enclave', '--log-level', '--log-config-file', '--log-file-name')
+
+
+@dataclass(frozen=True, slots=True)
+class RosArguments:
+    """
+    The ROS part of a command line, and what is left.
+
+    :ivar params_files: in the order given.
+    :ivar overrides: ``-p``, by dotted name, of those meant for this node.
+    :ivar rest: everything outside of ``--ros-args ... --``.
+    """
+
+    params_files: tuple[Path, ...]
+    overrides: Mapping[str, Any]
+    node_name: str
+    namespace: str
+    rest: tuple[str, ...]
+
+
+def parse_ros_args(argv: Sequence[str], node: str = 'robot') -> RosArguments:
+    """
+    Read ``--ros-args --params-file F -p name:=value -r __node:=x -r __ns:=/y --``.
+
+    Remappings of topics, log options and what is unknown are left to rclpy, which gets the same
+    command line.
+
+    :param argv: without the program's name.
+    :param node: the node's name unless remapped.
+    :raises ConfigError: with one line for each argument that cannot be understood.
+    """
+    problems = Problems()
+    ours, rest = _split(argv)
+    files, parameters, remaps = _sort(ours, problems)
+    name, namespace = _node_of(remaps, node, problems)
+    overrides: dict[str, Any] = {}
+    for text in parameters:
+        _override(text, name, namespace, overrides, problems)
+    problems.raise_any()
+    return RosArguments(tuple(files), MappingProxyType(overrides), name, namespace, rest)
+
+
+def _split(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    ours: list[str] = []
+    rest: list[str] = []
+    inside = False
+    for argument in argv:
+        if argument == '--ros-args':
+            inside = True
+        elif inside and argument == '--':
+            inside = False
+        else:
+            (ours if inside else rest).append(argument)
+    return ours, tuple(rest)
+
+
+def _sort(
+    arguments: Sequence[str], problems: Problems,
+) -> tuple[list[Path], list[str], list[str]]:
+    files: list[Path] = []
+    parameters: list[str] = []
+    remaps: list[str] = []
+    waiting = iter(arguments)
+    for flag in waiting:
+        if flag not in ('--params-file', '-p', '--param', '-r', '--remap', *_VALUED):
+            continue
+        value = next(waiting, None)
+        if value is None:
+            problems.add(_ORIGIN, f'{flag} is the last argument: its value is missing')
+        elif flag == '--params-file':
+            files.append(Path(value))
+        elif flag in ('-p', '--param'):
+            parameters.append(value)
+        elif flag in ('-r', '--remap'):
+            remaps.append(value)
+    return files, parameters, remaps
+
+
+def _node_of(remaps: Sequence[str], node: str, problems: Problems) -> tuple[str, str]:
+    """Apply the remappings of the node's own name; of several the first counts, as in rcl."""
+    name, namespace = '', ''
+    for rule in remaps:
+        what, separator, value = rule.partition(':=')
+        for_node, _, what = what.rpartition(':')
+        if not separator or for_node not in ('', node):
+            continue
+        if what in ('__node', '__name') and not name:
+            name = value
+            if not is_token(value):
+                problems.value(_ORIGIN, f'-r {what}', value, f'must be {TOKEN_RULE}')
+        elif what == '__ns' and not namespace:
+            namespace = value
+            wrong = namespace_problem(value)
+            if wrong:
+                problems.value(_ORIGIN, '-r __ns', value, wrong)
+    return name or node, namespace or '/'
+
+
+def _override(
+    rule: str, node: str, namespace: str, overrides: dict[str, Any], problems: Problems,
+) -> None:
+    what, separator, text = rule.partition(':=')
+    for_node, _, name = what.rpartition(':')
+    if not separator or not name:
+        problems.add(_ORIGIN, f'-p {rule}: must be name:=value, such as imu.rate_hz:=100.0')
+        return
+    if for_node not in ('', node, full_name(namespace, node)):
+        return
+    try:
+        leaf = parse(text, COMMAND_LINE)
+    except YamlProblem as problem:
+        problems.add(_ORIGIN, f'{name}: {problem}')
+        return
+    if leaf is None or (isinstance(leaf, Leaf) and leaf.value is None):
+        problems.add(_ORIGIN, f"{name} has no value: write {name}:='\"\"' for an empty text")
+    elif not isinstance(leaf, Leaf):
+        problems.add(_ORIGIN, f'{name} must be one value or a list: give the keys of a section '
+                     f'one by one, {name}.key:=value')
+    elif leaf.fault:
+        problems.value(_ORIGIN, name, leaf.value, leaf.fault)
+    else:
+        overrides[name] = leaf.value

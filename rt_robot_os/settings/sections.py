@@ -1,0 +1,156 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Matches the lists of names (``devices: [imu]``) with the sections of these names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.fields import LISTS
+from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.settings.fields import ROS_OWN
+from rt_robot_os.settings.names import is_token
+from rt_robot_os.settings.names import TOKEN_RULE
+from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.tree import Branch
+from rt_robot_os.settings.tree import flatten
+from rt_robot_os.settings.tree import Leaf
+
+_TOP = frozenset({each.name for each in ROBOT} | {'core'})
+_MIRROR_KEYS = frozenset({'direction', 'ros_topic', 'policy', 'max_rate_hz'})
+_TOPIC_KEYS = frozenset({'message', 'fixed', 'tail'})
+_DEVICE_KEYS = frozenset({'port', 'baud', 'sim', 'timeout_s', 'retry_s', 'frame_id'})
+
+
+@dataclass(frozen=True, slots=True)
+class Sections:
+    """
+    The sections by list, then by name in the order of the list.
+
+    :ivar loose: names and texts of what belongs to no list, as far as anybody can tell.
+    """
+
+    devices: dict[str, Branch] = field(default_factory=dict)
+    modules: dict[str, Branch] = field(default_factory=dict)
+    topics: dict[str, Branch] = field(default_factory=dict)
+    mirrors: dict[str, Branch] = field(default_factory=dict)
+    loose: set[str] = field(default_factory=set)
+
+
+def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sections:
+    """
+    Find the section of each listed name.
+
+    Names without section, sections without name and names in two lists are problems.
+    """
+    sections = Sections()
+    owners: dict[str, str] = {}
+    broken = {name for name in LISTS if not _read_list(name, tree, owners, sections, problems)}
+    for key, node in tree.children.items():
+        if key in owners or key in _TOP or key in ROS_OWN:
+            continue
+        if not isinstance(node, Branch):
+            problems.value(node.origin, key, node.value,
+                           f'unknown key, {did_you_mean(key, {*_TOP, *owners})}')
+            continue
+        sections.loose.update((key, *texts(node)))
+        probable = _probable_lists(node, catalogue)
+        if not broken.intersection(probable):
+            where = ' or '.join(f"'{name}'" for name in probable)
+            guess = nearest(key, _TOP)
+            hint = f", or did you mean '{guess}'?" if guess else ''
+            problems.add(node.origin, f'{key}: this section is in no list: add {key!r} to {where} '
+                         f'or delete it{hint}')
+    return sections
+
+
+def texts(section: Branch) -> Iterable[str]:
+    """Give the texts of a section, at any depth."""
+    return (leaf.value for leaf in flatten(section).values() if isinstance(leaf.value, str))
+
+
+def _read_list(
+    list_name: str, tree: Branch, owners: dict[str, str], sections: Sections, problems: Problems,
+) -> bool:
+    """
+    Find the sections of one list.
+
+    :return: False when it is no list of names; that is reported where its type is checked.
+    """
+    node = tree.children.get(list_name, Leaf(tree.origin, ()))
+    if not isinstance(node, Leaf) or node.fault or not isinstance(node.value, tuple):
+        return False
+    if not all(isinstance(name, str) for name in node.value):
+        return False
+    found: dict[str, Branch] = getattr(sections, list_name)
+    for index, name in enumerate(node.value):
+        origin = node.item_origin(index)
+        wrong = _name_problem(name, list_name, owners)
+        if wrong:
+            problems.value(origin, list_name, name, wrong)
+            continue
+        owners[name] = list_name
+        section = tree.children.get(name)
+        if isinstance(section, Branch):
+            found[name] = section
+            continue
+        sections.loose.add(name)
+        if section is None:
+            problems.value(origin, list_name, name, f'has no section{_section_hint(name, tree)}')
+        elif not section.fault:
+            problems.value(section.origin, name, section.value, 'must be a section')
+    return True
+
+
+def _name_problem(name: str, list_name: str, owners: Mapping[str, str]) -> str | None:
+    if not is_token(name):
+        return f'a name must be {TOKEN_RULE}'
+    if name in _TOP or name in ROS_OWN:
+        return 'is a key of its own: choose another name'
+    owner = owners.get(name)
+    if owner == list_name:
+        return 'is twice in this list: delete one'
+    return owner and f"is in '{owner}' already: each section is in one list"
+
+
+def _section_hint(name: str, tree: Branch) -> str:
+    others = [key for key, each in tree.children.items()
+              if isinstance(each, Branch) and key not in _TOP]
+    guess = nearest(name, others)
+    return f', did you mean {guess!r}?' if guess else f': write {name}: {{...}}'
+
+
+def _probable_lists(section: Branch, catalogue: Catalogue) -> tuple[str, ...]:
+    """Guess from its keys which list a section was written for."""
+    keys = set(section.children)
+    kind = section.children.get('type')
+    if keys & _TOPIC_KEYS:
+        return ('topics',)
+    if keys & _MIRROR_KEYS:
+        return ('mirrors',)
+    if isinstance(kind, Leaf) and kind.value in catalogue.drivers.names():
+        return ('devices',)
+    if isinstance(kind, Leaf) and kind.value in catalogue.modules.names():
+        return ('modules',)
+    if keys & _DEVICE_KEYS:
+        return ('devices',)
+    return ('devices', 'modules') if kind else LISTS

@@ -1,0 +1,205 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Checks how the parts fit together: ports, topics and their types, mirrors."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import field
+import os
+
+from rt_robot_os.errors import LayoutError
+from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.model import SIM_PORT
+from rt_robot_os.settings.names import full_topic
+from rt_robot_os.settings.names import message_problem
+from rt_robot_os.settings.names import ros_topic_problem
+from rt_robot_os.settings.names import topic_problem
+from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.tree import Origin
+
+
+@dataclass(frozen=True, slots=True)
+class _Declared:
+    use: TopicUse
+    by: str
+    origin: Origin
+    shape: Hashable
+
+
+@dataclass(slots=True)
+class TopicTable:
+    """
+    The topics of the core and who declares them.
+
+    :ivar complete: False when some part could not tell; then a missing topic proves little.
+    :ivar loose: texts of the sections that nobody could read; they may be names of topics.
+    """
+
+    declared: dict[str, _Declared] = field(default_factory=dict)
+    read: list[tuple[TopicUse, str, Origin]] = field(default_factory=list)
+    complete: bool = True
+    loose: set[str] = field(default_factory=set)
+
+    def missing(self, topic: str) -> str | None:
+        """Say that nobody declares a topic; None when one does, or may do when all is right."""
+        if topic in self.declared or topic in self.loose:
+            return None
+        if not self.complete and nearest(topic, self.declared) is None:
+            return None
+        return f'nobody declares this topic, {did_you_mean(topic, self.declared)}'
+
+    def message(self, topic: str) -> str:
+        """Give the type of a declared topic."""
+        return self.declared[topic].use.message
+
+    def add_uses(
+        self, section: Section, noun: str, uses: Sequence[TopicUse] | None,
+        catalogue: Catalogue, problems: Problems,
+    ) -> None:
+        """Enter the topics of one part."""
+        if uses is None:
+            self.complete = False
+            return
+        for use in uses:
+            key = next((k for k, v in section.values.items() if v == use.topic), '')
+            label = f'{section.name}.{key}' if key else f'topic of {section.name}'
+            by = f'{noun} {section.name}'
+            self._enter(use, label, section.where(key), by, catalogue, problems)
+
+    def add_topic(self, section: Section, catalogue: Catalogue, problems: Problems) -> None:
+        """Enter a topic of the list ``topics``."""
+        values = section.values
+        if 'topic' not in values or 'message' not in values:
+            self.complete = False
+            return
+        topic, by = values['topic'] or section.name, f'topics: {section.name}'
+        old = self.declared.get(topic)
+        if old is not None:
+            text = f'{topic!r} is declared by {old.by} already: delete it here'
+            problems.add(section.where('topic'), f'{section.name}: {text}')
+            return
+        use = TopicUse(topic, values['message'], True, values['fixed'], values.get('tail') or None)
+        label = f'{section.name}.topic'
+        self._enter(use, label, section.where('topic'), by, catalogue, problems,
+                    section.where('message'))
+
+    def _enter(
+        self, use: TopicUse, label: str, origin: Origin, by: str, catalogue: Catalogue,
+        problems: Problems, message_origin: Origin | None = None,
+    ) -> None:
+        wrong = topic_problem(use.topic)
+        if wrong:
+            problems.value(origin, label, use.topic, wrong)
+            self.complete = False
+            self.loose.add(label.partition('.')[0])
+            return
+        if not use.publishes:
+            self.read.append((use, by, origin))
+            return
+        shape: Hashable = None
+        try:
+            wrong = message_problem(use.message)
+            shape = None if wrong else catalogue.layout(use.message, use.fixed, use.tail)
+        except LayoutError as error:
+            wrong = str(error)
+        if wrong and message_origin:
+            name = label.rpartition('.')[0]
+            problems.value(message_origin, f'{name}.message', use.message, wrong)
+        elif wrong:
+            problems.add(origin, f'{by} declares {use.topic!r} as {use.message!r}: {wrong}')
+        old = self.declared.setdefault(use.topic, _Declared(use, by, origin, shape))
+        if shape is not None and old.shape is not None and shape != old.shape:
+            difference = f'{old.use.message} ({old.by}, {old.origin})'
+            if old.use.message == use.message:
+                difference += ' with other fixed fields'
+            problems.value(origin, label, use.topic,
+                           f'is {use.message} here but {difference}: choose another name')
+
+    def check_reads(self, problems: Problems) -> None:
+        """Find what is read and never declared, or declared with another type."""
+        for use, by, origin in self.read:
+            old = self.declared.get(use.topic)
+            wrong = self.missing(use.topic)
+            if wrong:
+                problems.add(origin, f"{by} reads {use.topic!r}: {wrong} Or add it to 'topics'")
+            elif old and old.shape and use.message and old.use.message != use.message:
+                problems.add(origin, f'{by} reads {use.topic!r} as {use.message}, but it is '
+                             f'{old.use.message} ({old.by}, {old.origin})')
+
+
+def check_ports(devices: Iterable[Part], problems: Problems) -> None:
+    """Find two devices on one port, also when a link under /dev/serial hides it."""
+    taken: dict[str, Part] = {}
+    for part in devices:
+        port = part.section.values.get('port', '')
+        if not port or port == SIM_PORT or part.kind is None or part.kind.shares_port:
+            continue
+        real = os.path.realpath(port) if port.startswith('/') and '\0' not in port else port
+        other = taken.setdefault(real, part)
+        if other is not part:
+            where = other.section.where('port')
+            problems.value(part.section.where('port'), f'{part.name}.port', port,
+                           f'is the port of {other.name} ({where}): give each its own')
+
+
+def check_mirrors(
+    mirrors: Iterable[Section], table: TopicTable, namespace: str, node: str, problems: Problems,
+) -> None:
+    """Find mirrors of nothing, two mirrors onto one ROS topic, mirrors that hear themselves."""
+    taken: dict[tuple[str, str], Section] = {}
+    for mirror in mirrors:
+        values = mirror.values
+        topic, direction = values.get('topic'), values.get('direction')
+        if topic is None or not _check_core_topic(mirror, topic, table, problems):
+            continue
+        ros_topic = values.get('ros_topic')
+        if ros_topic is None or direction is None:
+            continue
+        key = 'ros_topic' if ros_topic else 'topic'
+        wrong = ros_topic_problem(ros_topic) if ros_topic else None
+        if wrong:
+            mirror.reject('ros_topic', wrong, problems)
+            continue
+        full = full_topic(ros_topic or topic, namespace, node)
+        label, origin = f'{mirror.name}.{key}', mirror.where(key)
+        same = taken.setdefault((full, direction), mirror)
+        if same is not mirror:
+            problems.value(origin, label, ros_topic or topic,
+                           f'mirror {same.name} ({same.origin}) has {full} {direction} already: '
+                           'give each its own')
+        opposite = taken.get((full, 'in' if direction == 'out' else 'out'))
+        if opposite is not None:
+            problems.value(origin, label, ros_topic or topic,
+                           f'mirror {opposite.name} ({opposite.origin}) has {full} the other way: '
+                           'it would hear itself, give each its own')
+
+
+def _check_core_topic(
+    mirror: Section, topic: str, table: TopicTable, problems: Problems,
+) -> bool:
+    wrong = topic_problem(topic) or table.missing(topic)
+    if wrong:
+        mirror.reject('topic', wrong, problems)
+    return wrong is None

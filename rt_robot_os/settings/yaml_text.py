@@ -1,0 +1,201 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+YAML text to a tree with line numbers, and nothing that ROS 2 would refuse or misread.
+
+It reads the parser's events: PyYAML's own loaders drop repeated keys in silence, forget lines, and
+recurse as deep as the text asks them to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from dataclasses import field
+from typing import Any
+
+from rt_robot_os.settings.scalars import NULLS
+from rt_robot_os.settings.scalars import scalar
+from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.tree import NO_VALUE
+from rt_robot_os.settings.tree import Origin
+from rt_robot_os.settings.tree import RawMap
+
+DEEPEST = 20
+
+_TAG = 'tag:yaml.org,2002:'
+_KNOWN_TAGS = frozenset({f'{_TAG}{name}' for name in ('str', 'map', 'seq')} | {'!'})
+
+
+class YamlProblem(Exception):
+    """The text cannot be read any further; carries the place and the reason."""
+
+    def __init__(self, reason: str, line: int = 0, column: int = 0) -> None:
+        self.line = line
+        place = f'column {column}: ' if column else ''
+        super().__init__(f'{place}{reason}')
+
+
+@dataclass
+class _Open:
+    """A mapping or a list whose end has not come yet."""
+
+    node: RawMap | None
+    origin: Origin
+    key: tuple[str, Origin] | None = None
+    values: list[Any] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    fault: str = ''
+
+
+def parse(text: str, file: str) -> Leaf | RawMap | None:
+    """
+    Read one YAML document.
+
+    :param file: what to call the text in errors.
+    :return: None when the text holds nothing.
+    :raises YamlProblem: at the first place that is not YAML.
+    """
+    return _Builder(file).build(_events(text))
+
+
+def _kind(event: Any) -> str:
+    return type(event).__name__.removesuffix('Event')
+
+
+def _events(text: str) -> Iterable[Any]:
+    # Late: the core reads its settings as JSON, and all that it imports is locked in memory.
+    import yaml
+
+    try:
+        yield from yaml.parse(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        reason = ' '.join(part for part in (error.context, error.problem) if part)
+        if '\\t' in reason:
+            reason = 'a tab: YAML is indented with spaces only'
+        if mark is None:
+            raise YamlProblem(f'not YAML: {reason}') from None
+        raise YamlProblem(f'not YAML: {reason}', mark.line + 1, mark.column + 1) from None
+    except yaml.reader.ReaderError as error:
+        before = text[:error.position]
+        line, column = before.count('\n') + 1, error.position - (before.rfind('\n') + 1) + 1
+        raise YamlProblem(
+            f'not YAML: character {error.character!r} is not allowed', line, column) from None
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        # PyYAML lets int() and chr() speak for themselves on absurd escapes.
+        raise YamlProblem(f'not YAML: {error}') from None
+
+
+class _Builder:
+    """Turns events into a tree, on a stack of its own."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._stack: list[_Open] = []
+        self._root: Leaf | RawMap | None = None
+        self._documents = 0
+
+    def build(self, events: Iterable[Any]) -> Leaf | RawMap | None:
+        for event in events:
+            line, column = event.start_mark.line + 1, event.start_mark.column + 1
+            origin = Origin(self._file, line)
+            kind = _kind(event)
+            if kind == 'DocumentStart':
+                self._documents += 1
+                if self._documents > 1:
+                    raise YamlProblem("a second document ('---'): write one", line, column)
+            elif kind in ('MappingStart', 'SequenceStart'):
+                self._start(event, origin, column)
+            elif kind in ('MappingEnd', 'SequenceEnd'):
+                self._end()
+            elif kind == 'Alias':
+                reason = f"'*{event.anchor}': ROS 2 knows no aliases, write the value out"
+                raise YamlProblem(reason, line, column)
+            elif kind == 'Scalar':
+                self._scalar(event, origin)
+        return self._root
+
+    def _start(self, event: Any, origin: Origin, column: int) -> None:
+        if len(self._stack) >= DEEPEST:
+            raise YamlProblem(
+                f'nested more than {DEEPEST} deep: no setting is', origin.line, column)
+        is_map = _kind(event) == 'MappingStart'
+        top = self._stack[-1] if self._stack else None
+        if top is not None and top.node is not None and top.key is None:
+            raise YamlProblem('a key must be a text', origin.line, column)
+        opened = _Open(RawMap(origin) if is_map else None, origin, fault=_tag_fault(event.tag))
+        if top is not None and top.node is None:
+            top.fault = 'a list may hold no section and no list: ROS 2 parameters are flat'
+        self._stack.append(opened)
+
+    def _end(self) -> None:
+        done = self._stack.pop()
+        if done.node is not None and not done.fault:
+            self._place(done.node, done.origin)
+            return
+        fault = done.fault or _item_fault(done.values)
+        self._place(Leaf(done.origin, tuple(done.values), fault, tuple(done.lines)), done.origin)
+
+    def _scalar(self, event: Any, origin: Origin) -> None:
+        top = self._stack[-1] if self._stack else None
+        if top is not None and top.node is not None and top.key is None:
+            top.key = (event.value, origin)
+            return
+        quoted = event.style in ('"', "'") or event.tag == f'{_TAG}str'
+        value = scalar(event.value, quoted)
+        fault = _tag_fault(event.tag)
+        if not quoted and (event.value == '' or event.value in NULLS):
+            self._place(Leaf(origin, None, NO_VALUE), origin)
+        else:
+            self._place(Leaf(origin, value, fault), origin)
+
+    def _place(self, node: Leaf | RawMap, origin: Origin) -> None:
+        if not self._stack:
+            self._root = node
+            return
+        top = self._stack[-1]
+        if top.node is not None:
+            if top.key is not None:
+                key, key_origin = top.key
+                top.key = None
+                top.node.items.append((key, key_origin, _moved(node, key_origin)))
+        elif isinstance(node, Leaf):
+            top.values.append(node.value)
+            top.lines.append(origin.line)
+            top.fault = top.fault or node.fault
+
+
+def _moved(node: Leaf | RawMap, origin: Origin) -> Leaf | RawMap:
+    """Give a node the line of its key, which is where a reader looks for it."""
+    if isinstance(node, RawMap):
+        return RawMap(origin, node.items)
+    return Leaf(origin, node.value, node.fault, node.lines)
+
+
+def _tag_fault(tag: str | None) -> str:
+    if tag is None or tag in _KNOWN_TAGS:
+        return ''
+    return f'the tag {tag!r} means nothing to ROS 2: leave it out'
+
+
+def _item_fault(values: list[Any]) -> str:
+    kinds = {type(value) for value in values}
+    if len(kinds) < 2:
+        return ''
+    if kinds == {int, float}:
+        return 'ROS 2 wants a list of one type: write whole numbers with a point, too (1.0)'
+    return 'ROS 2 wants a list of one type: quote what is meant to be text'

@@ -1,0 +1,122 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Settings survive the way to the core's process, and nothing else is taken for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+import pickle
+
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.settings import CoreSettings
+from rt_robot_os.settings import DeviceSettings
+from rt_robot_os.settings import from_json
+from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.settings import ModuleSettings
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
+from rt_robot_os.settings import TopicSettings
+
+TEXTS = st.text(st.characters(exclude_categories=('Cs',)), max_size=8)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+INTEGERS = st.integers(-2 ** 63, 2 ** 63 - 1)
+SCALARS = st.one_of(st.booleans(), INTEGERS, NUMBERS, TEXTS)
+VALUES = st.one_of(SCALARS, st.lists(SCALARS, max_size=3).map(tuple))
+MAPS = st.dictionaries(TEXTS, VALUES, max_size=4)
+
+ROBOTS = st.builds(
+    RobotSettings, st.booleans(), NUMBERS,
+    st.builds(CoreSettings, st.booleans(), INTEGERS, INTEGERS, st.booleans(), NUMBERS, INTEGERS,
+              INTEGERS),
+    st.lists(st.builds(DeviceSettings, TEXTS, TEXTS, TEXTS, NUMBERS, INTEGERS, NUMBERS, NUMBERS,
+                       NUMBERS, MAPS, st.none() | MAPS), max_size=2).map(tuple),
+    st.lists(st.builds(ModuleSettings, TEXTS, TEXTS, NUMBERS, INTEGERS, MAPS),
+             max_size=2).map(tuple),
+    st.lists(st.builds(TopicSettings, TEXTS, TEXTS, TEXTS, INTEGERS, NUMBERS, MAPS,
+                       st.none() | INTEGERS), max_size=2).map(tuple),
+    st.lists(st.builds(MirrorSettings, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, NUMBERS, TEXTS,
+                       TEXTS, INTEGERS), max_size=2).map(tuple))
+
+JSON = st.recursive(st.none() | SCALARS, lambda inner: st.one_of(
+    st.lists(inner, max_size=3), st.dictionaries(TEXTS, inner, max_size=3)), max_leaves=8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(ROBOTS)
+def test_what_is_read_back_is_what_was_written(robot: RobotSettings) -> None:
+    text = to_json(robot)
+    assert '\n' not in text and text.isascii()
+    again = from_json(text)
+    assert again == robot
+    assert repr(to_json(again)) == repr(text)
+
+
+def test_loaded_settings_survive(
+    good: str, load_text: Callable[..., RobotSettings],
+) -> None:
+    robot = load_text(good)
+    again = from_json(to_json(robot))
+    assert again == robot
+    assert isinstance(again.devices[1].rate_hz, float)
+    assert again.devices[0].sim == {'rate_hz': 50.0, 'faults': ('unplug at 5 for 2',)}
+
+
+def test_settings_cannot_be_changed_by_accident(
+    good: str, load_text: Callable[..., RobotSettings],
+) -> None:
+    robot = load_text(good)
+    with pytest.raises(AttributeError):
+        robot.autostart = False  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        robot.devices[0].settings['baud'] = 1  # type: ignore[index]
+    with pytest.raises(TypeError):
+        pickle.dumps(robot)
+
+
+@pytest.mark.parametrize('text', [
+    '', '[]', '5', '{}', '{"format": 2}', '{"format": 1}', '[' * 100_000, '{"format": NaN}',
+    '1' * 5000,
+])
+def test_other_text_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match='settings: '):
+        from_json(text)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data())
+def test_damaged_settings_are_refused_or_read(data: st.DataObject) -> None:
+    written = json.loads(to_json(data.draw(ROBOTS)))
+    key = data.draw(st.sampled_from(sorted(written)))
+    target = written
+    if isinstance(written[key], dict):
+        target, key = written[key], data.draw(st.sampled_from(sorted(written[key])))
+    elif isinstance(written[key], list) and written[key]:
+        target = written[key][0]
+        key = data.draw(st.sampled_from(sorted(target)))
+    if data.draw(st.booleans()):
+        target[key] = data.draw(JSON)
+    else:
+        del target[key]
+    try:
+        from_json(json.dumps(written))
+    except ConfigError as error:
+        assert error.problems
