@@ -22,7 +22,7 @@ from pathlib import Path
 
 from rt_robot_os.core.answers import Answers
 from rt_robot_os.core.garbage import SlackCollector
-from rt_robot_os.drivers.registry import driver_class
+from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Clock
@@ -83,7 +83,7 @@ class Core:
             if device.name in ports:
                 values['port'] = ports[device.name]
             self.sensors.add(
-                driver_class(device.type)(device.name, values), rate_hz=device.rate_hz,
+                DRIVERS.load(device.type)(device.name, values), rate_hz=device.rate_hz,
                 priority=device.priority,
                 recovery=RecoverySettings(
                     round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),

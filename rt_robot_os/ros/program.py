@@ -16,17 +16,40 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from types import FrameType
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.ros.node import RobotNode
 from rt_robot_os.settings import RobotSettings
 
 OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
+# A signal is noticed between two waits.
+_WAIT_S = 0.1
+
+
+class _StopOnSignal:
+    """
+    Note SIGINT and SIGTERM.
+
+    rclpy's own handlers shut the context down at once; here the core has to end first, while its
+    last words can still be logged and published.
+    """
+
+    def __init__(self) -> None:
+        self.signo = 0
+        for signo in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(signo, self._note)
+
+    def _note(self, signum: int, frame: FrameType | None) -> None:
+        if self.signo:
+            raise KeyboardInterrupt  # somebody is in a hurry
+        self.signo = signum
 
 
 def spin(settings: RobotSettings) -> int:
@@ -35,7 +58,8 @@ def spin(settings: RobotSettings) -> int:
 
     :return: the exit code.
     """
-    rclpy.init(args=sys.argv)
+    stop = _StopOnSignal()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = None
     try:
         node = RobotNode(settings)
@@ -46,10 +70,10 @@ def spin(settings: RobotSettings) -> int:
             node.trigger_activate()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        while rclpy.ok() and not node.fatal:
-            executor.spin_once(timeout_sec=1.0)
+        while not stop.signo and not node.fatal:
+            executor.spin_once(timeout_sec=_WAIT_S)
         return BAD_CONFIGURATION if node.fatal else OK
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         return OK
     except RtRobotError as error:
         print(f'robot: {error}', file=sys.stderr)

@@ -128,6 +128,9 @@ class Supervisor:
             return ''
         except LinkError as error:
             return str(error)
+        except Exception as error:
+            # Whatever it was, without this thread there would be no supervision at all.
+            return f'{type(error).__name__} while reading from the core: {error}'
         finally:
             self.connected.clear()
             self.client = None
