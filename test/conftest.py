@@ -1,0 +1,81 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Isolate the tests from other ROS graphs, find the recorded data, tell what was skipped."""
+
+from __future__ import annotations
+
+from collections import Counter
+import os
+from pathlib import Path
+import random
+import shutil
+import tempfile
+from typing import Iterator
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Read when rclpy makes its first context, so it is set before any test module is imported.
+os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+try:
+    from hypothesis import HealthCheck
+    from hypothesis import settings as hypothesis_settings
+except ImportError:
+    pass
+else:
+    # No deadline: no test may fail because the machine was busy.
+    hypothesis_settings.register_profile(
+        'package', deadline=None, max_examples=50, print_blob=True,
+        derandomize='CI' in os.environ, database=None,
+        suppress_health_check=[HealthCheck.too_slow])
+    hypothesis_settings.load_profile('package')
+
+
+@pytest.fixture(scope='session', autouse=True)
+def ros_log_directory() -> Iterator[Path]:
+    """Keep the log files of ROS nodes out of the user's home."""
+    path = Path(tempfile.mkdtemp(prefix='rt_robot_os_log_'))
+    before = os.environ.get('ROS_LOG_DIR')
+    os.environ['ROS_LOG_DIR'] = str(path)
+    yield path
+    if before is None:
+        del os.environ['ROS_LOG_DIR']
+    else:
+        os.environ['ROS_LOG_DIR'] = before
+    shutil.rmtree(path, ignore_errors=True)
+
+
+@pytest.fixture(scope='session')
+def data_dir() -> Path:
+    """Return the folder of recorded device data, or skip the test."""
+    path = Path(os.environ.get('RT_ROBOT_OS_DATA') or ROOT.parent / 'shared' / 'data')
+    if not path.is_dir():
+        pytest.skip(f'no recorded data at {path} (set RT_ROBOT_OS_DATA)')
+    return path
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Tell, in a line for each reason, what was skipped."""
+    reasons: Counter[str] = Counter()
+    for report in terminalreporter.stats.get('skipped', []):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        reasons[str(reason).removeprefix('Skipped: ')] += 1
+    if not reasons:
+        terminalreporter.write_line('skipped: nothing')
+    for reason, count in reasons.most_common():
+        terminalreporter.write_line(f'skipped: {count} x {reason}')

@@ -1,0 +1,164 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check the layers: who may import whom, and which module alone may use a dangerous library."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = 'rt_robot_os'
+
+# From the bottom up. A layer may import itself and every layer of the rows before it.
+LAYERS = (
+    ('errors', 'reports', 'schema', 'units'),
+    ('linux',),
+    ('kernel',),
+    ('topics',),
+    ('drivers',),
+    ('sensors',),
+    ('modules',),
+    ('link',),
+    ('settings',),
+    ('core',),
+    ('ros',),
+    ('bench',),
+    ('cli',),
+)
+
+# Simulated devices stand beside the drivers: they speak the devices' bytes and know no more.
+SIM_MAY_IMPORT = ('drivers.encoders', 'errors', 'reports', 'schema', 'sim', 'units')
+MAY_IMPORT_SIM = ('settings', 'core', 'ros', 'bench', 'cli', 'sim')
+
+# library -> the only places that may import it
+LIBRARIES = {
+    'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.bench.peers'),
+    'ctypes': (f'{PACKAGE}.linux',),
+    'serial': (f'{PACKAGE}.drivers.transport', f'{PACKAGE}.sim'),
+}
+
+# (importer, imported): why an import inside a function may close a cycle
+LAZY_CYCLES: dict[tuple[str, str], str] = {}
+
+
+@dataclass(frozen=True)
+class Import:
+    importer: str
+    imported: str
+    line: int
+    lazy: bool       # inside a function
+    typing: bool     # under TYPE_CHECKING
+
+    def __str__(self) -> str:
+        """Say where it stands, as a compiler does."""
+        return f'{self.importer}:{self.line} imports {self.imported}'
+
+
+def _modules() -> dict[str, ast.Module]:
+    found = {}
+    for path in sorted((ROOT / PACKAGE).rglob('*.py')):
+        parts = list(path.relative_to(ROOT).with_suffix('').parts)
+        if parts[-1] == '__init__':
+            parts.pop()
+        found['.'.join(parts)] = ast.parse(path.read_text(), filename=str(path))
+    return found
+
+
+MODULES = _modules()
+
+
+def _statements(
+    node: ast.AST, lazy: bool = False, typing: bool = False,
+) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool, bool]]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.Import, ast.ImportFrom)):
+            yield child, lazy, typing
+        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            yield from _statements(child, True, typing)
+        else:
+            only_typing = isinstance(child, ast.If) and 'TYPE_CHECKING' in ast.unparse(child.test)
+            yield from _statements(child, lazy, typing or only_typing)
+
+
+def _imports() -> list[Import]:
+    found = []
+    for importer, tree in MODULES.items():
+        for node, lazy, typing in _statements(tree):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                base = '.' * node.level + (node.module or '')
+                names = [f'{base}.{alias.name}' if f'{base}.{alias.name}' in MODULES else base
+                         for alias in node.names]
+            found += [Import(importer, name, node.lineno, lazy, typing) for name in set(names)]
+    return found
+
+
+IMPORTS = _imports()
+OWN = [one for one in IMPORTS if one.imported.split('.')[0] == PACKAGE]
+
+
+def _inside(module: str, places: tuple[str, ...]) -> bool:
+    return any(module == place or module.startswith(place + '.') for place in places)
+
+
+def _layer(module: str) -> str:
+    return module.split('.')[1] if '.' in module else ''
+
+
+def _allowed(one: Import) -> bool:
+    importer, imported = _layer(one.importer), _layer(one.imported)
+    if importer == 'sim':
+        return _inside(one.imported, tuple(f'{PACKAGE}.{name}' for name in SIM_MAY_IMPORT))
+    if imported == 'sim':
+        return importer in MAY_IMPORT_SIM
+    rank = {name: row for row, names in enumerate(LAYERS) for name in names}
+    if importer == imported:
+        return True
+    return importer in rank and imported in rank and rank[imported] < rank[importer]
+
+
+def test_every_module_belongs_to_a_layer() -> None:
+    known = {'', 'sim', *(name for names in LAYERS for name in names)}
+    assert sorted({_layer(name) for name in MODULES} - known) == []
+
+
+def test_no_layer_imports_a_higher_one() -> None:
+    assert [str(one) for one in OWN if not _allowed(one)] == []
+
+
+def test_a_library_is_imported_only_where_it_belongs() -> None:
+    assert [str(one) for one in IMPORTS
+            if (library := one.imported.split('.')[0]) in LIBRARIES
+            and not _inside(one.importer, LIBRARIES[library])] == []
+
+
+def test_imports_are_absolute() -> None:
+    assert [str(one) for one in IMPORTS if one.imported.startswith('.')] == []
+
+
+def test_no_import_cycle() -> None:
+    graph: dict[str, set[str]] = {name: set() for name in MODULES}
+    for one in OWN:
+        if not one.typing and (one.importer, one.imported) not in LAZY_CYCLES:
+            graph[one.importer].add(one.imported)
+    # Take away what imports nothing that is left; what stays is in a cycle or needs one.
+    while free := [name for name, needs in graph.items() if not needs & graph.keys()]:
+        for name in free:
+            del graph[name]
+    assert {name: sorted(needs & graph.keys()) for name, needs in graph.items()} == {}

@@ -1,0 +1,189 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check what users meet before any code runs: manifests, executables, launch file, links."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+import configparser
+import fnmatch
+import importlib
+import os
+from pathlib import Path
+import re
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = 'rt_robot_os'
+
+# import name -> rosdep key, where they differ
+KEYS = {
+    'numpy': 'python3-numpy',
+    'pynmeagps': 'python3-pynmeagps-pip',
+    'serial': 'python3-serial',
+    'yaml': 'python3-yaml',
+}
+
+
+def _setup() -> dict[str, ast.expr]:
+    """Return the keyword arguments that setup.py gives to setup()."""
+    for node in ast.walk(ast.parse((ROOT / 'setup.py').read_text())):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
+            return {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
+    raise LookupError('setup.py does not call setup()')
+
+
+SETUP = _setup()
+MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
+SCRIPTS: list[str] = ast.literal_eval(SETUP['entry_points'])['console_scripts']
+EXECUTABLES = dict(script.replace(' ', '').split('=') for script in SCRIPTS)
+
+
+def _manifest(tag: str) -> list[str]:
+    return [element.text or '' for element in MANIFEST.findall(tag)]
+
+
+def _texts() -> Iterator[Path]:
+    """Yield every text file of the repository, but what the scripts and colcon made."""
+    for folder, folders, names in os.walk(ROOT):
+        folders[:] = [name for name in folders
+                      if not (name.startswith('.') and name != '.ci')
+                      and name not in ('__pycache__', 'build', 'install', 'log')
+                      and not name.endswith('.egg-info')]
+        for name in names:
+            path = Path(folder, name)
+            if not name.endswith(('.pyc', '.png', '.mcap', '.bin', '.lock')):
+                yield path
+
+
+def test_the_manifest_is_complete() -> None:
+    assert MANIFEST.get('format') == '3'
+    assert _manifest('name') == [PACKAGE]
+    assert _manifest('license') == ['Apache-2.0']
+    assert MANIFEST.findtext('export/build_type') == 'ament_python'
+    maintainer = MANIFEST.find('maintainer')
+    assert maintainer is not None
+    assert re.fullmatch(r'[\w.+-]+@[\w-]+(\.[\w-]+)+', maintainer.get('email', ''))
+    for tag in ('exec_depend', 'test_depend'):
+        assert _manifest(tag) == sorted(set(_manifest(tag)))
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    changelog = (ROOT / 'CHANGELOG.rst').read_text()
+    newest = re.search(r'^(\d+\.\d+\.\d+|Forthcoming)\b.*\n-+\n', changelog, re.MULTILINE)
+    assert newest is not None
+    version = ast.literal_eval(SETUP['version'])
+    assert _manifest('version') == [version]
+    released = re.findall(r'^(\d+\.\d+\.\d+) \(\d{4}-\d\d-\d\d\)$', changelog, re.MULTILINE)
+    assert released[0] == version
+
+
+def test_everything_imported_is_an_exec_depend() -> None:
+    imported = set()
+    for path in (ROOT / PACKAGE).rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split('.')[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                imported.add(node.module.split('.')[0])
+    foreign = imported - set(sys.stdlib_module_names) - {PACKAGE}
+    assert sorted({KEYS.get(name, name) for name in foreign} - set(_manifest('exec_depend'))) == []
+
+
+@pytest.mark.parametrize('name', sorted(EXECUTABLES))
+def test_an_executable_can_be_started(name: str) -> None:
+    module, _, function = EXECUTABLES[name].partition(':')
+    assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_executables_land_where_ros2_run_looks() -> None:
+    config = configparser.ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    assert config['develop']['script_dir'] == f'$base/lib/{PACKAGE}'
+    assert config['install']['install_scripts'] == f'$base/lib/{PACKAGE}'
+
+
+def test_every_module_and_data_file_is_installed() -> None:
+    patterns = [f'{PACKAGE}/{pattern.value!s}' for pattern in ast.walk(SETUP['package_data'])
+                if isinstance(pattern, ast.Constant) and str(pattern.value) != PACKAGE]
+    missing = []
+    for path in sorted((ROOT / PACKAGE).rglob('*')):
+        name = path.relative_to(ROOT).as_posix()
+        if not path.is_file() or path.suffix == '.pyc':
+            continue
+        if path.suffix == '.py':
+            if not (path.parent / '__init__.py').is_file():
+                missing.append(f'{name}: no __init__.py beside it')
+        elif not any(fnmatch.fnmatch(name, pattern) for pattern in patterns):
+            missing.append(f'{name}: not in package_data')
+    assert missing == []
+    assert (ROOT / PACKAGE / 'py.typed').is_file()
+    assert (ROOT / 'resource' / PACKAGE).read_bytes() == b''
+
+
+def test_the_launch_files_start_executables_that_exist() -> None:
+    nodes = [node for path in (ROOT / 'launch').glob('*.xml')
+             for node in ElementTree.parse(path).getroot().iter('node')]
+    assert nodes
+    for node in nodes:
+        assert node.get('pkg') == PACKAGE
+        assert node.get('exec') in EXECUTABLES
+
+
+def test_the_scripts_can_be_executed() -> None:
+    for name in ('scripts/run', 'scripts/test', '.ci/run'):
+        assert os.access(ROOT / name, os.X_OK), name
+
+
+def _anchors(text: str) -> set[str]:
+    """Return what the headings of a page are linked by, in the manner of code forges."""
+    headings = re.findall(r'^#+ +(.+?) *$', re.sub(r'```.*?```', '', text, flags=re.DOTALL),
+                          re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+def _broken(page: Path) -> Iterator[str]:
+    text = re.sub(r'```.*?```|`[^`\n]*`', '', page.read_text(), flags=re.DOTALL)
+    for target in re.findall(r'\]\(<?([^)>\s]+)', text):
+        if re.match(r'[a-z]+:', target):
+            continue
+        name, _, anchor = target.partition('#')
+        path = (page.parent / name).resolve() if name else page
+        if not path.exists():
+            yield f'{page.relative_to(ROOT)}: {target}: no such file'
+        elif anchor and path.suffix == '.md' and anchor not in _anchors(path.read_text()):
+            yield f'{page.relative_to(ROOT)}: {target}: no such heading'
+
+
+def test_every_link_in_the_documents_leads_somewhere() -> None:
+    pages = [*ROOT.glob('*.md'), *sorted((ROOT / 'docs').rglob('*.md'))]
+    assert ROOT / 'README.md' in pages
+    assert [broken for page in pages for broken in _broken(page)] == []
+
+
+def test_no_file_names_a_path_of_one_machine_or_a_registry() -> None:
+    places = '|'.join(['wor' + 'k/', 'opt/d' + 'ev', 'ro' + 'ot/', 'home/[a-z]'])
+    hosts = '|'.join(['py' + r'pi\.org', 'python' + 'hosted', 'deb' + r'ian\.org', 'npm' + r'js\.'])
+    pattern = re.compile(rf'(?<![\w/.$}}~-])/(?:{places})|{hosts}')
+    found = []
+    for path in _texts():
+        for number, line in enumerate(path.read_text(errors='replace').splitlines(), 1):
+            if pattern.search(line):
+                found.append(f'{path.relative_to(ROOT)}:{number}: {line.strip()}')
+    assert found == []
