@@ -52,14 +52,17 @@ class Diagnostics:
     def __init__(self, name: str) -> None:
         self._name = name
         self._before: CoreStatistics | None = None
+        self._last: list[DiagnosticStatus] = []
 
     def judge(self, now: CoreStatistics, mapper: StampMapper,
               mirrors: Iterable[tuple[str, dict[str, Any]]]) -> list[DiagnosticStatus]:
         """Give one status for the core, each task, device, topic and client, and the clock."""
+        if now is self._before:
+            return self._last
         before, self._before = self._before, now
         if before is not None and before.core['pid'] != now.core['pid']:
             before = None
-        return [
+        self._last = [
             self._core(now),
             *(self._device(d) for d in now.devices),
             *(self._task(t, before) for t in now.tasks),
@@ -69,6 +72,7 @@ class Diagnostics:
               for what, values in mirrors),
             self._clock(mapper),
         ]
+        return self._last
 
     def silent(self, reason: str) -> list[DiagnosticStatus]:
         """Say that there is no core to ask."""

@@ -36,6 +36,8 @@ _PAUSE_FIRST_S = 0.5
 _PAUSE_MAXIMUM_S = 10.0
 _LONG_LIFE_S = 30.0
 _DEAD_AFTER_BEATS = 3
+_START_TIMEOUT_S = 15.0
+_ANSWER_MINIMUM_S = 0.5
 
 Log = Callable[[int, str], None]
 INFO, WARN, ERROR = int(Severity.INFO), int(Severity.WARN), int(Severity.ERROR)
@@ -127,6 +129,8 @@ class Supervisor:
             self._stay(client)
             return ''
         except LinkError as error:
+            if process is not None and not self._stopping.is_set():
+                process.stop()  # it ends, or does not answer any more
             return str(error)
         except Exception as error:
             # Whatever it was, without this thread there would be no supervision at all.
@@ -138,11 +142,17 @@ class Supervisor:
             self._part(client)
 
     def _connect(self) -> LinkClient | None:
+        deadline_s = time.monotonic() + _START_TIMEOUT_S
         while not self._stopping.is_set():
             if self.process is not None and not self.process.alive():
                 return None
+            if self.process is not None and time.monotonic() > deadline_s:
+                self._log(ERROR, f'the core did not answer within {_START_TIMEOUT_S:g} s')
+                self.process.kill()
+                return None
             try:
-                return LinkClient(self._path, self._name)
+                return LinkClient(self._path, self._name,
+                                  max(_ANSWER_MINIMUM_S, _DEAD_AFTER_BEATS * self._heartbeat_s))
             except LinkError:
                 if self.process is None and not self._ready.is_set():
                     self._log(WARN, f'no core at {self._path} yet; waiting for one')
