@@ -155,7 +155,7 @@ def test_a_core_that_hangs_is_killed_and_started_again(world: Any, until: Until)
     robot = world.robot(GUARD.replace('core: {', 'core: {heartbeat_s: 0.3, '))
     core = until(lambda: values_of(diagnostics, 'robot: core').get('pid'), 'diagnostics')
     os.kill(int(core), signal.SIGSTOP)
-    robot.wait_for_line('was killed')
+    robot.wait_for_line('again in')
     until(lambda: values_of(diagnostics, 'robot: core').get('pid') not in (None, core),
           'a new core')
 
