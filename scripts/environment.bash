@@ -47,15 +47,19 @@ suitable() { case $(version_of "$1") in 3.10 | 3.11 | 3.12 | 3.13) ;; *) return 
 
 can_make_venv() { "$1" -I -c 'import ensurepip, venv' >/dev/null 2>&1; }
 
-# The Pythons worth a try, best first. One named by the user is the only one.
+# The Pythons worth a try, best first, each file once. One named by the user is the only one.
 candidates() {
-  local name
+  local name path seen=:
   if [ -n "${RT_ROBOT_OS_PYTHON:-}" ]; then
     printf '%s\n' "$RT_ROBOT_OS_PYTHON"
     return
   fi
   for name in python3 python3.12 python3.11 python3.10 python3.13; do
-    type -aP "$name"
+    while read -r path; do
+      case $seen in *":$(readlink -f "$path"):"*) continue ;; esac
+      seen=$seen$(readlink -f "$path"):
+      printf '%s\n' "$path"
+    done < <(type -aP "$name")
   done
 }
 
@@ -87,7 +91,7 @@ choose_python() {
   local python version found='' without_venv=''
   while read -r python; do
     version=$(version_of "$python") || continue
-    found=${found:+$found, }"$python ($version)"
+    found=${found:+$found, }"$python $version"
     suitable "$python" || continue
     if [ "$MODE" = ros ] && ! "$python" -c 'import rclpy' >/dev/null 2>&1; then continue; fi
     if can_make_venv "$python"; then
@@ -109,7 +113,8 @@ choose_python() {
       "leave other virtual environments, or sudo apt install ros-jazzy-rclpy"
   fi
   if [ -n "${RT_ROBOT_OS_PYTHON:-}" ]; then
-    fail "RT_ROBOT_OS_PYTHON=$RT_ROBOT_OS_PYTHON is not a Python 3.10 to 3.13 that runs (${found:-it does not start})"
+    fail "RT_ROBOT_OS_PYTHON=$RT_ROBOT_OS_PYTHON ${version:+is Python }${version:-does not start}:" \
+      "set it to a Python 3.10 to 3.13, or unset it"
   fi
   fail "Python 3.10 to 3.13 is needed, found ${found:-none}:" \
     "sudo apt install python3 python3-venv, or set RT_ROBOT_OS_PYTHON to one"
@@ -211,11 +216,12 @@ install_requirements() {
 
 explain_pip_failure() {
   local last
-  if grep -qE 'NewConnectionError|ConnectTimeout|ProxyError|NameResolutionError|Network is unreachable|ReadTimeout' "$LOG"; then
-    fail "the Python package index cannot be reached: check the network or pip's settings and start again; log: $LOG"
+  if grep -qE 'after connection broken by|Could not fetch URL|Network is unreachable' "$LOG"; then
+    fail "the Python package index cannot be reached: check the network and pip's settings," \
+      "then start again; log: $LOG"
   fi
   if grep -qE 'No matching distribution found for ros-' "$LOG"; then
-    fail "there are no ROS 2 Jazzy wheels for this machine ($(uname -m), Python $(version_of "$PYTHON"))" \
+    fail "there are no ROS 2 Jazzy wheels for this machine ($(uname -m), Python $(version_of "$PYTHON")):" \
       "install ROS 2 Jazzy, source its setup.bash and start again; log: $LOG"
   fi
   last=$(grep '^ERROR' "$LOG" | tail -n 1)
@@ -236,9 +242,9 @@ build_state() {
   cd "$ROOT" || return
   sha256sum package.xml setup.py setup.cfg
   if [ -L "build/$PACKAGE/setup.py" ]; then
-    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -print
+    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -print 2>/dev/null
   else
-    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -printf '%p %s %T@\n'
+    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -printf '%p %s %T@\n' 2>/dev/null
   fi | LC_ALL=C sort
 }
 
