@@ -55,6 +55,10 @@ def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
     return ()
 
 
+def no_check(name: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
+    """Find nothing wrong."""
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """
@@ -62,11 +66,14 @@ class Kind:
 
     :ivar fields: its own settings.
     :ivar uses: its topics, from the name of its section and the checked settings.
+    :ivar check: of a simulator, raises ConfigError when its settings do not fit together or do not
+        fit those of the device.
     :ivar shares_port: several devices may be on one port (a bus).
     """
 
     fields: tuple[Field, ...] = ()
     uses: Callable[[str, Mapping[str, Any]], Sequence[TopicUse]] = no_topics
+    check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
     shares_port: bool = False
 
 

@@ -38,6 +38,7 @@ from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
 from rt_robot_os.settings.fields import TOPIC
 from rt_robot_os.settings.installed import installed
+from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.problems import range_of
 from rt_robot_os.settings.tree import show
 
@@ -67,12 +68,12 @@ ros2 run rt_robot_os robot --ros-args --params-file my_robot.yaml -p imu.rate_hz
 
 - Every problem is told at once, with file, line, key, value and what would be right, before
   anything is opened: `robot.yaml:14: imu.baud = 'fast': must be a whole number from ...`.
-- Several files are laid over each other, key by key; later ones win, and the command line wins over
-  all files. (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
+- Several files are laid over each other, key by key; later ones win, and the command line wins
+  over all files. (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
 - `robot:`, `/robot:`, `/lab: {robot: ...}` and `/lab/robot:` name the node as in every ROS 2 file.
   The wildcards `*` (one name) and `**` (any number) work, in the order of the file.
 - Values are what ROS 2 reads in them: `yes` and `on` are true, `010` is eight, `1e3` is a number,
-  `"5"` is a text. A whole number will do where a number is wanted. Items of a list are of one type.
+  `"5"` is a text. A whole number will do where a number is wanted. A list is of one type.
 - A key given twice, a key nobody knows, a key without value, an alias, a section in no list: each
   is an error and none is ignored. Only `use_sim_time`, `start_type_description_service` and
   `qos_overrides` belong to ROS 2 and are left alone.
@@ -107,7 +108,7 @@ def describe(catalogue: Catalogue | None = None) -> str:
         _section('Modules', 'Each name in `modules` has a section with these keys and those of '
                  'its class.\n', MODULE),
         _section('Topics', _TOPIC_TEXT, TOPIC),
-        _section('Mirrors', 'Each copies one topic of the core to ROS, or one from ROS.\n', MIRROR),
+        _section('Mirrors', 'Each copies a topic of the core to ROS, or one from ROS.\n', MIRROR),
     ]
     for name in sorted(known.drivers.names()):
         parts += _kind('driver', name, known.drivers)
@@ -146,7 +147,7 @@ def _cells(field: Field) -> Sequence[str]:
     else:
         limits = range_of(field).removeprefix(' from ').removeprefix(' of ')
     return (f'`{field.name}`', kind, default, limits, field.unit, 'yes' if field.live else '',
-            field.description)
+            description_of(field))
 
 
 def _row(cells: Sequence[str]) -> str:

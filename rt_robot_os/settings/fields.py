@@ -58,7 +58,7 @@ CORE: Final = (
     Field('lock_memory', bool, True, 'keep all memory resident'),
     Field('heartbeat_s', float, 1.0, 'silence after which the other side counts as dead',
           's', 0.1, 60.0),
-    Field('link_priority', int, 2, 'kernel priority of what serves clients; below all that matters',
+    Field('link_priority', int, 2, 'kernel priority of what serves clients: below what matters',
           minimum=1, maximum=99),
     Field('command_priority', int, 50, 'kernel priority at which samples from ROS are published',
           minimum=1, maximum=99),
@@ -92,9 +92,10 @@ TOPIC: Final = (
 
 MIRROR: Final = (
     Field('topic', str, REQUIRED, 'the topic in the core'),
-    Field('direction', str, 'out', 'out: to ROS; in: from ROS', choices=('out', 'in')),
+    Field('direction', str, 'out', 'where it goes: out to ROS or in from it',
+          choices=('out', 'in')),
     Field('ros_topic', str, '', 'the topic in ROS; the same name when absent'),
-    Field('policy', str, 'drain', 'drain: every sample; latest: the newest one',
+    Field('policy', str, 'drain', 'what is handed on: drain every sample, latest the newest',
           choices=('drain', 'latest'), live=True),
     Field('max_rate_hz', float, 0.0, 'most samples a second; 0: no limit', 'Hz', 0.0, FASTEST_HZ,
           live=True),

@@ -110,14 +110,17 @@ def _text(path: Path) -> str:
 
     :raises YamlProblem: with the reason.
     """
+    if '\0' in str(path):
+        raise YamlProblem('cannot be read: no path has a null character')
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise YamlProblem('cannot be read: it is no file')
         with path.open('rb') as file:
             data = file.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise YamlProblem(f'cannot be read: {reason}') from None
+    except OSError as error:
+        raise YamlProblem(f'cannot be read: {error.strerror}') from None
+    except UnicodeEncodeError:
+        raise YamlProblem('cannot be read: its path is no text') from None
     if len(data) > LARGEST_BYTES:
         raise YamlProblem(f'is longer than {LARGEST_BYTES} bytes: no parameter file is')
     try:

@@ -22,6 +22,7 @@ from collections.abc import Hashable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import field
 import functools
 from typing import Any
 
@@ -41,21 +42,26 @@ class _Registry:
     :ivar listed: gives the registered names.
     :ivar described: makes a kind of a name.
     :ivar open_ended: names with a colon are imported without being registered.
+    :ivar found: what was found before: looking through all installed packages takes long.
     """
 
     noun: str
     listed: Callable[[], Sequence[str]]
     described: Callable[[str], Kind]
     open_ended: bool = False
+    found: dict[str, Kind] = field(default_factory=dict)
 
     def names(self) -> Sequence[str]:
         return self.listed()
 
     def find(self, name: str) -> Kind:
+        if name in self.found:
+            return self.found[name]
         if name not in self.listed() and not (self.open_ended and ':' in name):
             raise ConfigError([f'no such {self.noun}, {did_you_mean(name, self.listed())}'])
         try:
-            return self.described(name)
+            kind = self.found[name] = self.described(name)
+            return kind
         except ConfigError:
             raise
         except Exception as error:  # a class from elsewhere may fail in any way
@@ -63,13 +69,13 @@ class _Registry:
 
 
 def _driver_names() -> Sequence[str]:
-    from rt_robot_os.drivers import registry
-    return registry.names()
+    from rt_robot_os.drivers.registry import DRIVERS
+    return DRIVERS.names()
 
 
 def _driver(name: str) -> Kind:
-    from rt_robot_os.drivers import registry
-    cls = registry.driver_class(name)
+    from rt_robot_os.drivers.registry import DRIVERS
+    cls = DRIVERS.load(name)
 
     def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
         return [TopicUse(each.topic, each.message, True, each.fixed)
@@ -97,13 +103,20 @@ def _module(name: str) -> Kind:
 
 
 def _simulator_names() -> Sequence[str]:
-    from rt_robot_os.sim import registry
-    return registry.names()
+    from rt_robot_os.sim.registry import SIMULATORS
+    return SIMULATORS.names()
 
 
 def _simulator(name: str) -> Kind:
-    from rt_robot_os.sim import registry
-    return Kind(tuple(registry.simulator_class(name).SETTINGS))
+    from rt_robot_os.sim.pty_port import PtyPort
+    from rt_robot_os.sim.registry import SIMULATORS
+    cls = SIMULATORS.load(name)
+
+    def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
+        # A port opens nothing before it is plugged.
+        cls(section, values, PtyPort(section), device.get('baud')).check_speed()
+
+    return Kind(tuple(cls.SETTINGS), check=check)
 
 
 def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashable:

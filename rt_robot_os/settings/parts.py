@@ -140,7 +140,24 @@ def _read_simulator(
         return None
     tree = Branch(section.origin) if node is None else node
     found = read_section(tree, f'{section.name}.sim', kind.fields, problems)
-    return found.values if wanted else None
+    if not wanted:
+        return None
+    if len(found.values) == len(kind.fields):
+        _check_simulator(found, kind, section.values, problems)
+    return found.values
+
+
+def _check_simulator(
+    found: Section, kind: Kind, device: Mapping[str, Any], problems: Problems,
+) -> None:
+    try:
+        kind.check(found.name, found.values, device)
+    except ConfigError as error:
+        for text in error.problems:
+            problems.add(found.origin, text)
+    except Exception as error:  # a class from elsewhere may fail in any way
+        text = f'{found.name}: this simulator cannot be made from these settings: {error!r}'
+        problems.add(found.origin, text)
 
 
 def topics_of(part: Part, noun: str, problems: Problems) -> Sequence[TopicUse] | None:
@@ -164,7 +181,9 @@ def topics_of(part: Part, noun: str, problems: Problems) -> Sequence[TopicUse] |
     except RtRobotError as error:
         if complete:
             for line in str(error).splitlines():
-                problems.add(part.section.origin, f'{part.name}: {line}')
+                # Some authors name their section, some leave that to us.
+                named = line.startswith((f'{part.name}:', f'{part.name}.'))
+                problems.add(part.section.origin, line if named else f'{part.name}: {line}')
     except Exception as error:  # a class from elsewhere may fail in any way
         if complete:
             text = f'{part.name}: this {noun} cannot be made from these settings: {error!r}'

@@ -119,6 +119,12 @@ def wanted(field: Field) -> str:
     return f'{text} ({field.unit})' if field.unit else text
 
 
+def description_of(field: Field) -> str:
+    """Give the description as a sentence without full stop, however its author wrote it."""
+    text = field.description.removesuffix('.')
+    return text[:1].upper() + text[1:]
+
+
 def range_of(field: Field) -> str:
     """Write the range of a field; empty when there is none."""
     low, high = number(field.minimum), number(field.maximum)

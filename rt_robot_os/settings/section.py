@@ -26,6 +26,7 @@ from typing import Any
 
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import problem_of
 from rt_robot_os.settings.problems import Problems
@@ -84,7 +85,7 @@ def read_section(
         label = f'{prefix}{each.name}'
         if found is None:
             if each.default is REQUIRED:
-                text = f'{label} is missing: must be {wanted(each)}, {each.description}'
+                text = f'{label} is missing: must be {wanted(each)}. {description_of(each)}'
                 problems.add(branch.origin, text)
             else:
                 section.values[each.name] = each.default

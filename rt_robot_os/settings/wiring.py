@@ -156,7 +156,7 @@ def check_ports(devices: Iterable[Part], problems: Problems) -> None:
         port = part.section.values.get('port', '')
         if not port or port == SIM_PORT or part.kind is None or part.kind.shares_port:
             continue
-        real = os.path.realpath(port) if port.startswith('/') and '\0' not in port else port
+        real = os.path.realpath(port) if port.startswith('/') else port
         other = taken.setdefault(real, part)
         if other is not part:
             where = other.section.where('port')

@@ -26,13 +26,13 @@ from hypothesis import HealthCheck
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-import yaml
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load
 from rt_robot_os.settings import to_json
+import yaml
 
 KEYS = st.sampled_from([
     'autostart', 'core', 'devices', 'modules', 'topics', 'mirrors', 'imu', 'guard', 'cmd_vel',
@@ -48,7 +48,7 @@ TREES = st.recursive(SCALARS, lambda inner: st.one_of(
     st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=5)), max_leaves=30)
 SECTIONS = st.dictionaries(KEYS, TREES, max_size=8)
 
-COMMON = settings(max_examples=150, deadline=None,
+COMMON = settings(max_examples=60, deadline=None,
                   suppress_health_check=[HealthCheck.function_scoped_fixture,
                                          HealthCheck.too_slow])
 

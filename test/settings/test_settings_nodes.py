@@ -73,7 +73,7 @@ def test_later_files_win_key_by_key_and_the_command_line_over_all(
 ) -> None:
     text = ('robot:\n  ros__parameters:\n    imu: {rate_hz: 10.0, port: /dev/ttyUSB0}\n'
             '    devices: [imu]\n')
-    with pytest.raises(ConfigError, match="robot.yaml:14: gps: this section is in no list"):
+    with pytest.raises(ConfigError, match='robot.yaml:14: gps: this section is in no list'):
         load_text(good, text)
     merged = load_text(good, text, overrides={'imu.rate_hz': 20, 'devices': ['imu', 'gps']})
     imu, gps = merged.devices

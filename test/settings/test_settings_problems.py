@@ -73,7 +73,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('autostart: true', 'autostrat: true',
      "robot.yaml:3: autostrat = true: unknown key, did you mean 'autostart'?"),
     ('port: sim\n      baud', 'baud',
-     'robot.yaml:6: imu.port is missing: must be a text, serial port, or sim'),
+     'robot.yaml:6: imu.port is missing: must be a text. Serial port, or sim'),
     ('type: nmea, ', '',
      'robot.yaml:14: gps.type is missing: must be a driver, known: chip, nmea, witmotion'),
     ('autostart: true', 'autostart: true\n    autostart: false',
@@ -87,7 +87,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('autostart: true', 'a..b: 1',
      "robot.yaml:3: 'a..b' is no parameter name: a part of it is empty"),
     ('autostart: true', '"a\\nb": 1',
-     "robot.yaml:3: a\\nb = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, devices, "
+     'robot.yaml:3: a\\nb = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, devices, '
      'diagnostics_rate_hz, gps, guard, imu, imu_data, mirrors, modules, topics'),
     # names and sections
     ('devices: [imu, gps]', 'devices: [imu, gps, imu]',

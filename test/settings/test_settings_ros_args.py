@@ -95,7 +95,7 @@ def test_all_bad_arguments_are_told_at_once() -> None:
     assert len(caught.value.problems) == 4
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(st.one_of(
     st.sampled_from(['--ros-args', '--', '-p', '-r', '--params-file', '--remap', '-e']),
     st.text(st.sampled_from('ab_:=/[]{}*&"\' \x00'), max_size=12)), max_size=12))

@@ -76,10 +76,10 @@ def test_a_number_of_a_million_digits_is_a_text() -> None:
     ('robot:\n\tros__parameters: 1\n',
      'robot.yaml:2: column 1: not YAML: a tab: YAML is indented with spaces only'),
     ('robot: [1\n',
-     'robot.yaml:2: column 1: not YAML: while parsing a flow sequence expected \',\' or \']\', '
+     "robot.yaml:2: column 1: not YAML: while parsing a flow sequence expected ',' or ']', "
      "but got '<stream end>'"),
     ('a: b: c\n', 'robot.yaml:1: column 5: not YAML: mapping values are not allowed here'),
-    ('a: @b\n', "robot.yaml:1: column 4: not YAML: while scanning for the next token found "
+    ('a: @b\n', 'robot.yaml:1: column 4: not YAML: while scanning for the next token found '
      "character '@' that cannot start any token"),
     ('a: 1\nb: \x07\n', 'robot.yaml:2: column 4: not YAML: character 7 is not allowed'),
     ('a: "\\UFFFFFFFF"\n', None),
@@ -134,7 +134,7 @@ def test_files_that_cannot_be_read(
         '.: cannot be read: it is no file',
         'latin.yaml:2: column 9: not UTF-8: byte 0xe9',
         'long.yaml: is longer than 1048576 bytes: no parameter file is',
-        'a\\x00b: cannot be read: embedded null byte',
+        'a\\x00b: cannot be read: no path has a null character',
     )
 
 
@@ -145,13 +145,13 @@ def test_a_byte_order_mark_is_no_part_of_the_first_key(
 
 
 def test_the_core_needs_no_yaml_parser() -> None:
-    program = ("import sys; from rt_robot_os.settings import from_json, RobotSettings; "
+    program = ('import sys; from rt_robot_os.settings import from_json, RobotSettings; '
                "sys.exit('yaml' in sys.modules)")
     root = Path(__file__).resolve().parents[2]
     assert subprocess.run([sys.executable, '-c', program], cwd=root).returncode == 0
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.text(st.sampled_from('ab:-[]{}"\'\n \t#&*!|>%@`,?.0~é\x00\\U'), max_size=60))
 def test_no_text_fails_in_any_other_way(text: str) -> None:
     try:
