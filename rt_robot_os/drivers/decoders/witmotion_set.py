@@ -81,6 +81,7 @@ class ImuSetAssembler:
 
     def __init__(self) -> None:
         self.lost = 0
+        self._given = False
         self.restart()
 
     def restart(self) -> None:
@@ -141,7 +142,7 @@ class ImuSetAssembler:
         self._members = 0
         self._used = False
         self._broken = False
-        self._given: bool = False
+        self._given = False
 
     def _end_of_instant(self) -> list[ImuSet]:
         members = self._members

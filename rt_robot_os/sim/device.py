@@ -1,0 +1,268 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+A simulated device: samples on an absolute time grid, as bytes on a serial line, with faults.
+
+It has no thread and no clock: whoever owns it calls ``pump`` with the time, the server with
+CLOCK_MONOTONIC, a test with whatever it likes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+import random
+from typing import Any
+from typing import ClassVar
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.faults import check
+from rt_robot_os.sim.faults import FaultPlan
+from rt_robot_os.sim.faults import FAULTS
+from rt_robot_os.sim.faults import parse_schedule
+from rt_robot_os.sim.line import SerialLine
+from rt_robot_os.sim.options import complete
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import period_from_rate
+
+_BITS_PER_BYTE: Final = 10
+_MAX_FRAGMENT: Final = 3
+# After a longer stop of the whole process the device goes on at the present time.
+_MAX_CATCH_UP_NS: Final = NS_PER_S
+
+
+@dataclass(frozen=True)
+class SimulatedStatistics:
+    """
+    Counters of a simulated device.
+
+    :ivar samples: samples made.
+    :ivar skipped_samples: samples left out because the line or the process was too slow.
+    :ivar bytes_sent: bytes that the pty has taken.
+    :ivar bytes_dropped: bytes that nobody took.
+    """
+
+    samples: int
+    skipped_samples: int
+    bytes_sent: int
+    bytes_dropped: int
+
+
+def common_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
+    """
+    Declare the settings that every simulated device has.
+
+    :param rate_hz: default of the rate.
+    """
+    return (
+        Field('rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.01,
+              maximum=maximum_hz),
+        Field('faults', list, (), 'Faults such as "unplug at 5 for 2" (seconds after the start): '
+              + '; '.join(f'{name} {what}' for name, what in FAULTS.items()) + '.'),
+        Field('corrupt_probability', float, 0.01, 'Probability that a bit of a byte flips while '
+              'the fault corrupt is active.', minimum=0.0, maximum=1.0),
+        Field('seed', int, 1, 'Seed of noise and faults; equal seeds give equal bytes.'),
+    )
+
+
+class SimulatedDevice(ABC):
+    """
+    One simulated device.
+
+    :cvar SETTINGS: the settings that it has.
+    :cvar BAUD: the usual speed of the device.
+    :ivar name: for errors.
+    :ivar port: where it is plugged in.
+    """
+
+    SETTINGS: ClassVar[tuple[Field, ...]] = ()
+    BAUD: ClassVar[int] = 9600
+
+    def __init__(
+        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
+    ) -> None:
+        """
+        Check the settings; nothing is plugged in yet.
+
+        :param settings: some of ``SETTINGS``; the others have their default.
+        :param baud: speed of the line, None is the usual one, 0 sends at once.
+        :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
+        """
+        self.name = name
+        self.port = port
+        self.settings = complete(self.SETTINGS, settings, name)
+        try:
+            self._plan = FaultPlan(parse_schedule(self.settings['faults']))
+        except ConfigError as error:
+            raise ConfigError([f'{name}: {p}' for p in error.problems]) from error
+        self.rate_hz: float = self.settings['rate_hz']
+        self.random = random.Random(self.settings['seed'])
+        self._line_random = random.Random(self.settings['seed'] + 1)
+        self._baud = self.BAUD if baud is None else baud
+        self._line = SerialLine(self._baud)
+        self._started = False
+        self._now_ns = 0
+        self._start_ns = 0
+        self._grid_ns = 0
+        self._index = 0
+        self._injected: list[tuple[str, float]] = []
+        self._last_sample = b''
+        self._samples = 0
+        self._skipped = 0
+
+    @abstractmethod
+    def sample(self, time_s: float) -> bytes:
+        """
+        Give the bytes of one sample.
+
+        :param time_s: since the start.
+        """
+
+    @abstractmethod
+    def foreign(self) -> bytes:
+        """Give what another device would send."""
+
+    def obey(self, data: bytes) -> None:
+        """Take what the driver has sent; the default ignores it."""
+
+    def start(self, now_ns: int) -> None:
+        """
+        Plug the device in; the grid of its samples begins now.
+
+        :raises DeviceError: the port cannot be made.
+        """
+        self.port.plug()
+        self._started = True
+        self._now_ns = self._start_ns = self._grid_ns = now_ns
+        self._index = 0
+        self._plan.start(now_ns)
+        self.check_speed()
+
+    def close(self) -> None:
+        """Unplug the device; may be called twice."""
+        self._started = False
+        self.port.unplug()
+
+    def pump(self, now_ns: int) -> None:
+        """
+        Do everything that is due by now; does not block.
+
+        :raises DeviceError: the port cannot be made again after a fault.
+        """
+        if not self._started:
+            self.start(now_ns)
+        self._now_ns = now_ns
+        while self._injected:
+            self._plan.inject(*self._injected.pop(0), now_ns)
+        active = self._plan.active(now_ns)
+        if 'unplug' in active:
+            self.port.unplug()
+        else:
+            self.port.plug()
+        commands = self.port.read()
+        if commands:
+            self.obey(commands)
+        self._make_samples(now_ns)
+        data = self._line.take(now_ns)
+        if data and 'silent' not in active:
+            self._send(data, active)
+
+    def next_event_ns(self) -> int:
+        """Say when ``pump`` has to be called next."""
+        if not self._started:
+            return 0
+        short = 'short' in self._plan.active(self._now_ns)
+        events = (self._due_ns(), self._plan.next_ns(self._now_ns),
+                  self._line.next_ns(_MAX_FRAGMENT if short else None))
+        return min(e for e in events if e is not None)
+
+    def inject(self, fault: str, duration_s: float) -> None:
+        """
+        Begin a fault with the next ``pump``.
+
+        :raises ConfigError: no such fault, or no such duration.
+        """
+        check(fault, duration_s)
+        self._injected.append((fault, duration_s))
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Change the rate; the grid begins anew with the time of the last ``pump``."""
+        self.rate_hz = rate_hz
+        self._grid_ns = self._now_ns
+        self._index = 1
+
+    def check_speed(self) -> None:
+        """
+        Check that the samples fit through the line.
+
+        :raises ConfigError: they do not.
+        """
+        state = self.random.getstate()
+        needed = len(self.sample(0.0)) * _BITS_PER_BYTE * self.rate_hz
+        self.random.setstate(state)
+        if 0 < self._baud < needed:
+            raise ConfigError([
+                f'{self.name}: rate_hz {self.rate_hz:g} needs {needed:.0f} baud and the line has '
+                f'{self._baud}: lower rate_hz or raise baud'])
+
+    def statistics(self) -> SimulatedStatistics:
+        """Give the counters as they are now."""
+        return SimulatedStatistics(
+            self._samples, self._skipped, self.port.bytes_sent, self.port.bytes_dropped)
+
+    def _due_ns(self) -> int:
+        return self._grid_ns + self._index * period_from_rate(self.rate_hz)
+
+    def _make_samples(self, now_ns: int) -> None:
+        late = (now_ns - self._due_ns() - _MAX_CATCH_UP_NS) // period_from_rate(self.rate_hz)
+        if late > 0:
+            self._skipped += late
+            self._index += late
+        while (due_ns := self._due_ns()) <= now_ns:
+            active = self._plan.active(due_ns)
+            if 'wrong' in active:
+                content = self.foreign()
+            elif 'stuck' in active and self._last_sample:
+                content = self._last_sample
+            else:
+                content = self._last_sample = self.sample((due_ns - self._start_ns) / NS_PER_S)
+            if self._line.push(content, due_ns):
+                self._samples += 1
+            else:
+                self._skipped += 1
+            self._index += 1
+
+    def _send(self, data: bytes, active: frozenset[str]) -> None:
+        chance = self._line_random
+        if 'garbage' in active:
+            data = chance.randbytes(len(data))
+        if 'corrupt' in active:
+            probability = self.settings['corrupt_probability']
+            data = bytes(b ^ 1 << chance.randrange(8) if chance.random() < probability else b
+                         for b in data)
+        if 'short' not in active:
+            self.port.write(data)
+            return
+        at = 0
+        while at < len(data):
+            size = chance.randint(1, _MAX_FRAGMENT)
+            self.port.write(data[at:at + size])
+            at += size

@@ -1,0 +1,160 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Faults of simulated devices, by schedule or on demand.
+
+A schedule is text such as ``unplug at 5 for 2``: seconds since the start, and how long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+import math
+import re
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.units import NS_PER_S
+
+FAULTS: Final = {
+    'silent': 'sends nothing',
+    'garbage': 'sends random bytes in place of its own',
+    'corrupt': 'bits flip on the line',
+    'short': 'what it sends comes in fragments of one to three bytes',
+    'unplug': 'the port goes away, and comes back under the same path',
+    'stuck': 'repeats its last sample',
+    'wrong': 'speaks like another device',
+}
+
+_MAX_S: Final = 1e6
+_MAX_EVENTS: Final = 256
+_EVENT: Final = re.compile(r'(\S+)\s+at\s+(\S+)\s+for\s+(\S+)').fullmatch
+
+
+@dataclass(frozen=True)
+class FaultEvent:
+    """
+    One fault.
+
+    :ivar start_ns: since the start of the device, or on CLOCK_MONOTONIC once it runs.
+    """
+
+    fault: str
+    start_ns: int
+    duration_ns: int
+
+    def covers(self, moment_ns: int) -> bool:
+        """Say whether it is active."""
+        return self.start_ns <= moment_ns < self.start_ns + self.duration_ns
+
+
+class FaultPlan:
+    """The faults of one device, those of the schedule and those asked for while it runs."""
+
+    def __init__(self, events: Iterable[FaultEvent]) -> None:
+        """
+        Keep the schedule.
+
+        :param events: with times since the start of the device.
+        """
+        self._scheduled = tuple(events)
+        self._events: list[FaultEvent] = []
+
+    def start(self, now_ns: int) -> None:
+        """Begin: the schedule counts from now."""
+        self._events = [FaultEvent(e.fault, now_ns + e.start_ns, e.duration_ns)
+                        for e in self._scheduled]
+
+    def inject(self, fault: str, duration_s: float, now_ns: int) -> None:
+        """
+        Begin a fault now.
+
+        :raises ConfigError: no such fault, or no such duration.
+        """
+        self._events = [e for e in self._events if e.start_ns + e.duration_ns > now_ns]
+        self._events = self._events[-_MAX_EVENTS:]
+        self._events.append(FaultEvent(fault, now_ns, check(fault, duration_s)))
+
+    def active(self, moment_ns: int) -> frozenset[str]:
+        """Give the faults that are active."""
+        return frozenset(e.fault for e in self._events if e.covers(moment_ns))
+
+    def next_ns(self, after_ns: int) -> int | None:
+        """Say when a fault begins or ends next; None when none will."""
+        edges = [edge for e in self._events for edge in (e.start_ns, e.start_ns + e.duration_ns)]
+        return min((edge for edge in edges if edge > after_ns), default=None)
+
+
+def check(fault: str, duration_s: float) -> int:
+    """
+    Check a fault and how long it lasts.
+
+    :return: the duration in nanoseconds.
+    :raises ConfigError: no such fault, or no such duration.
+    """
+    if fault not in FAULTS:
+        raise ConfigError([f'there is no fault {fault!r}: use one of {", ".join(FAULTS)}'])
+    if not 0 < duration_s <= _MAX_S:
+        raise ConfigError([
+            f'fault {fault} for {duration_s:g} s: the duration must be above 0 and at most '
+            f'{_MAX_S:g} s'])
+    return round(duration_s * NS_PER_S)
+
+
+def parse_schedule(texts: Iterable[str]) -> tuple[FaultEvent, ...]:
+    """
+    Read a schedule.
+
+    :param texts: such as ``unplug at 5 for 2``; several in one text are separated by ``;``.
+    :raises ConfigError: with every problem found.
+    """
+    events = []
+    problems: list[str] = []
+    for part in (p.strip() for text in texts for p in text.split(';')):
+        if not part:
+            continue
+        try:
+            events.append(_parse(part))
+        except ConfigError as error:
+            problems.extend(error.problems)
+    if len(events) > _MAX_EVENTS:
+        problems.append(f'{len(events)} faults: at most {_MAX_EVENTS} can be scheduled')
+    if problems:
+        raise ConfigError(problems)
+    return tuple(events)
+
+
+def _parse(part: str) -> FaultEvent:
+    match = _EVENT(part)
+    if match is None:
+        raise ConfigError([
+            f'fault {part!r} is not understood: write it like "unplug at 5 for 2" (seconds)'])
+    fault, at_s, for_s = match[1], _seconds(match[2], part), _seconds(match[3], part)
+    if not 0 <= at_s <= _MAX_S:
+        raise ConfigError([
+            f'fault {part!r}: it must begin at 0 to {_MAX_S:g} seconds after the start'])
+    return FaultEvent(fault, round(at_s * NS_PER_S), check(fault, for_s))
+
+
+def _seconds(text: str, part: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError([f'fault {part!r}: {text!r} is not a number of seconds'])
+    return value

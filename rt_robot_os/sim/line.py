@@ -1,0 +1,99 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The transmit side of a UART: bytes leave one after the other at the speed of the line."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+_BITS_PER_BYTE: Final = 10
+# Waking for every byte is for nobody: a UART's own buffer has 16, USB adapters collect for 1 ms.
+_FIFO: Final = 16
+
+
+class SerialLine:
+    """
+    Bytes on their way, bounded.
+
+    :ivar byte_ns: time of a byte on the line, 0 without a speed.
+    :ivar waiting: bytes that have not left yet.
+    """
+
+    def __init__(self, baud: int, capacity: int = 4096) -> None:
+        """
+        Make an empty line.
+
+        :param baud: bits a second; 0 sends at once.
+        :param capacity: most bytes that wait.
+        """
+        self.byte_ns = _BITS_PER_BYTE * NS_PER_S // baud if baud else 0
+        self.waiting = 0
+        self._capacity = capacity
+        self._free_ns = 0
+        self._queue: deque[tuple[int, bytes]] = deque()
+        self._sent = 0
+        self._chunk = max(_FIFO, NS_PER_MS // self.byte_ns) if self.byte_ns else capacity
+
+    def push(self, data: bytes, due_ns: int) -> bool:
+        """
+        Put bytes at the end.
+
+        :param due_ns: the first leaves then, or when those before it have left.
+        :return: False when there is no room; then none of them was taken.
+        """
+        if self.waiting + len(data) > self._capacity:
+            return False
+        if data:
+            start_ns = max(due_ns, self._free_ns)
+            self._queue.append((start_ns, data))
+            self._free_ns = start_ns + len(data) * self.byte_ns
+            self.waiting += len(data)
+        return True
+
+    def take(self, now_ns: int) -> bytes:
+        """Take the bytes that have left by now."""
+        parts = []
+        while self._queue:
+            start_ns, data = self._queue[0]
+            if start_ns > now_ns:
+                break
+            left = (now_ns - start_ns) // self.byte_ns if self.byte_ns else len(data)
+            if left > self._sent:
+                parts.append(data[self._sent:left])
+                self._sent = min(left, len(data))
+            if self._sent < len(data):
+                break
+            self._queue.popleft()
+            self._sent = 0
+        taken = b''.join(parts)
+        self.waiting -= len(taken)
+        return taken
+
+    def next_ns(self, chunk: int | None = None) -> int | None:
+        """
+        Say when it is worth to take the next bytes; None when the line is idle.
+
+        :param chunk: bytes to wait for, if not what suits the speed.
+        """
+        if not self._queue:
+            return None
+        start_ns, data = self._queue[0]
+        upto = min(self._sent + (chunk or self._chunk), len(data))
+        return start_ns + upto * self.byte_ns

@@ -1,0 +1,232 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Fakes and helpers for the tests of drivers and simulated devices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import select
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pytest
+from rt_robot_os.drivers import serial_device
+from rt_robot_os.drivers.device import Device
+from rt_robot_os.drivers.device import Publication
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.schema import REQUIRED
+
+DATA = Path(os.environ.get('RT_ROBOT_OS_DATA',
+                           Path(__file__).parents[3] / 'shared' / 'data'))
+
+_VECTOR = ('x', 'y', 'z')
+_FIELDS: dict[str, dict[str, Any]] = {
+    'sensor_msgs/msg/Imu': {
+        'orientation': (*_VECTOR, 'w'), 'orientation_covariance': 9,
+        'angular_velocity': _VECTOR, 'angular_velocity_covariance': 9,
+        'linear_acceleration': _VECTOR, 'linear_acceleration_covariance': 9,
+    },
+    'sensor_msgs/msg/MagneticField': {'magnetic_field': _VECTOR, 'magnetic_field_covariance': 9},
+    'sensor_msgs/msg/NavSatFix': {
+        'status': ('status', 'service'), 'latitude': None, 'longitude': None, 'altitude': None,
+        'position_covariance': 9, 'position_covariance_type': None,
+    },
+    'sensor_msgs/msg/TimeReference': {'time_ref': ('sec', 'nanosec')},
+}
+
+
+class FakeMessage:
+    """A message view: known names only, nested numbers at once, arrays in place."""
+
+    def __init__(self, fields: dict[str, Any]) -> None:
+        values: dict[str, Any] = {}
+        for name, shape in fields.items():
+            if isinstance(shape, tuple):
+                values[name] = FakeMessage(dict.fromkeys(shape))
+            else:
+                values[name] = None if shape is None else np.full(shape, np.nan)
+        self.__dict__.update(values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        present = self.__dict__[name]  # a KeyError here is a name that ROS does not have
+        if isinstance(present, FakeMessage):
+            names = tuple(present.__dict__)
+            assert len(names) == len(value)
+            for part, number in zip(names, value):
+                setattr(present, part, number)
+            return
+        assert not isinstance(present, np.ndarray), f'{name} is a view: assign to {name}[:]'
+        self.__dict__[name] = value
+
+    def spoil(self) -> None:
+        """Forget everything, as the next slot of a ring does."""
+        for name, value in self.__dict__.items():
+            if isinstance(value, FakeMessage):
+                value.spoil()
+            elif isinstance(value, np.ndarray):
+                value[:] = np.nan
+            else:
+                self.__dict__[name] = None
+
+    def snapshot(self) -> FakeMessage:
+        """Give a copy; every field has to be filled in."""
+        copy = FakeMessage.__new__(FakeMessage)
+        for name, value in self.__dict__.items():
+            if isinstance(value, FakeMessage):
+                value = value.snapshot()
+            elif isinstance(value, np.ndarray):
+                value = value.copy()
+            assert value is not None, f'{name} was not filled in'
+            copy.__dict__[name] = value
+        return copy
+
+    def values(self) -> tuple[Any, ...]:
+        """Give everything, for comparison; NaN becomes text so that it equals itself."""
+        found: list[Any] = []
+        for value in self.__dict__.values():
+            if isinstance(value, FakeMessage):
+                found.append(value.values())
+            elif isinstance(value, np.ndarray):
+                found.append(tuple(value.tolist()))
+            else:
+                found.append('nan' if value != value else value)
+        return tuple(found)
+
+
+class FakePublisher:
+    """Keeps what was published; its message is spoilt after each sample."""
+
+    def __init__(self, publication: Publication) -> None:
+        self.publication = publication
+        self.msg: Any = FakeMessage(_FIELDS[publication.message])
+        self.stamps: list[int] = []
+        self.samples: list[Any] = []
+
+    def publish(self, stamp_ns: int) -> None:
+        self.stamps.append(stamp_ns)
+        self.samples.append(self.msg.snapshot())
+        self.msg.spoil()
+
+    @property
+    def values(self) -> list[tuple[Any, ...]]:
+        """Give all samples, for comparison."""
+        return [sample.values() for sample in self.samples]
+
+
+class ScriptedPort:
+    """A port that gives chunks in order, then nothing; for what needs no real pty."""
+
+    chunks: list[bytes] = []
+
+    def __init__(self, path: str, baud: int | None) -> None:
+        self.path = path
+        self.bytes_read = 0
+        self.dropped_write_bytes = 0
+        self.written: list[bytes] = []
+        self._left = list(self.chunks)
+
+    def fileno(self) -> int:
+        return 0
+
+    def read(self) -> bytes:
+        data = self._left.pop(0) if self._left else b''
+        self.bytes_read += len(data)
+        return data
+
+    def write(self, data: bytes) -> None:
+        self.written.append(data)
+
+    def close(self) -> None:
+        pass
+
+
+def settings_of(driver: type[Device], **changes: Any) -> dict[str, Any]:
+    """Give the defaults of a driver, with changes."""
+    values = {f.name: f.default for f in driver.SETTINGS}
+    values.update(changes)
+    assert REQUIRED not in values.values()
+    for field in driver.SETTINGS:
+        assert field.problem(values[field.name]) is None, field.name
+    return values
+
+
+def bind(device: Device) -> list[FakePublisher]:
+    """Give the device fake publishers."""
+    publishers = [FakePublisher(p) for p in device.publications()]
+    device.bind(publishers)
+    return publishers
+
+
+@contextmanager
+def scripted(
+    driver: type[Device], chunks: list[bytes], **changes: Any,
+) -> Iterator[tuple[Device, list[FakePublisher]]]:
+    """Open a device whose port gives these chunks, one a read."""
+    device = driver('dut', settings_of(driver, **{'port': 'scripted', 'baud': 0, **changes}))
+    publishers = bind(device)
+    port = type('Port', (ScriptedPort,), {'chunks': chunks})
+    with mock.patch.object(serial_device, 'SerialPort', port):
+        device.open()
+        yield device, publishers
+        device.close()
+
+
+def read_all(device: Device, chunks: int, now_ns: int = 1_000_000_000, step_ns: int = 0) -> int:
+    """Read as many times as there are chunks."""
+    return sum(device.read(now_ns + i * step_ns) for i in range(chunks))
+
+
+def wait_readable(device: Device, seconds: float = 5.0) -> None:
+    """Wait until the port has something to read; a pty hands over in its own time."""
+    descriptor = device.fileno()
+    assert descriptor is not None
+    assert select.select([descriptor], [], [], seconds)[0], 'nothing arrived'
+
+
+def read_until(device: Device, bytes_read: int, now_ns: int = 1_000_000_000) -> int:
+    """Read from a real port until that many bytes have been read."""
+    samples = 0
+    while device.statistics().bytes_read < bytes_read:
+        wait_readable(device)
+        samples += device.read(now_ns)
+    return samples
+
+
+def wait_for_device_error(device: Device) -> DeviceError:
+    """Read until the device says that it is gone."""
+    with pytest.raises(DeviceError) as caught:
+        for _ in range(100):
+            wait_readable(device)
+            device.read(1_000_000_000)
+    return caught.value
+
+
+def data_file(name: str) -> Path:
+    """Give a recording, or skip the test."""
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f'no recording {path}: set RT_ROBOT_OS_DATA')
+    return path
+
+
+def data_lines(name: str) -> list[bytes]:
+    """Give the lines of a recording without its notes, ends included."""
+    lines = data_file(name).read_bytes().splitlines(keepends=True)
+    return [line for line in lines if not line.startswith(b'#')]

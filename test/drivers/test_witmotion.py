@@ -1,0 +1,357 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Does the WitMotion driver publish each instant once, in SI units, and count what is lost."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+import random
+from typing import Any
+
+from driver_contract import DriverContract
+from driver_fakes import bind
+from driver_fakes import data_file
+from driver_fakes import read_all
+from driver_fakes import scripted
+from driver_fakes import settings_of
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rt_robot_os.drivers.decoders import witmotion as wire
+from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
+from rt_robot_os.drivers.encoders import witmotion as encode
+from rt_robot_os.drivers.witmotion import quaternion_from_angles
+from rt_robot_os.drivers.witmotion import WitMotion
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.pty_port import PtyPort
+
+GRAVITY = 9.80665
+ACC, GYRO, ANGLE, MAG, QUAT = 0x51, 0x52, 0x53, 0x54, 0x59
+MAG_SCALE_T = 1.5e-7
+# Half of a count.
+ACC_HALF = 8 / 32768 * GRAVITY
+GYRO_HALF = math.radians(1000) / 32768
+MASKS = [(ACC, GYRO), (ACC, GYRO, ANGLE), (ACC, GYRO, ANGLE, MAG), (ACC, GYRO, MAG),
+         (ACC, GYRO, ANGLE, MAG, QUAT), (ACC, GYRO, QUAT), (0x50, ACC, GYRO, ANGLE, 0x56, QUAT),
+         (ANGLE,), (ACC,), (GYRO, ANGLE), (QUAT,)]
+
+
+def instant(number: int, kinds: tuple[int, ...] = (ACC, GYRO, ANGLE, MAG, QUAT)) -> list[bytes]:
+    """Make the frames of one instant, with its number in every one of them."""
+    return [encode.frame(k, number, 2 * number, 3 * number, 20000) for k in kinds]
+
+
+def vectors(publisher: Any, name: str) -> Any:
+    """Give the named vector of each sample, one a row."""
+    return np.array([tuple(vars(getattr(s, name)).values()) for s in publisher.samples])
+
+
+def numbers(publisher: Any) -> list[int]:
+    """Read the numbers back from the Imu samples, checking that the parts agree."""
+    found = []
+    for sample in publisher.samples:
+        of_sample = set()
+        if sample.linear_acceleration_covariance[0] >= 0:
+            of_sample.add(round(sample.linear_acceleration.x / (2 * ACC_HALF)))
+        if sample.angular_velocity_covariance[0] >= 0:
+            of_sample.add(round(sample.angular_velocity.x / (2 * GYRO_HALF)))
+        if sample.orientation_covariance[0] >= 0 and sample.orientation.w:
+            q = sample.orientation
+            of_sample.add(_number_of(q))
+        assert len(of_sample) == 1, of_sample
+        found.append(of_sample.pop())
+    return found
+
+
+def _number_of(q: Any) -> int:
+    # The quaternion of instant n has w : z = n : 20000; that of its angles, roll n half counts.
+    if abs(q.z) > 0.5:
+        return round(q.w / q.z * 20000)
+    roll = math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x * q.x + q.y * q.y))
+    return round(roll / math.pi * 32768)
+
+
+class TestWitMotion(DriverContract):
+    driver = WitMotion
+    stream = b''.join(b''.join(instant(n)) for n in range(1, 5))
+    samples = 8
+    tokens = (b'\x55', b'\x55\x51', *instant(7), bytes(instant(9)[2][:9]))
+
+    def decoder(self) -> Any:
+        return WitMotionDecoder()
+
+    def frame_size(self, frame: Any) -> int:
+        return 11
+
+
+@pytest.mark.parametrize('kinds', MASKS, ids=lambda k: '-'.join(f'{i:x}' for i in k))
+def test_each_output_mask_gives_each_instant_once(kinds: tuple[int, ...]) -> None:
+    count = 12
+    stream = [b''.join(instant(n, kinds)) for n in range(1, count + 1)]
+    with scripted(WitMotion, stream) as (device, (imu, mag)):
+        read_all(device, count)
+        # Joining at a mask without 0x51 the first instant may be a rest, so it is passed over.
+        first = 1 if ACC in kinds else 2
+        # A mask of a single frame is complete only when the next instant has begun, once.
+        assert numbers(imu) == list(range(first, count + 1))
+        assert len(mag.samples) == (count if MAG in kinds else 0)
+        assert device.statistics().lost_samples == 0
+
+
+def test_a_sample_is_published_with_its_last_frame_and_not_later() -> None:
+    chunks = [b''.join(instant(1) + instant(2)), *instant(3)]
+    with scripted(WitMotion, chunks) as (device, (imu, _)):
+        device.read(1)
+        assert numbers(imu) == [1, 2]
+        for _ in range(4):
+            device.read(1)
+            assert len(imu.samples) == 2
+        device.read(1)
+        assert numbers(imu) == [1, 2, 3]
+
+
+def test_the_stamp_is_the_arrival_of_the_first_frame_of_the_instant() -> None:
+    with scripted(WitMotion, [b''.join(instant(1)), *instant(2)]) as (device, (imu, mag)):
+        for now in range(100, 700, 100):
+            device.read(now)
+        assert imu.stamps == [100, 200]
+        assert mag.stamps == [100, 200]
+
+
+def test_units_axes_and_covariances() -> None:
+    data = b''.join((
+        encode.acceleration_frame(1.0, -2.0, 9.8), encode.angular_velocity_frame(0.1, -0.2, 3.0),
+        encode.angle_frame(0.1, -0.2, 3.0),
+        encode.magnetic_field_frame(2e-5, -1e-6, -4e-5, MAG_SCALE_T)))
+    with scripted(WitMotion, [data * 2], acceleration_stddev=0.5, angular_velocity_stddev=0.25,
+                  roll_pitch_stddev=0.1, yaw_stddev=2.0, mag_stddev_t=1e-6) as (device, publishers):
+        device.read(1)
+        sample, field = publishers[0].samples[-1], publishers[1].samples[-1]
+    acceleration = sample.linear_acceleration
+    assert (acceleration.x, acceleration.y, acceleration.z) == pytest.approx(
+        (1.0, -2.0, 9.8), abs=ACC_HALF)
+    rate = sample.angular_velocity
+    assert (rate.x, rate.y, rate.z) == pytest.approx((0.1, -0.2, 3.0), abs=GYRO_HALF)
+    q = sample.orientation
+    assert (q.x, q.y, q.z, q.w) == pytest.approx(quaternion_from_angles(0.1, -0.2, 3.0), abs=1e-4)
+    assert (field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z) == (
+        pytest.approx((2e-5, -1e-6, -4e-5), abs=MAG_SCALE_T / 2))
+    assert sample.linear_acceleration_covariance.tolist() == [.25, 0, 0, 0, .25, 0, 0, 0, .25]
+    assert sample.angular_velocity_covariance.tolist() == [.0625, 0, 0, 0, .0625, 0, 0, 0, .0625]
+    assert sample.orientation_covariance == pytest.approx([.01, 0, 0, 0, .01, 0, 0, 0, 4])
+    assert field.magnetic_field_covariance == pytest.approx(
+        [1e-12, 0, 0, 0, 1e-12, 0, 0, 0, 1e-12])
+
+
+def test_angles_turn_in_the_order_yaw_pitch_roll() -> None:
+    # Yaw by 90 degrees, then pitch: the device's x axis points north and then down.
+    x, y, z, w = quaternion_from_angles(0.0, math.radians(30), math.radians(90))
+    ahead = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
+    assert ahead == pytest.approx((0.0, math.cos(math.radians(30)), -0.5), abs=1e-12)
+
+
+def test_without_orientation_its_covariance_says_so() -> None:
+    with scripted(WitMotion, [b''.join(instant(1, (ACC, GYRO)) * 2)]) as (device, (imu, _)):
+        device.read(1)
+        sample = imu.samples[0]
+        assert sample.orientation_covariance.tolist() == [-1] + [0] * 8
+        q = sample.orientation
+        assert (q.x, q.y, q.z, q.w) == (0, 0, 0, 1)
+
+
+@pytest.mark.parametrize('order, expected', [
+    ('wxyz', (0.5, -0.5, 0.5, 0.5)), ('xyzw', (0.5, 0.5, -0.5, 0.5))])
+def test_the_order_of_the_quaternion_is_a_setting(order: str, expected: Any) -> None:
+    frames = [*instant(1, (ACC, GYRO)), encode.frame(QUAT, 16384, 16384, -16384, 16384)]
+    with scripted(WitMotion, [b''.join(frames * 2)], quaternion_order=order) as (device, (imu, _)):
+        device.read(1)
+        q = imu.samples[0].orientation
+        assert (q.x, q.y, q.z, q.w) == pytest.approx(expected)
+
+
+def test_an_empty_quaternion_is_no_orientation() -> None:
+    frames = [*instant(1, (ACC, GYRO)), encode.frame(QUAT, 0, 0, 0, 0)]
+    with scripted(WitMotion, [b''.join(frames * 2)]) as (device, (imu, _)):
+        device.read(1)
+        assert imu.samples[0].orientation_covariance[0] == -1
+
+
+def test_without_a_mag_topic_nothing_but_imu_is_published() -> None:
+    with scripted(WitMotion, [b''.join(instant(1) * 3)], mag_topic='') as (device, publishers):
+        assert device.read(1) == 3
+        assert len(publishers) == 1
+        assert device.statistics().ignored_frames == 3
+
+
+def test_the_recorded_motion_survives_encoding_and_decoding() -> None:
+    rows = recorded_motion()
+    chunk = 997
+    stream = b''.join(b''.join(row_frames(row)) for row in rows)
+    chunks = [stream[i:i + chunk] for i in range(0, len(stream), chunk)]
+    with scripted(WitMotion, chunks) as (device, (imu, mag)):
+        read_all(device, len(chunks), step_ns=1_000_000)
+        assert len(imu.samples) == len(mag.samples) == len(rows) == 13514
+        assert device.statistics().lost_samples == 0
+        gyro, acceleration, magnetic = (np.array(column) for column in zip(*rows))
+        assert np.abs(vectors(imu, 'angular_velocity') - gyro).max() <= GYRO_HALF * 1.0001
+        assert np.abs(vectors(imu, 'linear_acceleration') - acceleration).max() <= (
+            ACC_HALF * 1.0001)
+        assert np.abs(vectors(mag, 'magnetic_field') - magnetic).max() <= MAG_SCALE_T / 2 * 1.0001
+
+
+def test_frames_missing_from_the_recorded_motion_are_counted_exactly() -> None:
+    # One read every 5 ms, one instant every 100 ms: what arrives tells instants apart.
+    chance = random.Random(3)
+    rows = recorded_motion()[:3000]
+    chunks: list[bytes] = []
+    expected, lost, fields = [], 0, 0
+    for index, row in enumerate(rows):
+        frames = row_frames(row)
+        kept = [f for f in frames if index == 0 or chance.random() > 0.1]
+        chunks += [b''.join(kept)] + [b''] * 19
+        fields += frames[2] in kept
+        if frames[0] in kept and frames[1] in kept:
+            expected.append(row[1])
+        elif kept:
+            lost += 1
+    assert lost > 400
+    with scripted(WitMotion, chunks) as (device, (imu, mag)):
+        read_all(device, len(chunks), step_ns=5_000_000)
+        assert device.statistics().lost_samples == lost
+        assert len(mag.samples) == fields
+        assert len(imu.samples) == len(expected)
+        assert np.abs(vectors(imu, 'linear_acceleration') - expected).max() <= ACC_HALF * 1.0001
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_damaged_frames_lose_their_own_sample_only(data: Any) -> None:
+    # Contiguous bytes, no help from time: a flipped bit in one frame of an instant.
+    kinds = data.draw(st.sampled_from([(ACC, GYRO, ANGLE, MAG, QUAT), (ACC, GYRO, ANGLE)]))
+    count = 30
+    damaged = data.draw(st.dictionaries(
+        st.integers(1, count - 2), st.integers(0, len(kinds) - 1), max_size=10))
+    # Relearning needs eight equal instants in a row, and gaps must not meet.
+    damaged = {n: k for n, k in damaged.items() if n - 1 not in damaged and n + 1 not in damaged}
+    stream = []
+    for number in range(count):
+        frames = instant(number + 1, kinds)
+        if number in damaged:
+            bad = bytearray(frames[damaged[number]])
+            bad[data.draw(st.integers(2, 9))] ^= 1 << data.draw(st.integers(0, 7))
+            frames[damaged[number]] = bytes(bad)
+        stream.append(b''.join(frames))
+    with scripted(WitMotion, [b''.join(stream)]) as (device, (imu, _)):
+        device.read(1)
+        expected = [n + 1 for n in range(count) if n not in damaged]
+        # 0x54 lies between frames of one sample: the gap where it was may hide a whole instant.
+        assert numbers(imu) == expected
+        statistics = device.statistics()
+        assert statistics.lost_samples == len(damaged)
+        assert statistics.rejected_frames >= len(damaged)
+        assert statistics.rejected_bytes == 11 * len(damaged)
+
+
+def test_two_instants_are_never_mixed_when_a_gap_joins_them() -> None:
+    one, two = instant(1), instant(2)
+    stream = b''.join(instant(9)) * 3
+    # ACC and GYRO of one instant, then 33 damaged bytes, then the rest of another.
+    broken = b''.join(one[:2]) + bytes(33) + b''.join(two[2:])
+    with scripted(WitMotion, [stream + broken + b''.join(instant(3))]) as (device, (imu, _)):
+        device.read(1)
+        assert numbers(imu) == [9, 9, 9, 3]
+        assert device.statistics().lost_samples == 1
+
+
+def test_a_pause_ends_an_instant() -> None:
+    one, two = instant(1), instant(2)
+    chunks = [b''.join(instant(9) * 3), b''.join(one[:2]), b'', b'', b''.join(two[2:]),
+              b''.join(instant(3))]
+    with scripted(WitMotion, chunks) as (device, (imu, _)):
+        read_all(device, len(chunks), step_ns=60_000_000)
+        assert numbers(imu) == [9, 9, 9, 3]
+        assert device.statistics().lost_samples == 2
+
+
+def test_the_rest_of_an_instant_after_opening_is_not_a_loss() -> None:
+    stream = b''.join(instant(1)[3:] + instant(2) + instant(3))
+    with scripted(WitMotion, [stream]) as (device, (imu, _)):
+        device.read(1)
+        assert numbers(imu) == [2, 3]
+        assert device.statistics().lost_samples == 0
+
+
+def test_a_changed_output_mask_is_learned_while_running() -> None:
+    before, after = (ACC, GYRO, ANGLE, QUAT), (ACC, GYRO, ANGLE)
+    stream = [b''.join(instant(n, before if n < 10 else after)) for n in range(1, 41)]
+    with scripted(WitMotion, stream) as (device, (imu, _)):
+        read_all(device, len(stream))
+        got = numbers(imu)
+        lost = device.statistics().lost_samples
+        assert got == [*range(1, 10), *range(10 + lost, 41)]
+        assert 0 < lost <= 10
+
+
+def test_configuring_sends_unlock_outputs_and_rate_one_at_a_time() -> None:
+    with scripted(WitMotion, [], configure=True, baud=115200, output_rate_hz=200.0) as (device, _):
+        port: Any = device._port
+        device.write(0)
+        device.write(1)
+        assert port.written == [bytes.fromhex('ffaa6988b5')]
+        for now in range(100_000_000, 1_000_000_000, 100_000_000):
+            device.write(now)
+        assert port.written[1:] == [bytes.fromhex('ffaa021e02'), bytes.fromhex('ffaa030b00')]
+
+
+def test_nothing_is_sent_to_the_device_by_default(tmp_path: Path) -> None:
+    port = PtyPort(tmp_path / 'imu')
+    port.plug()
+    device = WitMotion('imu', settings_of(WitMotion, port=str(port.link)))
+    bind(device)
+    device.open()
+    device.write(1)
+    assert port.read() == b''
+    device.close()
+    port.unplug()
+
+
+def test_a_line_too_slow_for_the_rate_is_refused_with_both_numbers() -> None:
+    with pytest.raises(ConfigError, match='imu: output_rate_hz 200 needs 110000 .* has 9600'):
+        WitMotion('imu', settings_of(
+            WitMotion, port='x', baud=9600, output_rate_hz=200.0, configure=True))
+
+
+def recorded_motion() -> list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]]:
+    """Give rad/s, m/s^2 and tesla of each row."""
+    with open(data_file('imu/xio_sensor_data.csv'), encoding='ascii', newline='') as file:
+        rows = [[float(v) for v in row] for row in list(csv.reader(file))[1:]]
+    return [(tuple(math.radians(v) for v in row[1:4]), tuple(v * GRAVITY for v in row[4:7]),
+             tuple(v * 1e-6 for v in row[7:10])) for row in rows]
+
+
+def row_frames(row: Any) -> list[bytes]:
+    gyro, acceleration, magnetic = row
+    return [encode.acceleration_frame(*acceleration), encode.angular_velocity_frame(*gyro),
+            encode.magnetic_field_frame(*magnetic, MAG_SCALE_T)]
+
+
+def test_the_frames_used_are_those_of_the_format() -> None:
+    assert (wire.ACCELERATION, wire.ANGULAR_VELOCITY, wire.ANGLE, wire.MAGNETIC_FIELD,
+            wire.QUATERNION) == (ACC, GYRO, ANGLE, MAG, QUAT)
