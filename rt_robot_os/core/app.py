@@ -41,6 +41,8 @@ from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
+UNPINNED = -2
+
 
 class Core:
     """
@@ -102,12 +104,15 @@ class Core:
     def prepare_process(self) -> None:
         """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
         wanted = self.settings.core
-        results = [realtime.set_affinity(wanted.cpu), realtime.set_timer_slack()]
+        results = [realtime.set_timer_slack()]
+        if wanted.cpu != UNPINNED:
+            results.append(realtime.set_affinity(wanted.cpu))
         if wanted.lock_memory:
             results.append(realtime.lock_memory())
         results.append(realtime.freeze_garbage())
         # Last, so that the slow steps before do not hold up others at this priority.
-        results.append(realtime.set_fifo(wanted.scheduler_priority))
+        if wanted.scheduler_priority:
+            results.append(realtime.set_fifo(wanted.scheduler_priority))
         self.realtime = tuple(results)
         for result in results:
             self._note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))

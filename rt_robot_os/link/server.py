@@ -70,11 +70,11 @@ class LinkServer:
         self._bus = bus
         self._answer = answer
         self._reports = reports
-        self._report_place = 0
         self._sessions: tuple[Session, ...] = ()
         self._listener: socket.socket | None = None
         self._mirrored: set[str] = set()
         self._beats = 0
+        self._more = False
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
@@ -137,7 +137,7 @@ class LinkServer:
         now_ns = self._kernel.now_ns()
         work = False
         for session in self._sessions:
-            session.receive(now_ns)
+            self._more |= session.receive(now_ns)
             work = work or bool(session.gone or session.requests)
         if work:
             self._kernel.release(self._service)
@@ -159,7 +159,8 @@ class LinkServer:
             for session in self._sessions:
                 session.post(beat)
         self._report()
-        if self._sessions:
+        if self._more:
+            self._more = False
             self._kernel.release(self._commands)
         for session in self._sessions:
             session.flush()
@@ -236,10 +237,9 @@ class LinkServer:
         self._reports.note(Report(self._kernel.now_ns(), severity, 'link', text))
 
     def _report(self) -> None:
-        self._report_place, dropped, reports = self._reports.since(self._report_place)
-        for report in reports:
-            packet = encode_json(Kind.REPORT, {
-                'at_ns': report.at_ns, 'severity': int(report.severity), 'source': report.source,
-                'text': report.text[:4000], 'dropped': dropped})
-            for session in self._sessions:
-                session.post(packet)
+        for session in self._sessions:
+            session.report_place, dropped, reports = self._reports.since(session.report_place)
+            for report in reports:
+                session.post(encode_json(Kind.REPORT, {
+                    'at_ns': report.at_ns, 'severity': int(report.severity),
+                    'source': report.source, 'text': report.text[:4000], 'dropped': dropped}))

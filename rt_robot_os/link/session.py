@@ -79,6 +79,7 @@ class Session:
         self.heard_ns = now_ns
         self.received = self.refused = self.outbox_dropped = 0
         self.last_refusal = ''
+        self.report_place = 0
         self.requests: deque[bytes] = deque()
         self.mirrors: dict[str, Mirror] = {}
         self._bus = bus
@@ -86,30 +87,31 @@ class Session:
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
 
-    def receive(self, now_ns: int) -> None:
+    def receive(self, now_ns: int) -> bool:
         """
         Read the packets that are there: publish samples at once, keep requests for later.
 
-        No more than ``PACKETS_PER_JOB``; the next beat of the link sees to the rest.
+        :return: whether there may be more than the ``PACKETS_PER_JOB`` that were read.
         """
         for _ in range(PACKETS_PER_JOB):
             if self.gone:
-                return
+                return False
             try:
                 packet = self.connection.recv(PACKET_BYTES_MAXIMUM)
             except BlockingIOError:
-                return
+                return False
             except OSError as error:
                 self.gone = error.strerror or 'connection lost'
-                return
+                return False
             if not packet:
                 self.gone = 'closed by the client'
-                return
+                return False
             self.heard_ns = now_ns
             try:
                 self._accept(packet)
             except OSError as error:
                 self.gone = f'refused: {error}'
+        return True
 
     def _accept(self, packet: bytes) -> None:
         head = parse_header(packet)

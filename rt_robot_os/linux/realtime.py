@@ -50,11 +50,9 @@ def set_fifo(priority: int) -> RtResult:
     """
     Run under SCHED_FIFO (sched(7)).
 
-    :param priority: 1..99, higher runs first; 0 leaves the process as it is.
+    :param priority: 1..99, higher runs first.
     """
     step = f'SCHED_FIFO priority {priority}'
-    if priority == 0:
-        return RtResult(False, step, 'not asked for (core.scheduler_priority is 0)')
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
@@ -70,11 +68,9 @@ def set_affinity(cpu: int) -> RtResult:
     """
     Pin the process to one CPU.
 
-    :param cpu: a CPU number; -1 takes the last one allowed, -2 leaves the process unpinned.
+    :param cpu: a CPU number; -1 takes the last one allowed.
     """
     allowed = sorted(os.sched_getaffinity(0))
-    if cpu == -2:
-        return RtResult(False, 'CPU affinity', 'not asked for (core.cpu is -2)')
     wanted = allowed[-1] if cpu == -1 else cpu
     step = f'CPU {wanted}'
     try:

@@ -182,6 +182,7 @@ class ManagedDevice:
         return f'silent for {seconds:g} s: check its power, its wiring and its output settings'
 
     def _fault(self, reason: str) -> None:
+        reason = reason.removeprefix(f'{self.device.name}: ')
         again = self.state is DeviceState.FAULT and reason == self.reason
         self.state = DeviceState.FAULT
         self.reason = reason

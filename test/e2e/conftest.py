@@ -57,7 +57,9 @@ class Program:
 
     def __init__(self, module: str, *arguments: str, env: dict[str, str] | None = None,
                  prefix: tuple[str, ...] = ()) -> None:
-        code = f'import sys; from {module} import main; sys.exit(main())'
+        path, _, function = module.partition(':')
+        function = function or 'main'
+        code = f'import sys; from {path} import {function}; sys.exit({function}())'
         self.process = subprocess.Popen(
             [*prefix, sys.executable, '-c', code, *arguments], cwd='/',
             env={**os.environ, 'PYTHONPATH': os.pathsep.join(
@@ -137,6 +139,11 @@ class World:
             ros = ['--params-file', str(path)]
         return self.start('rt_robot_os.cli.robot', '--ros-args', *ros, *arguments, prefix=prefix,
                           **env)
+
+    def play(self, log: Path, port: Path, *arguments: str) -> Program:
+        """Play a recording through a pty as soon as somebody has opened it."""
+        return self.start('rt_robot_os.sim.main:player', str(log), '--link', str(port), '--wait',
+                          *arguments)
 
     def listen(self, message: Any, topic: str, depth: int = 2000) -> list[Any]:
         """Collect what comes on a topic."""

@@ -31,7 +31,9 @@ from sensor_msgs.msg import MagneticField  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
 from sensor_msgs.msg import NavSatStatus  # noqa: E402
 
-from rt_robot_os.drivers.encoders.witmotion import encode  # noqa: E402
+from rt_robot_os.drivers.encoders.witmotion import acceleration_frame  # noqa: E402
+from rt_robot_os.drivers.encoders.witmotion import angular_velocity_frame  # noqa: E402
+from rt_robot_os.drivers.encoders.witmotion import magnetic_field_frame  # noqa: E402
 
 Until = Callable[..., Any]
 G = 9.80665
@@ -41,3 +43,123 @@ STATUS = {0: NavSatStatus.STATUS_NO_FIX, 1: NavSatStatus.STATUS_FIX,
           2: NavSatStatus.STATUS_SBAS_FIX, 3: NavSatStatus.STATUS_FIX,
           4: NavSatStatus.STATUS_GBAS_FIX, 5: NavSatStatus.STATUS_GBAS_FIX,
           9: NavSatStatus.STATUS_SBAS_FIX}
+
+
+def robot_yaml(device: str, mirrors: str) -> str:
+    return f"""
+robot:
+  ros__parameters:
+    core: {{cpu: -2, scheduler_priority: 0}}
+    devices: [recorded]
+    recorded: {{{device}}}
+    mirrors: [{', '.join(line.split(':')[0].strip() for line in mirrors.splitlines())}]
+    {mirrors}
+"""
+
+
+def valid_sentences(path: Path) -> list[list[str]]:
+    """Split a log into the fields of its sentences, by plain string handling."""
+    found = []
+    for line in path.read_text(errors='replace').splitlines():
+        body, star, check = line.strip().removeprefix('$').partition('*')
+        value = 0
+        for character in body:
+            value ^= ord(character)
+        if line.startswith('$') and star and check.strip().upper() == f'{value:02X}':
+            found.append(body.split(','))
+    return found
+
+
+def degrees(text: str, hemisphere: str) -> float:
+    value = int(float(text) / 100)
+    value_deg = value + (float(text) - 100 * value) / 60
+    return -value_deg if hemisphere in 'SW' else value_deg
+
+
+def expected_fixes(path: Path) -> list[tuple[int, float, float]]:
+    """Give status, latitude and longitude of each GGA."""
+    fixes = []
+    for fields in valid_sentences(path):
+        if fields[0][2:] != 'GGA':
+            continue
+        quality = int(fields[6] or 0)
+        status = STATUS.get(quality, NavSatStatus.STATUS_NO_FIX)
+        if status == NavSatStatus.STATUS_NO_FIX:
+            fixes.append((status, math.nan, math.nan))
+        else:
+            fixes.append((status, degrees(fields[2], fields[3]), degrees(fields[4], fields[5])))
+    return fixes
+
+
+def same(a: float, b: float) -> bool:
+    return math.isclose(a, b, abs_tol=1e-9) or (math.isnan(a) and math.isnan(b))
+
+
+@pytest.mark.parametrize('log', ['ublox-neo-m9n-nmea.log', 'haicom-305N.log', 'telit-he910.log'])
+def test_a_gps_log_arrives_with_the_same_positions_status_and_count(
+        world: Any, until: Until, data_dir: Path, log: str) -> None:
+    expected = expected_fixes(data_dir / 'gps' / log)
+    fixes = world.listen(NavSatFix, '/gps/fix')
+    port = world.folder / 'gps'
+    robot = world.robot(robot_yaml(
+        f'type: nmea, port: {port}, baud: 0, rate_hz: 200.0, timeout_s: 60.0, depth: 1024, '
+        'retry_s: 0.05, retry_max_s: 0.1',
+        'gps_fix: {topic: gps/fix, depth: 1000}'))
+    robot.wait_for_line('connected to the core')
+    until(lambda: world.node.count_publishers('/gps/fix') == 1, 'discovery')
+    player = world.play(data_dir / 'gps' / log, port, '--baud', '384000')
+    until(lambda: len(fixes) >= len(expected) or robot.process.poll() is not None,
+          f'{len(expected)} fixes')
+    player.end()
+    got = [(m.status.status, m.latitude, m.longitude) for m in list(fixes)]
+    assert len(got) == len(expected)
+    for ours, theirs in zip(got, expected):
+        assert ours[0] == theirs[0] and same(ours[1], theirs[1]) and same(ours[2], theirs[2])
+
+
+Sample = tuple[float, ...]
+
+
+def recorded_imu(path: Path, count: int) -> list[Sample]:
+    """Give acceleration in m/s^2, angular velocity in rad/s and field in T."""
+    with path.open() as lines:
+        rows = list(csv.reader(lines))[1:count + 1]
+    return [
+        (*(float(v) * G for v in row[4:7]), *(math.radians(float(v)) for v in row[1:4]),
+         *(float(v) * 1e-6 for v in row[7:10])) for row in rows]
+
+
+RESOLUTION = (16 * G / 32768, math.radians(2000 / 32768), 1.5e-7)
+
+
+def near(a: Any, b: Sample, resolution: float) -> bool:
+    return all(abs(x - y) <= HALF * resolution for x, y in zip((a.x, a.y, a.z), b))
+
+
+@pytest.mark.parametrize(('count', 'rate_hz'), [(800, 100), (13500, 1000)])
+def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
+        world: Any, until: Until, data_dir: Path, count: int, rate_hz: int) -> None:
+    recorded = recorded_imu(data_dir / 'imu' / 'xio_sensor_data.csv', count)
+    log = world.folder / 'imu.yaml'  # whatever its name, the leftovers do not count it
+    log.write_bytes(b''.join(
+        acceleration_frame(*r[:3]) + angular_velocity_frame(*r[3:6])
+        + magnetic_field_frame(*r[6:], scale_t=1.5e-7) for r in recorded))
+    imu, mag = world.listen(Imu, '/imu/data', 20000), world.listen(MagneticField, '/imu/mag', 20000)
+    port = world.folder / 'imu'
+    robot = world.robot(robot_yaml(
+        f'type: witmotion, port: {port}, baud: 0, rate_hz: 400.0, depth: 1024, timeout_s: 60.0, '
+        f'retry_s: 0.05, retry_max_s: 0.1, output_rate_hz: 100.0',
+        'imu_data: {topic: imu/data, depth: 10000}\n    imu_mag: {topic: imu/mag, depth: 10000}'))
+    robot.wait_for_line('connected to the core')
+    until(lambda: world.node.count_publishers('/imu/mag') == 1, 'discovery')
+    bytes_a_sample = 33
+    world.play(log, port, '--baud', str(rate_hz * bytes_a_sample * 10))
+    until(lambda: len(imu) >= len(recorded) - 1 and len(mag) >= len(recorded) - 1,
+          f'{len(recorded)} samples', 60.0)
+    assert len(imu) in (len(recorded), len(recorded) - 1)
+    for message, sample in zip(list(imu), recorded):
+        assert near(message.linear_acceleration, sample[:3], RESOLUTION[0])
+        assert near(message.angular_velocity, sample[3:6], RESOLUTION[1])
+        assert message.orientation_covariance[0] == -1
+    for field, sample in zip(list(mag), recorded):
+        assert near(field.magnetic_field, sample[6:], RESOLUTION[2])

@@ -1,0 +1,75 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The child process with a robot's simulated devices; settings come on standard input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.registry import SIMULATORS
+from rt_robot_os.sim.server import SimServer
+
+
+def build(devices: dict[str, Any], folder: Path) -> SimServer:
+    """
+    Make the simulated devices, with their ports as ``folder/name``.
+
+    :raises RtRobotError: a setting is wrong, or a port cannot be made.
+    """
+    made = [SIMULATORS.load(d['type'])(name, d['sim'], PtyPort(folder / name), d['device']['baud'])
+            for name, d in devices.items()]
+    for device in made:
+        device.port.plug()
+    return SimServer(made, report=lambda text: print(f'simulator: {text}', file=sys.stderr))
+
+
+def main() -> int:
+    """Run until SIGTERM or the end of the parent, whose number is the first argument."""
+    parent, folder = int(sys.argv[1]), Path(sys.argv[2])
+    if not die_with_parent(parent):
+        return 0
+    folder.mkdir(mode=0o700, exist_ok=True)
+    try:
+        server = build(json.load(sys.stdin), folder)
+
+        def stop(signum: int, frame: FrameType | None) -> None:
+            server.stop()
+
+        # A Ctrl-C in the terminal is for the parent, which ends this process in order.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for signo in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(signo, stop)
+        server.run()
+    except RtRobotError as error:
+        print(f'simulator: {error}', file=sys.stderr)
+        return 1
+    finally:
+        try:
+            folder.rmdir()
+        except OSError:
+            pass  # it holds something that is not ours
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
