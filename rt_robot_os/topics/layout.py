@@ -1,0 +1,226 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Layouts: ROS 2 messages of a fixed shape as bytes that need no conversion.
+
+A slot of a topic holds a message as ROS 2 puts it on the wire, so the ROS side publishes it, and
+the recorder writes it, as it is. The real-time side reads and writes its numbers in place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import struct
+from typing import Any, Final
+
+import numpy as np
+
+from rt_robot_os.errors import LayoutError
+from rt_robot_os.topics._cdr import ENCAPSULATION, HEADER_BYTES, PRIMITIVES
+from rt_robot_os.topics._cdr import require_little_endian
+from rt_robot_os.topics._check import Checker
+from rt_robot_os.topics._compile import compile_message
+from rt_robot_os.topics._nodes import LayoutField, MessageNode, walk, write
+from rt_robot_os.topics._packer import Packer
+from rt_robot_os.topics._shape import brief
+from rt_robot_os.topics._view import assign, to_plain, View
+from rt_robot_os.topics._view_class import ViewFactory
+from rt_robot_os.topics.resolve import resolve
+
+__all__ = ['Layout', 'LayoutField', 'Packer']
+
+_STAMPED: Final = ('std_msgs/msg/Header', 'builtin_interfaces/msg/Time')
+_COUNT: Final = struct.Struct('<I')
+
+
+class Layout:
+    """
+    A message type with a fixed shape; made by :meth:`compile`.
+
+    The bytes are XCDR1, little-endian: those of ``rclpy.serialization.serialize_message``, equal
+    in every significant byte; padding, which CDR leaves undefined, is zero. The length is the
+    exact one, which rmw_fastrtps puts on the wire. What ``serialize_message`` returns may be
+    longer: it hands out rmw_fastrtps's estimate, which is rounded up to a multiple of 4 for types
+    without strings and sequences, and counts alignment that is never written for empty sequences
+    of 8 byte numbers. ``deserialize_message`` and ``publish`` of raw bytes take either.
+
+    All offsets are in bytes from the first byte of the data, encapsulation included.
+
+    :ivar type_name: such as ``sensor_msgs/msg/Imu``.
+    :ivar size: bytes of the message; of that with an empty tail, when it has one.
+    :ivar max_size: bytes of the longest message; ``size`` when it has no tail.
+    :ivar tail: name of the variable last field, or None.
+    :ivar tail_offset: of its first element, or None.
+    :ivar tail_item_size: bytes of an element; 1 for text; 0 without a tail.
+    :ivar tail_maximum: most elements, or bytes of text, that it may have.
+    :ivar stamp_offset: of a leading ``header.stamp`` (or a first field of type Time), two 32 bit
+        numbers ``sec`` and ``nanosec``; None when the message does not begin with one.
+    :ivar prototype: the ``size`` bytes of a message as declared.
+    """
+
+    __slots__ = ('type_name', 'size', 'max_size', 'tail', 'tail_offset', 'tail_item_size',
+                 'tail_maximum', 'stamp_offset', 'prototype', '_message', '_fields', '_checker',
+                 '_factory', '_tail_start', '_tail_count_offset', '_tail_count_maximum')
+
+    def __init__(self, message: MessageNode) -> None:
+        self._message = message
+        self._fields = tuple(walk(message))
+        self._factory = ViewFactory()
+        self.type_name = message.spec.type_name
+        self.size = self.max_size = HEADER_BYTES + message.end
+        self.tail: str | None = None
+        self.tail_offset: int | None = None
+        self.tail_item_size = self.tail_maximum = self._tail_count_offset = self._tail_start = 0
+        self._tail_count_maximum = -1
+        if self._fields and self._fields[-1].tail:
+            self._set_tail(self._fields[-1])
+        first = message.spec.fields[0] if message.spec.fields else None
+        stamped = first is not None and not first.container and (
+            first.type_name in _STAMPED)
+        self.stamp_offset = HEADER_BYTES if stamped else None
+        prototype = bytearray(self.size)
+        prototype[:HEADER_BYTES] = ENCAPSULATION
+        write(message, prototype)
+        self.prototype = bytes(prototype)
+        self._checker = Checker(self.type_name, self.size, self.prototype, self._fields)
+
+    def _set_tail(self, tail: LayoutField) -> None:
+        text = tail.type_name == 'string'
+        self.tail, self.tail_offset, self.tail_maximum = tail.name, tail.offset, tail.count
+        self.tail_item_size = 1 if text else PRIMITIVES[tail.type_name].size
+        self._tail_start = tail.offset
+        self._tail_count_offset = tail.offset if tail.count_offset is None else tail.count_offset
+        self._tail_count_maximum = tail.count + text  # that of a text includes its NUL
+        if tail.count:
+            self.max_size = tail.offset + tail.nbytes
+
+    @classmethod
+    def compile(cls, message: Any,  # noqa: A003
+                shape: Mapping[str, Any] | None = None, *, tail: int | None = None) -> Layout:
+        """
+        Lay out a message type; not for the real-time loop.
+
+        :param message: ``'sensor_msgs/Imu'``, ``'sensor_msgs/msg/Imu'`` or the message class.
+        :param shape: what is fixed, by field: the text of a string, the length of a sequence, or
+            the list of its elements (for a sequence of messages: their shapes). Fields of nested
+            messages are written ``'header.frame_id'`` or as nested mappings. A number, or a list
+            of them, is a first value. What is not mentioned is as in a new ROS message: strings
+            and sequences empty, numbers 0 or their default.
+        :param tail: make the last field, a string or a sequence of numbers, as long as each
+            message needs, up to this many bytes or elements.
+        :raises LayoutError: the type, the field, the value and the remedy.
+        """
+        require_little_endian()
+        return cls(compile_message(resolve(message), shape, tail))
+
+    def new_buffer(self) -> memoryview:
+        """
+        Make a buffer for the longest message that holds :attr:`prototype`; writable.
+
+        What follows the encapsulation lies on an address that is a multiple of 8, so that NumPy
+        arrays in it are aligned.
+        """
+        room = np.zeros(self.max_size + 16, np.uint8)
+        start = -(room.ctypes.data + HEADER_BYTES) % 8
+        buffer = memoryview(room)[start:start + self.max_size]
+        buffer[:self.size] = self.prototype
+        return buffer
+
+    def view(self, buffer: Any) -> Any:
+        """
+        Bind the names of the fields to a buffer; not for the real-time loop.
+
+        Numbers and nested messages are read and assigned with the names of the ROS message. Arrays
+        and sequences of numbers are NumPy arrays in the buffer (booleans ``bool``, octets
+        ``uint8``), sequences of messages are indexed. Texts are those of the declaration. One view
+        serves for all the messages that pass through its buffer; using it is safe in the loop.
+
+        :param buffer: bytes, at least :attr:`size`; the tail has the room that is left. Bytes from
+            outside have to pass :meth:`check` first. Read-only bytes give a read-only view.
+        :raises LayoutError: the buffer is too short.
+        """
+        data = memoryview(buffer).cast('B')
+        if len(data) < self.size:
+            raise LayoutError(f'{self.type_name}: a buffer of {len(data)} bytes is too short for '
+                              f'a view; it takes {self.size} (Layout.new_buffer() gives one)')
+        return self._factory.bind(self._message, data[HEADER_BYTES:self.max_size])
+
+    def packer(self, *field_names: str) -> Packer:
+        """
+        Make an object that writes and reads several fields at once; not for the real-time loop.
+
+        :param field_names: numbers, arrays, or whole nested messages, whose texts are left out.
+        :raises LayoutError: there is no such field, or it has no numbers.
+        """
+        return Packer(self.type_name, self._fields, field_names)
+
+    def check(self, data: Any) -> str | None:
+        """
+        Judge CDR from outside, for instance from a raw ROS 2 subscription.
+
+        Padding may hold anything, and may follow the message.
+
+        :param data: bytes, encapsulation included.
+        :return: why they do not fit this layout, or None when they do.
+        """
+        return self._checker.problem(memoryview(data).cast('B'))
+
+    def length(self, data: Any) -> int:
+        """
+        Find how long a message is, by the count of its tail; safe in the real-time loop.
+
+        :param data: a message of this layout; bytes from outside have to pass :meth:`check`.
+        :raises LayoutError: the count is more than the layout allows.
+        """
+        if self._tail_count_maximum < 0:
+            return self.size
+        count: int = _COUNT.unpack_from(data, self._tail_count_offset)[0]
+        if count > self._tail_count_maximum:
+            raise LayoutError(f'{self.type_name}.{self.tail} claims a count of {count}, beyond '
+                              f'its declared tail of {self.tail_maximum}; check() such bytes')
+        return self._tail_start + count * self.tail_item_size if count else self.size
+
+    def fields(self) -> tuple[LayoutField, ...]:
+        """List all fields in the order of their bytes, for documentation and tools."""
+        return self._fields
+
+    def from_dict(self, values: Mapping[str, Any]) -> bytes:
+        """
+        Make a message from plain values; for tools, not for the real-time loop.
+
+        :param values: nested mappings as :meth:`to_dict` gives them; what is missing is as
+            declared.
+        :raises LayoutError: a field is unknown or cannot hold its value.
+        """
+        if not isinstance(values, Mapping):
+            raise LayoutError(f'{self.type_name} cannot be made from {brief(values)}; give a '
+                              'mapping of field names to values')
+        buffer = self.new_buffer()
+        assign(self.view(buffer), values)
+        return bytes(buffer[:self.length(buffer)])
+
+    def to_dict(self, data: Any) -> dict[str, Any]:
+        """
+        Turn a message into plain Python values; for tools, not for the real-time loop.
+
+        :param data: a message of this layout, or a view of one.
+        :return: nested dictionaries and lists of numbers (octets are integers) and texts.
+        """
+        view = data if isinstance(data, View) else self.view(data)
+        return to_plain(view)
+
+    def __repr__(self) -> str:
+        tail = f' + {self.tail}[:{self.tail_maximum}]' if self.tail is not None else ''
+        return f'<Layout {self.type_name}, {self.size} bytes{tail}>'
