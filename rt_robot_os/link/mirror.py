@@ -44,8 +44,9 @@ class MirrorStatistics:
     """
     One topic on its way to one client.
 
-    sent + full + lost + skipped + limited + waiting = published since the mirror began.
+    sent + full + lost + skipped + limited + waiting = published.
 
+    :ivar published: samples of the topic since the mirror began.
     :ivar full: samples that the client's full socket refused.
     :ivar lost: samples overwritten in the ring before they could be sent.
     :ivar skipped: samples passed over by ``latest``.
@@ -55,6 +56,7 @@ class MirrorStatistics:
     topic: str
     policy: str
     max_rate_hz: float
+    published: int
     sent: int
     full: int
     lost: int
@@ -81,6 +83,7 @@ class Mirror:
         self.topic = bus.topic(topic)
         self.subscription = bus.subscribe(
             topic, f'link:{client}', initial=initial, buffer=self._view[HEADER_BYTES:])
+        self._began = self.topic.head - self.subscription.unread
         self.sent = self.full = self.limited = 0
         self._next_ns = 0
         self.set_policy(policy, max_rate_hz)
@@ -140,7 +143,12 @@ class Mirror:
         self._bus.unsubscribe(self.subscription)
 
     def statistics(self) -> MirrorStatistics:
-        """Take the statistics."""
+        """Take the statistics, all of the same moment."""
         s = self.subscription
-        return MirrorStatistics(self.topic.name, self.policy.value, self.max_rate_hz, self.sent,
-                                self.full, s.statistics().lost, s.skipped, self.limited, s.unread)
+        while True:
+            head = self.topic.head
+            taken = MirrorStatistics(
+                self.topic.name, self.policy.value, self.max_rate_hz, head - self._began,
+                self.sent, self.full, s.statistics().lost, s.skipped, self.limited, s.unread)
+            if head == self.topic.head:  # nobody published in between
+                return taken
