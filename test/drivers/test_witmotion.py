@@ -107,9 +107,8 @@ def test_each_output_mask_gives_each_instant_once(kinds: tuple[int, ...]) -> Non
     stream = [b''.join(instant(n, kinds)) for n in range(1, count + 1)]
     with scripted(WitMotion, stream) as (device, (imu, mag)):
         read_all(device, count)
-        # Joining at a mask without 0x51 the first instant may be a rest, so it is passed over.
+        # An instant that does not begin with 0x51 may be a rest when it is the first.
         first = 1 if ACC in kinds else 2
-        # A mask of a single frame is complete only when the next instant has begun, once.
         assert numbers(imu) == list(range(first, count + 1))
         assert len(mag.samples) == (count if MAG in kinds else 0)
         assert device.statistics().lost_samples == 0
@@ -141,7 +140,8 @@ def test_units_axes_and_covariances() -> None:
         encode.angle_frame(0.1, -0.2, 3.0),
         encode.magnetic_field_frame(2e-5, -1e-6, -4e-5, MAG_SCALE_T)))
     with scripted(WitMotion, [data * 2], acceleration_stddev=0.5, angular_velocity_stddev=0.25,
-                  roll_pitch_stddev=0.1, yaw_stddev=2.0, mag_stddev_t=1e-6) as (device, publishers):
+                  roll_pitch_stddev=0.1, yaw_stddev=2.0,
+                  mag_stddev_t=1e-6) as (device, publishers):
         device.read(1)
         sample, field = publishers[0].samples[-1], publishers[1].samples[-1]
     acceleration = sample.linear_acceleration

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Do the decoder and the encoder of WitMotion frames agree with the format, and with each other."""
+"""Do decoder and encoder of WitMotion frames agree with the format and with each other."""
 
 from __future__ import annotations
 

@@ -1,0 +1,390 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Does the NMEA driver say where the receiver is, how well it knows, and when it does not."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from datetime import timezone
+import math
+from typing import Any
+
+from driver_contract import DriverContract
+from driver_fakes import data_lines
+from driver_fakes import FakePublisher
+from driver_fakes import read_all
+from driver_fakes import scripted
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+from rt_robot_os.drivers.encoders.nmea import sentence
+from rt_robot_os.drivers.nmea import NmeaGps
+
+NO_FIX, FIX, SBAS, GBAS = -1, 0, 1, 2
+UNKNOWN, APPROXIMATED, DIAGONAL_KNOWN = 0, 1, 2
+GPS, GLONASS, COMPASS, GALILEO = 1, 2, 4, 8
+NAN = pytest.approx(math.nan, nan_ok=True)
+
+
+def gga(time: str = '123519.00', quality: object = 1, hdop: str = '0.9', *,
+        talker: str = 'GP', height: str = '545.4,M,46.9,M',
+        position: str = '4807.038,N,01131.000,E') -> bytes:
+    return sentence(f'{talker}GGA,{time},{position},{quality},08,{hdop},{height},,')
+
+
+def rmc(time: str = '123519.00', status: str = 'A', date: str = '230394') -> bytes:
+    return sentence(f'GPRMC,{time},{status},4807.038,N,01131.000,E,022.4,084.4,{date},003.1,W')
+
+
+def gst(time: str = '123519.00', deviations: str = '2.0,3.0,4.0') -> bytes:
+    return sentence(f'GNGST,{time},1,,,,{deviations}')
+
+
+def publish(*chunks: bytes, **changes: Any) -> tuple[FakePublisher, FakePublisher, Any]:
+    with scripted(NmeaGps, list(chunks), **changes) as (device, (fixes, times)):
+        read_all(device, len(chunks))
+        return fixes, times, device.statistics()
+
+
+def fix_of(*chunks: bytes, **changes: Any) -> Any:
+    """Give the last fix."""
+    return publish(*chunks, **changes)[0].samples[-1]
+
+
+def diagonal(fix: Any) -> list[float]:
+    covariance: list[float] = fix.position_covariance.tolist()
+    assert not any(covariance[i] for i in (1, 2, 3, 5, 6, 7))
+    return [covariance[i] for i in (0, 4, 8)]
+
+
+class TestNmea(DriverContract):
+    driver = NmeaGps
+    stream = b''.join((gga('123519.00'), rmc('123519.00'), gst('123519.00'),
+                       gga('123520.00'), rmc('123520.00')))
+    samples = 4
+    tokens = (b'$', b'\r\n', b'*', b'$GPGGA,', gga(), gga(quality='x'), rmc(), rmc(status='V'),
+              gst(), sentence('GPGGA'), sentence('GPRMC,nan,A,inf,,,,,,999999'))
+
+    def decoder(self) -> Any:
+        return NmeaDecoder()
+
+    def frame_size(self, frame: Any) -> int:
+        return len(frame.sentence)
+
+
+# --- position and status ------------------------------------------------------------------------
+
+def test_position_and_ellipsoidal_altitude() -> None:
+    fix = fix_of(b'$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n')
+    assert (fix.latitude, fix.longitude) == pytest.approx((48.1173, 11.5166667), abs=1e-7)
+    assert fix.altitude == pytest.approx(592.3)
+    assert fix.status.status == FIX
+    assert fix.status.service == GPS
+
+
+@pytest.mark.parametrize('position, expected', [
+    ('4807.038,S,01131.000,W', (-48.1173, -11.516666667)),
+    ('0000.000,N,00000.000,E', (0.0, 0.0)),
+    ('9000.000,S,18000.000,W', (-90.0, -180.0))])
+def test_hemispheres(position: str, expected: tuple[float, float]) -> None:
+    fix = fix_of(gga(position=position))
+    assert (fix.latitude, fix.longitude) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize('quality, status', [
+    (0, NO_FIX), (1, FIX), (2, SBAS), (3, FIX), (4, GBAS), (5, GBAS), (6, NO_FIX), (7, NO_FIX),
+    (8, NO_FIX), (9, SBAS), (10, NO_FIX), (-1, NO_FIX), ('', NO_FIX)])
+def test_each_quality_has_its_status_and_no_fix_has_no_position(quality: Any, status: int) -> None:
+    fix = fix_of(gga(quality=quality))
+    assert fix.status.status == status
+    for value in (fix.latitude, fix.longitude, fix.altitude):
+        assert math.isnan(value) == (status == NO_FIX)
+    assert fix.position_covariance_type == (UNKNOWN if status == NO_FIX else APPROXIMATED)
+    if status == NO_FIX:
+        assert diagonal(fix) == [0, 0, 0]
+
+
+@pytest.mark.parametrize('position', [
+    ',N,01131.000,E', '4807.038,,01131.000,E', '4807.038,N,,', 'nan,N,inf,E', ',,,',
+    '9107.038,N,01131.000,E', '4807.038,N,18131.000,E', '4807.038,X,01131.000,E', '48,N,11,E'])
+def test_a_fix_without_a_sensible_position_is_none(position: str) -> None:
+    fix = fix_of(gga(position=position))
+    assert fix.status.status == NO_FIX
+    assert math.isnan(fix.latitude)
+
+
+@pytest.mark.parametrize('height', [
+    '545.4,M,,', '545.4,M,,M', ',M,46.9,M', ',,,', 'nan,M,46.9,M', '545.4,M,inf,M',
+    '545.4,F,46.9,M'])
+def test_an_altitude_that_is_not_known_above_the_ellipsoid_is_nan(height: str) -> None:
+    fix = fix_of(gga(height=height))
+    assert math.isnan(fix.altitude)
+    assert fix.status.status == FIX
+    assert fix.latitude == pytest.approx(48.1173)
+
+
+# --- covariance ---------------------------------------------------------------------------------
+
+def test_gst_of_the_same_epoch_is_used_east_first() -> None:
+    fix = fix_of(gst('123519.00', '2.0,3.0,4.0') + gga('123519.00'))
+    assert fix.position_covariance_type == DIAGONAL_KNOWN
+    assert diagonal(fix) == [9, 4, 16]
+
+
+def test_gst_of_the_previous_epoch_is_used_and_no_older_one() -> None:
+    fixes, _, _ = publish(gga('1.00'.zfill(9)) + gst('000001.00') + gga('000002.00')
+                          + gga('000003.00'))
+    assert [f.position_covariance_type for f in fixes.samples] == [
+        APPROXIMATED, DIAGONAL_KNOWN, APPROXIMATED]
+
+
+@pytest.mark.parametrize('deviations', [',3.0,4.0', '2.0,,4.0', 'nan,3.0,4.0', '0.0,0.0,0.0', ''])
+def test_gst_without_the_horizontal_deviations_is_not_used(deviations: str) -> None:
+    fix = fix_of(gst(deviations=deviations) + gga())
+    assert fix.position_covariance_type == APPROXIMATED
+
+
+def test_gst_without_the_vertical_one_takes_twice_the_horizontal() -> None:
+    assert diagonal(fix_of(gst(deviations='2.0,3.0,') + gga())) == [9, 4, 36]
+
+
+def test_dilution_times_range_error_otherwise() -> None:
+    assert diagonal(fix_of(gga(hdop='1.5'), uere_m=4.0)) == [36, 36, 144]
+
+
+def test_vertical_dilution_of_gsa_is_used_for_five_epochs() -> None:
+    gsa = sentence('GPGSA,A,3,05,12,30,,,,,,,,,,2.5,1.5,2.0')
+    fixes, _, _ = publish(gsa + gga(hdop='1.5') * 8, uere_m=1.0)
+    assert [diagonal(f)[2] for f in fixes.samples] == [4] * 6 + [9] * 2
+
+
+def test_vertical_dilution_of_zero_is_none() -> None:
+    gsa = sentence('GPGSA,A,2,05,12,30,,,,,,,,,,17.0,17.0,0.0')
+    assert diagonal(fix_of(gsa + gga(hdop='1.0'), uere_m=1.0)) == [1, 1, 4]
+
+
+@pytest.mark.parametrize('hdop', ['', '0.0', '99.99', 'nan', '-1'])
+def test_without_a_dilution_the_covariance_is_unknown(hdop: str) -> None:
+    fix = fix_of(gga(hdop=hdop))
+    assert fix.status.status == FIX
+    assert fix.position_covariance_type == UNKNOWN
+    assert diagonal(fix) == [0, 0, 0]
+
+
+# --- services -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('talker, service', [
+    ('GP', GPS), ('GL', GLONASS), ('GA', GALILEO), ('GB', COMPASS), ('BD', COMPASS), ('GN', 0)])
+def test_services_by_talker(talker: str, service: int) -> None:
+    assert fix_of(gga(talker=talker)).status.service == service
+
+
+@pytest.mark.parametrize('used, system, service', [
+    ('29,20', ',1', GPS), ('82,73', ',2', GLONASS), ('03,05', ',3', GALILEO),
+    ('32,28', ',4', COMPASS), ('', ',3', 0), ('29', '', GPS), ('82', '', GLONASS),
+    ('301', '', GALILEO), ('401', '', COMPASS), ('', '', 0)])
+def test_services_of_gsa_with_and_without_system_number(
+    used: str, system: str, service: int,
+) -> None:
+    satellites = ','.join((used.split(',') + [''] * 12)[:12])
+    gsa = sentence(f'GNGSA,A,3,{satellites},0.99,0.54,0.83{system}')
+    assert fix_of(gsa + gga(talker='GN')).status.service == service
+
+
+# --- contradictions -----------------------------------------------------------------------------
+
+def test_a_warning_of_rmc_before_gga_takes_the_fix_away() -> None:
+    fixes, times, statistics = publish(rmc(status='V') + gga())
+    assert [f.status.status for f in fixes.samples] == [NO_FIX]
+    assert statistics.contradicted_samples == 1
+    assert times.samples == []
+
+
+def test_a_warning_about_another_time_does_not() -> None:
+    assert fix_of(rmc('123518.00', 'V') + gga('123519.00')).status.status == FIX
+
+
+def test_a_receiver_that_contradicts_itself_afterwards_is_waited_for_from_then_on() -> None:
+    epochs = [(gga(f'12350{i}.00'), rmc(f'12350{i}.00', 'V' if i < 3 else 'A')) for i in range(5)]
+    chunks = [part for epoch in epochs for part in epoch]
+    with scripted(NmeaGps, chunks) as (device, (fixes, times)):
+        published = []
+        for now in range(10):
+            device.read(now + 1)
+            published.append([f.status.status for f in fixes.samples])
+        assert published[0] == published[1] == [FIX]
+        assert published[2] == [FIX]
+        assert published[3] == [FIX, NO_FIX]
+        assert published[-1] == [FIX, NO_FIX, NO_FIX, FIX, FIX]
+        assert device.statistics().contradicted_samples == 3
+        # They carry the time at which GGA came.
+        assert fixes.stamps == [1, 3, 5, 7, 9]
+        assert len(times.samples) == 2
+
+
+def test_a_fix_that_waits_is_published_when_no_rmc_comes() -> None:
+    chunks = [gga('1.00'.zfill(9)), rmc('000001.00', 'V'), gga('000002.00'), b'', b'']
+    with scripted(NmeaGps, chunks) as (device, (fixes, _)):
+        for now in (0, 0, 0, 400_000_000):
+            device.read(now)
+        assert len(fixes.samples) == 1
+        device.read(600_000_000)
+        assert [f.status.status for f in fixes.samples] == [FIX, FIX]
+
+
+def test_without_contradiction_a_fix_is_published_with_its_gga() -> None:
+    with scripted(NmeaGps, [gga(), rmc()]) as (device, (fixes, _)):
+        assert device.read(1) == 1
+        assert len(fixes.samples) == 1
+
+
+# --- time ---------------------------------------------------------------------------------------
+
+def test_time_reference() -> None:
+    _, times, _ = publish(rmc('123519.25'))
+    stamp = datetime(1994, 3, 23, 12, 35, 19, tzinfo=timezone.utc).timestamp()
+    assert (times.samples[0].time_ref.sec, times.samples[0].time_ref.nanosec) == (
+        stamp, 250_000_000)
+    assert times.publication.fixed == {'header.frame_id': 'gps_link', 'source': 'gps'}
+
+
+@pytest.mark.parametrize('line', [
+    rmc(status='V'), rmc(time=''), rmc(date=''), rmc(date='310294'), rmc(time='235960.00'),
+    rmc(date='010169'), rmc(date='190168'), sentence('GPRMC,,V,,,,,,,,,,N'), sentence('GPRMC')])
+def test_no_time_reference_without_a_valid_time(line: bytes) -> None:
+    assert publish(line)[1].samples == []
+
+
+def test_no_time_topic_publishes_no_time() -> None:
+    with scripted(NmeaGps, [rmc() + gga()], time_topic='') as (device, publishers):
+        assert len(publishers) == 1
+        assert device.read(1) == 1
+
+
+def test_other_sentences_are_ignored_and_counted() -> None:
+    lines = [sentence('GPVTG,,T,,M,,N,,K,N'), sentence('PUBX,00'), sentence('PAGGA,1'),
+             sentence('GPXXX'), sentence('G'), sentence('GPGGA,,,,,,x')]
+    fixes, _, statistics = publish(b''.join(lines))
+    assert fixes.samples == []
+    assert statistics.ignored_frames == statistics.frames == len(lines)
+
+
+@settings(max_examples=150, deadline=None)
+@given(kind=st.sampled_from(['GGA', 'RMC', 'GSA', 'GST']),
+       fields=st.lists(st.sampled_from([
+           '', '0', '1', '-1', '4807.038', '1e400', 'nan', '-inf', 'A', 'V', 'N', 'E', 'M', '１',
+           '123519.00', '230394', '999999999999999999999', '08', 'x', '.', '-', '_1_'])
+           | st.text(st.characters(min_codepoint=32, max_codepoint=126,
+                                   exclude_characters='$*,'), max_size=12), max_size=24))
+def test_no_content_of_a_sentence_raises_anything(kind: str, fields: list[str]) -> None:
+    content = ','.join([f'GN{kind}', *fields])
+    if not content.isascii() or len(content) > 190:
+        content = content.encode('ascii', 'replace').decode()[:190]
+    fixes, _, statistics = publish(sentence(content) + gga())
+    assert statistics.frames == 2
+    last = fixes.samples[-1]
+    assert last.status.status in (NO_FIX, FIX)
+    assert all(math.isfinite(v) for v in last.position_covariance)
+
+
+# --- recordings, against a parse of our own -----------------------------------------------------
+
+def degrees(text: str, letter: str) -> float:
+    point = text.index('.')
+    value = int(text[:point - 2]) + float(text[point - 2:]) / 60
+    return -value if letter in 'SW' else value
+
+
+def expected_fixes(lines: list[bytes]) -> list[tuple[int, float, float, float]]:
+    """Give status, latitude, longitude, altitude of each GGA, by plain string handling."""
+    status_of = {'1': FIX, '2': SBAS}
+    found = []
+    for line in lines:
+        fields = line.decode('ascii').strip().split('*')[0].split(',')
+        if fields[0][3:] != 'GGA':
+            continue
+        if fields[6] == '0':
+            found.append((NO_FIX, math.nan, math.nan, math.nan))
+            continue
+        altitude = float(fields[9]) + float(fields[11]) if fields[11] else math.nan
+        found.append((status_of[fields[6]], degrees(fields[2], fields[3]),
+                      degrees(fields[4], fields[5]), altitude))
+    return found
+
+
+def expected_times(lines: list[bytes]) -> list[tuple[int, int]]:
+    found = []
+    for line in lines:
+        fields = line.decode('ascii').strip().split('*')[0].split(',')
+        if fields[0][3:] != 'RMC' or fields[2] != 'A':
+            continue
+        clock, date = fields[1], fields[9]
+        day = datetime(2000 + int(date[4:]), int(date[2:4]), int(date[:2]), int(clock[:2]),
+                       int(clock[2:4]), int(clock[4:6]), tzinfo=timezone.utc)
+        fraction = (clock.partition('.')[2] + '0' * 9)[:9]
+        found.append((int(day.timestamp()), int(fraction)))
+    return found
+
+
+@pytest.mark.parametrize('name, count, without_fix', [
+    ('ublox-neo-m9n-nmea', 61, 0), ('haicom-305N', 73, 5), ('telit-he910', 224, 37),
+    ('quectel', 42, 8)])
+def test_a_recording_against_a_parse_of_our_own(name: str, count: int, without_fix: int) -> None:
+    lines = data_lines(f'gps/{name}.log')
+    stream = b''.join(lines)
+    chunks = [stream[i:i + 61] for i in range(0, len(stream), 61)]
+    fixes, times, statistics = publish(*chunks)
+    expected = expected_fixes(lines)
+    got = [(f.status.status, f.latitude, f.longitude, f.altitude) for f in fixes.samples]
+    assert len(got) == len(expected) == count
+    assert sum(status == NO_FIX for status, *_ in got) == without_fix
+    for ours, theirs in zip(got, expected):
+        assert ours == pytest.approx(theirs, abs=1e-9, nan_ok=True)
+    assert [(t.time_ref.sec, t.time_ref.nanosec) for t in times.samples] == expected_times(lines)
+    assert statistics.frames == len(lines)
+    assert statistics.rejected_bytes == statistics.contradicted_samples == 0
+
+
+def test_the_ublox_recording_has_known_deviations_after_the_first_epoch() -> None:
+    fixes, _, _ = publish(b''.join(data_lines('gps/ublox-neo-m9n-nmea.log')))
+    kinds = [f.position_covariance_type for f in fixes.samples]
+    assert kinds == [APPROXIMATED] + [DIAGONAL_KNOWN] * 60
+    assert diagonal(fixes.samples[1]) == pytest.approx([1.0 ** 2, 0.98 ** 2, 3.1 ** 2])
+    assert fixes.samples[0].status.service == 0
+    assert fixes.samples[1].status.service == GPS | GLONASS | GALILEO | COMPASS
+
+
+def test_the_haicom_recording_has_no_position_while_it_repeats_its_last_one() -> None:
+    fixes, times, _ = publish(b''.join(data_lines('gps/haicom-305N.log')))
+    assert all(math.isnan(f.latitude) for f in fixes.samples[:5])
+    first = fixes.samples[5]
+    # Two dimensions, a dilution of 17 and none for the height.
+    assert diagonal(first) == pytest.approx([85.0 ** 2, 85.0 ** 2, 170.0 ** 2])
+    assert len(times.samples) == 68
+
+
+def test_the_telit_recording_has_no_ellipsoidal_altitude() -> None:
+    fixes, _, _ = publish(b''.join(data_lines('gps/telit-he910.log')))
+    assert all(math.isnan(f.altitude) for f in fixes.samples)
+    assert fixes.samples[-1].status.status == FIX
+
+
+def test_the_quectel_recording_loses_its_fix_for_eight_epochs() -> None:
+    fixes, _, _ = publish(b''.join(data_lines('gps/quectel.log')))
+    status = [f.status.status for f in fixes.samples]
+    assert status == [FIX] * 18 + [NO_FIX] * 8 + [FIX] * 16
