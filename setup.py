@@ -46,7 +46,7 @@ setup(
             'bench = rt_robot_os.cli.bench:main',
             'core = rt_robot_os.cli.core:main',
             'echo = rt_robot_os.cli.echo:main',
-            'player = rt_robot_os.sim.main:player_main',
+            'player = rt_robot_os.sim.main:player',
             'robot = rt_robot_os.cli.robot:main',
             'simulator = rt_robot_os.sim.main:main',
         ],

@@ -196,10 +196,12 @@ requirements() {
   requirement_files "$1" | while read -r file; do sed -e "$filter" "$file"; done
 }
 
-requirements_hash() { { requirements "$1"; version_of "$PYTHON"; } | sha256sum | cut -c1-32; }
+requirements_hash() {
+  { requirements "$1"; cat "$ROOT/scripts/constraints-ros.txt"; version_of "$PYTHON"; } | sha256sum
+}
 
 install_requirements() {
-  local kind=$1 stamp=$VENV/.$PACKAGE-$1 list hash
+  local kind=$1 stamp=$VENV/.$PACKAGE-$1 list hash options=()
   hash=$(requirements_hash "$kind")
   [ "$(cat "$stamp" 2>/dev/null)" != "$hash" ] || return 0
   case $kind in
@@ -208,8 +210,9 @@ install_requirements() {
   esac
   list=$VENV/.$PACKAGE-requirements.txt
   requirements "$kind" >"$list" || fail "cannot write to $VENV"
-  PIP_USER=0 logged "$PYTHON" -m pip install --disable-pip-version-check --no-input --retries 3 -r "$list" ||
-    explain_pip_failure
+  [ "$MODE" = wheels ] || options=(-c "$ROOT/scripts/constraints-ros.txt")
+  PIP_USER=0 logged "$PYTHON" -m pip install --disable-pip-version-check --no-input --retries 3 \
+    "${options[@]}" -r "$list" || explain_pip_failure
   echo "$hash" >"$stamp"
   [ "$kind" = run ] || requirements_hash run >"$VENV/.$PACKAGE-run"
 }
