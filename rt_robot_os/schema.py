@@ -24,13 +24,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
+import sys
 from typing import Any
 
 REQUIRED: Any = object()
 
-_ARTICLES: Mapping[type, str] = {
-    bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text', list: 'a list',
-}
+_NOUNS: Mapping[type, str] = {
+    bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+_PLURALS: Mapping[type, str] = {
+    bool: 'true or false', int: 'whole numbers', float: 'numbers', str: 'texts'}
 
 
 @dataclass(frozen=True)
@@ -60,27 +62,16 @@ class Field:
 
     def problem(self, value: Any) -> str | None:
         """
-        Say what is wrong with a value.
+        Say what is wrong with a value, each item of a list included.
 
         :return: None when the value may be used, else what would be right.
         """
-        wanted = self._wanted()
         if self.kind is list:
-            if not isinstance(value, list | tuple):
-                return wanted
-            return None if all(self._is(v, self.item) for v in value) else wanted
-        if not self._is(value, self.kind):
-            return wanted
-        if self.choices and value not in self.choices:
-            return wanted
-        if self.kind in (int, float):
-            if not math.isfinite(value):
-                return wanted
-            if self.minimum is not None and value < self.minimum:
-                return wanted
-            if self.maximum is not None and value > self.maximum:
-                return wanted
-        return None
+            right = isinstance(value, list | tuple) and all(
+                self._fits(each, self.item) for each in value)
+        else:
+            right = self._fits(value, self.kind)
+        return None if right else self.wanted()
 
     def coerce(self, value: Any) -> Any:
         """Give the value its declared type; call only when :meth:`problem` found nothing."""
@@ -88,24 +79,51 @@ class Field:
             return [self.item(v) for v in value]
         return self.kind(value)
 
-    @staticmethod
-    def _is(value: Any, kind: type) -> bool:
-        if isinstance(value, bool):
-            return kind is bool
-        if kind is float:
-            return isinstance(value, int | float)
-        return isinstance(value, kind)
-
-    def _wanted(self) -> str:
+    def wanted(self) -> str:
+        """Say what the field takes: its type, range and unit, or its choices."""
         if self.choices:
-            return 'one of ' + ', '.join(str(c) for c in self.choices)
-        text = _ARTICLES[self.kind]
-        if self.kind is list:
-            text += f' of {self.item.__name__}'
-        if self.minimum is not None and self.maximum is not None:
-            text += f' from {self.minimum:g} to {self.maximum:g}'
-        elif self.minimum is not None:
-            text += f' of at least {self.minimum:g}'
-        elif self.maximum is not None:
-            text += f' of at most {self.maximum:g}'
-        return f'{text} {self.unit}'.rstrip()
+            names = ', '.join(str(choice) for choice in self.choices)
+            text = f'a list of any of {names}' if self.kind is list else f'one of {names}'
+        elif self.kind is list:
+            text = f'a list of {_PLURALS[self.item]}{self.limits()}'
+        else:
+            text = f'{_NOUNS[self.kind]}{self.limits()}'
+        return f'{text} ({self.unit})' if self.unit else text
+
+    def limits(self) -> str:
+        """Write the range, such as ' from 1 to 99'; empty when there is none."""
+        low, high = number(self.minimum), number(self.maximum)
+        if low and high:
+            return f' from {low} to {high}'
+        if low:
+            return f' of at least {low}'
+        return f' of at most {high}' if high else ''
+
+    def _fits(self, value: Any, kind: type) -> bool:
+        if isinstance(value, bool) or kind is bool:
+            return isinstance(value, bool) and kind is bool
+        if not isinstance(value, (int, float) if kind is float else kind):
+            return False
+        if self.choices and value not in self.choices:
+            return False
+        if kind is str:
+            return True
+        return self._in_range(value, kind)
+
+    def _in_range(self, value: Any, kind: type) -> bool:
+        # An int may be too large for a float: it is compared as it is.
+        if isinstance(value, float) and not math.isfinite(value):
+            return False
+        if kind is float and abs(value) > sys.float_info.max:
+            return False
+        return bool((self.minimum is None or value >= self.minimum)
+                    and (self.maximum is None or value <= self.maximum))
+
+
+def number(value: float | None) -> str:
+    """Write a limit without exponent where that stays short; empty for None."""
+    if value is None:
+        return ''
+    if float(value).is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    return f'{value:g}'

@@ -39,7 +39,6 @@ from rt_robot_os.settings.fields import ROBOT
 from rt_robot_os.settings.fields import TOPIC
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.problems import description_of
-from rt_robot_os.settings.problems import range_of
 from rt_robot_os.settings.tree import show
 
 _HEAD: Final = """\
@@ -145,7 +144,7 @@ def _cells(field: Field) -> Sequence[str]:
     if field.choices:
         limits = ', '.join(f'`{choice}`' for choice in field.choices)
     else:
-        limits = range_of(field).removeprefix(' from ').removeprefix(' of ')
+        limits = field.limits().removeprefix(' from ').removeprefix(' of ')
     return (f'`{field.name}`', kind, default, limits, field.unit, 'yes' if field.live else '',
             description_of(field))
 

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 import difflib
 from typing import Any
 
@@ -30,8 +29,6 @@ from rt_robot_os.settings.tree import show
 # A file of nonsense gets this many lines, then their number.
 MOST_LINES = 500
 
-_NOUNS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
-_PLURALS = {bool: 'true or false', int: 'whole numbers', float: 'numbers', str: 'texts'}
 _LONGEST_GUESS = 64
 
 
@@ -91,57 +88,24 @@ def problem_of(field: Field, value: Any) -> str | None:
 
     :return: None when the value may be used, else ``must be ...``.
     """
-    if field.kind is not list:
-        wrong = field.problem(value) or (isinstance(value, str) and not _is_text(value))
-        return f'must be {wanted(field)}' if wrong else None
-    item = replace(field, kind=field.item)
-    if not isinstance(value, list | tuple):
-        hint = '' if problem_of(item, value) else f': write [{show(value)}]'
-        return f'must be {wanted(field)}{hint}'
-    if field.problem(value) or any(problem_of(item, each) for each in value):
-        return f'must be {wanted(field)}'
-    return None
+    wrong = field.problem(value)
+    texts = value if isinstance(value, list | tuple) else [value]
+    if wrong is None and all(_is_text(each) for each in texts if isinstance(each, str)):
+        return None
+    hint = ''
+    if field.kind is list and not isinstance(value, list | tuple) and not field.problem([value]):
+        hint = f': write [{show(value)}]'
+    return f'must be {field.wanted()}{hint}'
 
 
 def _is_text(value: str) -> bool:
     return all(c.isprintable() or c in '\n\t' for c in value)
 
 
-def wanted(field: Field) -> str:
-    """Say what a field takes: its type, range and unit, or its choices."""
-    if field.choices:
-        names = ', '.join(str(choice) for choice in field.choices)
-        text = f'a list of any of {names}' if field.kind is list else f'one of {names}'
-    elif field.kind is list:
-        text = f'a list of {_PLURALS[field.item]}{range_of(field)}'
-    else:
-        text = f'{_NOUNS[field.kind]}{range_of(field)}'
-    return f'{text} ({field.unit})' if field.unit else text
-
-
 def description_of(field: Field) -> str:
     """Give the description as a sentence without full stop, however its author wrote it."""
     text = field.description.removesuffix('.')
     return text[:1].upper() + text[1:]
-
-
-def range_of(field: Field) -> str:
-    """Write the range of a field; empty when there is none."""
-    low, high = number(field.minimum), number(field.maximum)
-    if low and high:
-        return f' from {low} to {high}'
-    if low:
-        return f' of at least {low}'
-    return f' of at most {high}' if high else ''
-
-
-def number(value: float | None) -> str:
-    """Write a limit without exponent where that stays short."""
-    if value is None:
-        return ''
-    if float(value).is_integer() and abs(value) < 1e15:
-        return str(int(value))
-    return f'{value:g}'
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -30,7 +30,6 @@ from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import problem_of
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.problems import wanted
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.tree import Origin
@@ -85,12 +84,12 @@ def read_section(
         label = f'{prefix}{each.name}'
         if found is None:
             if each.default is REQUIRED:
-                text = f'{label} is missing: must be {wanted(each)}. {description_of(each)}'
+                text = f'{label} is missing: must be {each.wanted()}. {description_of(each)}'
                 problems.add(branch.origin, text)
             else:
                 section.values[each.name] = each.default
         elif isinstance(found, Branch):
-            problems.add(found.origin, f'{label} is a section: must be {wanted(each)}')
+            problems.add(found.origin, f'{label} is a section: must be {each.wanted()}')
         elif not found.fault:
             _check(section, each, found, label, problems)
     return section

@@ -1,0 +1,61 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A field says what is wrong with a value, whatever the value is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from rt_robot_os.schema import Field
+
+RATE = Field('rate_hz', float, 1.0, 'rate', 'Hz', 0.1, 4_000_000.0)
+LEVELS = Field('levels', list, (), 'levels', '', 1, 9, item=int)
+
+
+@pytest.mark.parametrize('value', [1, 0.1, 4_000_000])
+def test_a_good_value_has_no_problem_and_gets_its_type(value: Any) -> None:
+    assert RATE.problem(value) is None
+    assert isinstance(RATE.coerce(value), float)
+
+
+@pytest.mark.parametrize('value', [0, -1, 4_000_001, float('nan'), float('inf'), '1', True, None,
+                                   10 ** 400, -10 ** 400, [1.0]])
+def test_a_bad_value_is_told_what_would_be_right(value: Any) -> None:
+    assert RATE.problem(value) == 'a number from 0.1 to 4000000 (Hz)'
+
+
+@pytest.mark.parametrize('value', [[0], [1, 10], [1.5], ['1'], 3, [True]])
+def test_items_of_a_list_are_checked_like_values(value: Any) -> None:
+    assert LEVELS.problem(value) == 'a list of whole numbers from 1 to 9'
+
+
+def test_choices_are_listed() -> None:
+    field = Field('policy', str, 'a', 'policy', choices=('a', 'b'))
+    assert field.problem('c') == 'one of a, b'
+    assert field.problem('b') is None
+
+
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+                    st.lists, max_leaves=4),
+       st.sampled_from([bool, int, float, str]))
+def test_no_value_raises(value: Any, kind: type) -> None:
+    field = Field('x', kind, None, 'x', minimum=-5, maximum=5) if kind in (int, float) else (
+        Field('x', kind, None, 'x'))
+    if field.problem(value) is None:
+        assert isinstance(field.coerce(value), kind)
