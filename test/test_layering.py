@@ -41,8 +41,10 @@ LAYERS = (
     ('cli',),
 )
 
-# Simulated devices stand beside the drivers: they speak the devices' bytes and know no more.
-SIM_MAY_IMPORT = ('drivers.encoders', 'errors', 'reports', 'schema', 'sim', 'units')
+# Simulated devices stand beside the drivers: they share the bytes with them, never a driver.
+SIM_MAY_IMPORT = (
+    'drivers.decoders', 'drivers.encoders', 'drivers.plugins', 'errors', 'linux', 'reports',
+    'schema', 'sim', 'units')
 MAY_IMPORT_SIM = ('settings', 'core', 'ros', 'bench', 'cli', 'sim')
 
 # library -> the only places that may import it

@@ -179,7 +179,7 @@ def test_every_link_in_the_documents_leads_somewhere() -> None:
 
 def test_no_file_names_a_path_of_one_machine_or_a_registry() -> None:
     places = '|'.join(['wor' + 'k/', 'opt/d' + 'ev', 'ro' + 'ot/', 'home/[a-z]'])
-    hosts = '|'.join(['py' + r'pi\.org', 'python' + 'hosted', 'deb' + r'ian\.org', 'npm' + r'js\.'])
+    hosts = '|'.join(['py' + 'pi.org', 'python' + 'hosted', 'deb' + 'ian.org', 'npm' + 'js.'])
     pattern = re.compile(rf'(?<![\w/.$}}~-])/(?:{places})|{hosts}')
     found = []
     for path in _texts():
