@@ -15,8 +15,8 @@
 """
 The program `core`: the real-time process.
 
-The node `robot` starts it as its child, with checked settings on standard input. Started by hand it
-reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
+The node `robot` starts it as its child, with checked settings on standard input. Started by hand
+it reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ BUCKETS = 320
 
 def bucket(duration_ns: int) -> int:
     """
-    Number the bucket of a duration.
+    Give the number of the bucket of a duration.
 
     :param duration_ns: from 0 to 2**43 (2.4 hours); longer ones share the last bucket.
     """

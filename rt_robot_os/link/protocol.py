@@ -94,7 +94,8 @@ def parse_header(packet: bytes | memoryview) -> Header:
     return parsed
 
 
-def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0, more: bool = False) -> bytes:
+def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0,
+                more: bool = False) -> bytes:
     """
     Make a packet that carries JSON.
 

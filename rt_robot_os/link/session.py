@@ -154,7 +154,7 @@ class Session:
 
     def channel(self, topic: str) -> int:
         """
-        Number a topic.
+        Give the number of a topic.
 
         :raises TopicError: there is no such topic.
         """

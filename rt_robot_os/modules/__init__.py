@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Function modules: the code that a robot's author writes, and a few that come with the package."""
+"""Function modules: what a robot's author writes, and a few that come with the package."""
 
 from rt_robot_os.modules.base import Input
 from rt_robot_os.modules.base import Module

@@ -64,9 +64,10 @@ class RobotNode(LifecycleNode):
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
         self._diagnostics = Diagnostics(self.get_name())
-        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._diagnostics_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
-        self._robot_parameters = NodeParameters(self, parameters(settings), self._check, self._apply)
+        self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._status_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
+        self._robot_parameters = NodeParameters(
+            self, parameters(settings), self._check, self._apply)
 
     # ---- lifecycle ---------------------------------------------------------------------------
 
@@ -151,7 +152,7 @@ class RobotNode(LifecycleNode):
         else:
             message.status = self._diagnostics.judge(
                 supervisor.statistics, self._mapper, mirrors.counters())
-        self._diagnostics_publisher.publish(message)
+        self._status_publisher.publish(message)
 
     def _log(self, severity: int, text: str) -> None:
         # rclpy remembers a call site by its severity, so each has a line of its own.

@@ -163,7 +163,7 @@ class World:
             self.node.destroy_client(client)
 
     def leftovers(self) -> list[str]:
-        """Processes of ours and files of theirs that are still there."""
+        """List processes of ours and files of theirs that are still there."""
         found = [str(p.relative_to(self.folder)) for p in self.folder.rglob('*')
                  if p.suffix != '.yaml']
         for entry in Path('/proc').iterdir():

@@ -28,10 +28,9 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from geometry_msgs.msg import Twist  # noqa: E402
-from sensor_msgs.msg import Imu  # noqa: E402
-
 from rt_robot_os.kernel import TaskStatistics  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
 
 Until = Callable[..., Any]
 

@@ -26,14 +26,13 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from sensor_msgs.msg import Imu  # noqa: E402, I100
+from rt_robot_os.drivers.encoders.witmotion import acceleration_frame  # noqa: E402, I100
+from rt_robot_os.drivers.encoders.witmotion import angular_velocity_frame  # noqa: E402
+from rt_robot_os.drivers.encoders.witmotion import magnetic_field_frame  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
 from sensor_msgs.msg import MagneticField  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
 from sensor_msgs.msg import NavSatStatus  # noqa: E402
-
-from rt_robot_os.drivers.encoders.witmotion import acceleration_frame  # noqa: E402
-from rt_robot_os.drivers.encoders.witmotion import angular_velocity_frame  # noqa: E402
-from rt_robot_os.drivers.encoders.witmotion import magnetic_field_frame  # noqa: E402
 
 Until = Callable[..., Any]
 G = 9.80665
@@ -144,7 +143,8 @@ def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
     log.write_bytes(b''.join(
         acceleration_frame(*r[:3]) + angular_velocity_frame(*r[3:6])
         + magnetic_field_frame(*r[6:], scale_t=1.5e-7) for r in recorded))
-    imu, mag = world.listen(Imu, '/imu/data', 20000), world.listen(MagneticField, '/imu/mag', 20000)
+    imu = world.listen(Imu, '/imu/data', 20000)
+    mag = world.listen(MagneticField, '/imu/mag', 20000)
     port = world.folder / 'imu'
     robot = world.robot(robot_yaml(
         f'type: witmotion, port: {port}, baud: 0, rate_hz: 400.0, depth: 1024, timeout_s: 60.0, '
