@@ -37,8 +37,8 @@ from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
-from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM

@@ -57,7 +57,7 @@ class CoreProcess:
 
     @property
     def pid(self) -> int:
-        """The process id; 0 when it does not run."""
+        """Give the process id; 0 when it does not run."""
         return self._process.pid if self._process is not None else 0
 
     def start(self) -> None:

@@ -63,7 +63,7 @@ class RobotNode(LifecycleNode):
         self._mapper = StampMapper()
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
-        self._diagnostics = Diagnostics(self.get_name())
+        self._diagnostics = Diagnostics(self.robot)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._status_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
         self._robot_parameters = NodeParameters(
