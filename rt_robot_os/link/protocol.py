@@ -74,7 +74,8 @@ class Header(NamedTuple):
     seq: int
 
 
-def header(kind: Kind, channel: int = 0, missed: int = 0, stamp_ns: int = 0, seq: int = 0) -> bytes:
+def header(kind: Kind, channel: int = 0, missed: int = 0, stamp_ns: int = 0,
+           seq: int = 0) -> bytes:
     """Make the first 24 bytes of a packet."""
     return HEADER.pack(kind, VERSION, channel, missed & 0xFFFFFFFF, stamp_ns, seq)
 
