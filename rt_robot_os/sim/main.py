@@ -86,7 +86,7 @@ def player(argv: Sequence[str] | None = None) -> int:
     except (ConfigError, DeviceError) as error:
         return _fail(error)
     print(playing.port.link, flush=True)
-    _run(SimServer([playing], report=_complain), arguments.keep_running, lambda: playing.done)
+    _run(SimServer([playing], report=_complain), arguments.keep_running, lambda: playing.over)
     return 0
 
 

@@ -38,6 +38,8 @@ _BITS_PER_BYTE: Final = 10
 # A driver discards what comes while it opens the port; begin when it is surely done.
 _SETTLE_NS: Final = 200 * NS_PER_MS
 _LOOK_FOR_READER_NS: Final = 20 * NS_PER_MS
+# Unplugging throws away what the reader has not fetched yet.
+_LINGER_NS: Final = NS_PER_S
 _PIECE: Final = 1024
 _DAY_NS: Final = 86_400 * NS_PER_S
 # Where the time of day stands in the sentences that have one.
@@ -138,11 +140,18 @@ class Player:
         self._round_ns: int | None = None
         self._now_ns = 0
         self._reader_ns: int | None = None
+        self._last_sent_ns = 0
 
     @property
     def done(self) -> bool:
         """Say whether everything has been played."""
         return self._at >= len(self._pieces) and not self._line.waiting
+
+    @property
+    def over(self) -> bool:
+        """Say whether it may be unplugged: all has been played, and fetched or given up."""
+        return self.done and (self._now_ns - self._last_sent_ns > _LINGER_NS
+                              or not self.port.has_reader())
 
     def pump(self, now_ns: int) -> None:
         """
@@ -180,6 +189,7 @@ class Player:
         data = self._line.take(now_ns)
         if data:
             self.port.write(data)
+            self._last_sent_ns = now_ns
 
     def _ready(self, now_ns: int) -> bool:
         if not self._wait:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Let the tests of this folder import the fakes of the drivers' tests."""
+"""Let the tests of this folder import their harness and the fakes of the drivers' tests."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ import sys
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent.parent / 'drivers'))
-pytest.register_assert_rewrite('driver_fakes')
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / 'drivers')]
+pytest.register_assert_rewrite('driver_fakes', 'sim_harness')
