@@ -41,7 +41,7 @@ from rt_robot_os.settings import parameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 
-_START_TIMEOUT_S = 15.0
+_START_TIMEOUT_S = 10.0
 
 
 class RobotNode(LifecycleNode):
@@ -83,9 +83,13 @@ class RobotNode(LifecycleNode):
             statistics_period_s=1.0 / self.settings.diagnostics_rate_hz)
         self._supervisor.start()
         connected = self._supervisor.wait(_START_TIMEOUT_S)
-        if process is not None and not connected:
+        if self.fatal:
             self._stop_core()
             return TransitionCallbackReturn.FAILURE
+        if process is not None and not connected:
+            # The supervisor goes on trying, and /diagnostics says so meanwhile.
+            self.get_logger().warning(f'the core is not there after {_START_TIMEOUT_S:g} s; is '
+                                      'the machine that busy?')
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

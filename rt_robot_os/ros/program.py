@@ -22,6 +22,7 @@ from types import FrameType
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.errors import RtRobotError
@@ -64,10 +65,11 @@ def spin(settings: RobotSettings) -> int:
     try:
         node = RobotNode(settings)
         if settings.autostart:
-            node.trigger_configure()
+            configured = node.trigger_configure()
             if node.fatal:
                 return BAD_CONFIGURATION
-            node.trigger_activate()
+            if configured == TransitionCallbackReturn.SUCCESS:
+                node.trigger_activate()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stop.signo and not node.fatal:
