@@ -18,9 +18,9 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import VirtualClock
-from rt_robot_os.kernel.histogram import BUCKETS
 from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.histogram import bucket_limits
+from rt_robot_os.kernel.histogram import BUCKETS
 from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.kernel.histogram import summarise
 from rt_robot_os.kernel.histogram import Summary

@@ -53,8 +53,12 @@ class Clock(ABC):
     now_ns: Callable[[], int]
 
     @abstractmethod
-    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
-        """Start to deliver alarms and interrupts to these handlers."""
+    def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
+        """
+        Start to deliver alarms and interrupts to these handlers.
+
+        :param on_break: called when Ctrl-C is pressed, unless the program handles that itself.
+        """
 
     @abstractmethod
     def detach(self) -> None:
@@ -95,21 +99,39 @@ class MonotonicClock(Clock):
 
     def __init__(self, wake_signals: Iterable[int] = ()) -> None:
         self.now_ns = time.monotonic_ns
-        self._wake_signals = tuple(int(s) for s in wake_signals)
+        self._wanted_wakes = tuple(int(s) for s in wake_signals)
+        self._wakes: frozenset[int] = frozenset()
         self._timer: SignalTimer | None = None
         self._previous: dict[int, Any] = {}
 
-    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
+    def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
         if threading.current_thread() is not threading.main_thread():
             raise TaskError(
-                f'the preemptive kernel was started in thread {threading.current_thread().name!r}: '
+                f'the kernel was started in thread {threading.current_thread().name!r}: '
                 'Python runs signal handlers in the main thread only; start it there')
-        self._handlers: dict[int, Handler] = {
-            TICK_SIGNAL: on_tick, INTERRUPT_SIGNAL: on_interrupt}
-        for signo, handler in self._handlers.items():
-            self._previous[signo] = signal.signal(signo, handler)
-        self._gate = SignalGate((*self._handlers, *self._wake_signals))
-        self._timer = SignalTimer(TICK_SIGNAL)
+        handlers: dict[int, Handler] = {TICK_SIGNAL: on_tick, INTERRUPT_SIGNAL: on_interrupt}
+        for signo in handlers:
+            if signal.getsignal(signo) is not signal.SIG_DFL:
+                raise TaskError(f'signal {signo} has a handler already: another kernel runs in '
+                                'this process; run one after the other, or each in its own')
+        # What the system sends when it has no room left for queueing INTERRUPT_SIGNAL (fcntl(2),
+        # F_SETSIG); its default action ends the process.
+        if signal.getsignal(signal.SIGIO) is signal.SIG_DFL:
+            handlers[signal.SIGIO] = on_interrupt
+        # KeyboardInterrupt, raised anywhere, would tear the kernel apart.
+        wakes = [s for s in self._wanted_wakes if callable(signal.getsignal(s))]
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            handlers[signal.SIGINT] = on_break
+            wakes.append(signal.SIGINT)
+        self._wakes = frozenset(wakes)
+        try:
+            for signo, handler in handlers.items():
+                self._previous[signo] = signal.signal(signo, handler)
+            self._gate = SignalGate({*handlers, *wakes})
+            self._timer = SignalTimer(TICK_SIGNAL)
+        except BaseException:
+            self._restore_handlers()
+            raise
         self.arm = self._timer.arm  # type: ignore[method-assign]
         self.hold = self._gate.hold  # type: ignore[method-assign]
         self.admit = self._gate.admit  # type: ignore[method-assign]
@@ -122,11 +144,14 @@ class MonotonicClock(Clock):
         self._gate.admit()
         self._timer.close()
         self._timer = None
-        for signo, handler in self._previous.items():
-            # The default action of these signals ends the process, but none can come any more:
-            # the timer is gone, and what was held has been let through to the old handler.
+        # The default action of these signals ends the process, but none can come any more: the
+        # timer is gone, and what was held has been let through to the old handler.
+        self._restore_handlers()
+
+    def _restore_handlers(self) -> None:
+        while self._previous:
+            signo, handler = self._previous.popitem()
             signal.signal(signo, handler)
-        self._previous.clear()
 
     def arm(self, deadline_ns: int) -> None:
         raise TaskError('the clock is not attached: a kernel does that when it runs')
@@ -141,7 +166,7 @@ class MonotonicClock(Clock):
         signo = self._sigwait()
         if signo == TICK_SIGNAL:
             return False
-        if signo in self._wake_signals:
+        if signo in self._wakes:
             handler = signal.getsignal(signo)
             if callable(handler):
                 handler(signo, None)
@@ -172,7 +197,7 @@ class VirtualClock(Clock):
     def _read(self) -> int:
         return self._now_ns
 
-    def attach(self, on_tick: Handler, on_interrupt: Handler) -> None:
+    def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
         self._on_tick = on_tick
 
     def detach(self) -> None:

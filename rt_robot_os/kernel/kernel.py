@@ -23,7 +23,9 @@ one stack: the depth of nesting is at most the number of priorities.
 The whole synchronisation is one flag. While :attr:`Kernel.locked` is set an alarm only notes
 itself in :attr:`Kernel.pending`; whoever clears the flag looks at the note afterwards and calls
 :meth:`Kernel.settle`. Nested code always finishes before the code below it goes on, so nothing
-else can come in between.
+else can come in between. Whoever serves a note clears it first and reads the clock then: an alarm
+that came before is due by that time, and one that comes later leaves a new note. The other way
+round an alarm would be lost in between.
 """
 
 from __future__ import annotations
@@ -31,17 +33,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 import heapq
 import select
 import sys
-from types import TracebackType
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.histogram import BUCKETS
 from rt_robot_os.kernel.task import checked_period_ns
 from rt_robot_os.kernel.task import FailureReport
@@ -55,11 +58,13 @@ from rt_robot_os.units import NS_PER_MS
 
 _IDLE_LEVEL = 0
 _FAILURES_KEPT = 32
-_TRACE_DEPTH = 8
 _LAST_BUCKET = BUCKETS - 1
-# Each level of nesting takes four Python frames of ours; the rest is for the tasks themselves.
+# Python frames for the tasks, and how many more for each level of nesting: a task that recursed to
+# its limit must not leave too few for those that preempt it.
 _RECURSION_LIMIT = 5000
+_RECURSION_ROOM = 200
 _START_DELAY_NS = NS_PER_MS
+_set_recursion_limit = sys.setrecursionlimit
 
 TraceHook = Callable[[int, str, str], None]
 
@@ -98,9 +103,10 @@ class Kernel:
     # Slots are the fastest attributes, and there are more than an inline dictionary holds.
     __slots__ = (
         'clock', 'now_ns', 'locked', 'pending', 'trace', 'on_idle', 'running', 'start_ns',
-        'wakeups', 'failures_total', 'failures', '_tasks', '_by_name', '_interrupts', '_poll',
-        '_interrupted', '_stopping', '_stop_reason', '_current', '_level', '_stolen_ns',
-        '_armed_ns', '_ready', '_queues', '_bits', '_timers')
+        'wakeups', 'failures_total', 'failures', '_tasks', '_by_name', '_interrupts', '_watched',
+        '_poll', '_interrupted', '_stopping', '_stop_reason', '_broken', '_current', '_level',
+        '_stolen_ns', '_armed_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
+        '_recursion_limit')
 
     def __init__(self, clock: Clock | None = None) -> None:
         self.clock = clock or MonotonicClock()
@@ -117,10 +123,12 @@ class Kernel:
         self._tasks: list[Task] = []
         self._by_name: dict[str, Task] = {}
         self._interrupts: dict[int, Task] = {}
+        self._watched: dict[int, int] = {}
         self._poll = select.poll()
         self._interrupted = False
         self._stopping = False
         self._stop_reason = ''
+        self._broken = False
         self._current: Task | None = None
         self._level = _IDLE_LEVEL
         self._stolen_ns = 0
@@ -128,7 +136,10 @@ class Kernel:
         self._ready = 0
         self._queues: list[deque[Task]] = [deque() for _ in range(PRIORITY_MAXIMUM + 1)]
         self._bits = [1 << priority for priority in range(PRIORITY_MAXIMUM + 1)]
-        self._timers: list[tuple[int, int, Task | None]] = []
+        # (time, order among equals, task, period in force until then); without a task: the end.
+        self._timers: list[tuple[int, int, Task | None, int]] = []
+        self._end_ns = NEVER_NS
+        self._recursion_limit = 0
 
     # ---- declaration -------------------------------------------------------------------------
 
@@ -167,25 +178,34 @@ class Kernel:
         :raises OSError: the descriptor cannot do that.
         """
         if self.running:
-            self._watch(fd)
+            self._watch(fd, task)
         self._interrupts[fd] = task
         self._poll.register(fd, select.POLLIN)
+        if self.running:
+            self._interrupted = True  # it may be readable already
+            self.settle()
 
-    def _watch(self, fd: int) -> None:
+    def _watch(self, fd: int, task: Task) -> None:
         # Only while the kernel runs: without a handler the signal would end the process.
         if isinstance(self.clock, MonotonicClock):
-            signal_when_readable(fd, INTERRUPT_SIGNAL)
+            try:
+                self._watched[fd] = signal_when_readable(fd, INTERRUPT_SIGNAL)
+            except OSError as error:
+                raise OSError(error.errno, f'file descriptor {fd} cannot release task '
+                              f'{task.name!r}: {error.strerror}') from error
 
     def remove_interrupt(self, fd: int) -> None:
         """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
-        if self._interrupts.pop(fd, None) is not None:
+        if fd in self._interrupts:
             self._poll.unregister(fd)
-            if self.running:
-                self._unwatch(fd)
+            self._unwatch(fd)
+            del self._interrupts[fd]
 
     def _unwatch(self, fd: int) -> None:
-        if isinstance(self.clock, MonotonicClock):
-            no_signal_when_readable(fd)
+        flags = self._watched.pop(fd, None)
+        if flags is not None:
+            with suppress(OSError):  # closed without telling: nothing left to undo
+                no_signal_when_readable(fd, flags)
 
     @property
     def tasks(self) -> Sequence[Task]:
@@ -210,54 +230,69 @@ class Kernel:
         """
         Run the tasks until :meth:`stop` or for a time; may be called again afterwards.
 
-        :param duration_ns: None runs until :meth:`stop`.
+        :param duration_ns: None runs until :meth:`stop`; what is due at its very end does not run.
         :return: the reason that :meth:`stop` was given, or ``'duration'``.
         :raises TaskError: the kernel runs already, or this thread cannot run it.
+        :raises KeyboardInterrupt: Ctrl-C was pressed; the job that ran then has ended.
         """
         if self.running:
             raise TaskError('the kernel runs already')
-        self.clock.attach(self._on_tick, self._on_interrupt)
+        self.clock.attach(self._on_tick, self._on_interrupt, self._on_break)
         recursion_limit = sys.getrecursionlimit()
-        sys.setrecursionlimit(max(recursion_limit, _RECURSION_LIMIT))
+        self._recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
+        _set_recursion_limit(self._recursion_limit)
         try:
             self._prepare(duration_ns)
             self._loop()
         finally:
             self.locked = True
-            for fd in self._interrupts:
+            for fd in tuple(self._watched):
                 self._unwatch(fd)
             self.clock.detach()
+            self._abandon()
             self.running = False
             self.locked = self.pending = False
             self._level, self._current = _IDLE_LEVEL, None
-            sys.setrecursionlimit(recursion_limit)
-        return self._stop_reason
+            _set_recursion_limit(recursion_limit)
+            reason, broken = self._stop_reason, self._broken
+            self._stopping, self._stop_reason, self._broken = False, '', False
+        if broken:
+            raise KeyboardInterrupt
+        return reason
 
     def stop(self, reason: str = 'stop') -> None:
-        """End :meth:`run` when the job that runs now has ended; safe in the real-time loop."""
+        """
+        End :meth:`run` when the job that runs now has ended; safe in the real-time loop.
+
+        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
+        """
         self._stopping = True
         self._stop_reason = reason
 
     def _prepare(self, duration_ns: int | None) -> None:
-        self._stopping, self._stop_reason = False, ''
         self._interrupted = True  # something may be readable already
         self.pending, self._armed_ns, self._ready = False, 0, 0
-        for queue in self._queues:
-            queue.clear()
         start_ns = self.now_ns()
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS
         self.start_ns = start_ns
-        end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
-        self._timers = [(end_ns, len(self._tasks), None)]
+        self._end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
+        self._timers = [(self._end_ns, -1, None, 0)]
         for task in self._tasks:
             task.rest()
             if task.period_ns:
                 first_ns = start_ns + task.spec.phase_ns
-                heapq.heappush(self._timers, (first_ns, task.index, task))
-        for fd in self._interrupts:
-            self._watch(fd)
+                heapq.heappush(self._timers, (first_ns, task.index, task, task.period_ns))
+        for fd, task in self._interrupts.items():
+            self._watch(fd, task)
         self.running = True
+
+    def _abandon(self) -> None:
+        """Count what was released and does not run any more as missed."""
+        for queue in self._queues:
+            for task in queue:
+                task.missed += 1
+            queue.clear()
 
     def _loop(self) -> None:
         clock = self.clock
@@ -266,15 +301,15 @@ class Kernel:
             self.pending = False
             now_ns = self.now_ns()
             self._release_due(now_ns)
-            if self._ready:
+            if self._ready or self._stopping:
                 self._dispatch(_IDLE_LEVEL)
                 continue
-            if self.on_idle is not None and not self._interrupted:
-                self._idle(self.on_idle, self._timers[0][0] - now_ns)
             next_ns = self._timers[0][0]
             if next_ns != self._armed_ns:
                 self._armed_ns = next_ns
                 clock.arm(next_ns)
+            if self.on_idle is not None:
+                self._idle(self.on_idle, next_ns - now_ns)
             clock.hold()
             # A signal that came before hold() has left its note; one after it is held.
             if not (self.pending or self._stopping) and clock.wait():
@@ -289,7 +324,7 @@ class Kernel:
         try:
             hook(slack_ns)
         except Exception as error:
-            self._note_failure('idle', error)
+            self._note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
 
     # ---- interrupts --------------------------------------------------------------------------
@@ -297,6 +332,13 @@ class Kernel:
     def _on_interrupt(self, signum: int = 0, frame: object = None) -> None:
         self._interrupted = True
         self._on_tick()
+
+    def _on_break(self, signum: int = 0, frame: object = None) -> None:
+        """Stop on Ctrl-C; pressed again, it ends a job that does not end by itself."""
+        if self._broken and self._current is not None and not self.locked:
+            raise KeyboardInterrupt
+        self._broken = True
+        self.stop('KeyboardInterrupt')
 
     def _on_tick(self, signum: int = 0, frame: object = None) -> None:
         """Release what is due and run what is above the interrupted task, on top of it."""
@@ -307,14 +349,18 @@ class Kernel:
         if not self.running:
             self.locked = self.pending = False
             return
-        entry_ns = self.now_ns()
-        current, level, stolen_ns = self._current, self._level, self._stolen_ns
-        if current is not None:
-            late_ns = entry_ns - self._armed_ns
-            if late_ns > current.blocked_maximum_ns:
-                current.blocked_maximum_ns = late_ns
+        limit, self._recursion_limit = self._recursion_limit, (
+            self._recursion_limit + _RECURSION_ROOM)
+        _set_recursion_limit(self._recursion_limit)
+        current, level = self._current, self._level
         while True:
+            stolen_ns = self._stolen_ns
             self.pending = False
+            entry_ns = self.now_ns()
+            if current is not None:
+                late_ns = entry_ns - self._armed_ns
+                if late_ns > current.blocked_maximum_ns:
+                    current.blocked_maximum_ns = late_ns
             self._release_due(entry_ns)
             if self._ready.bit_length() - 1 > level:
                 self._dispatch(level)
@@ -322,13 +368,15 @@ class Kernel:
                 self._armed_ns = self._timers[0][0]
                 self.clock.arm(self._armed_ns)
             self._current, self._level = current, level
-            exit_ns = self.now_ns()
-            self._stolen_ns = stolen_ns + exit_ns - entry_ns
-            self.locked = False
-            if not self.pending:
-                return
-            self.locked = True
-            stolen_ns, entry_ns = self._stolen_ns, exit_ns
+            self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
+            again = self.pending
+            if not again:
+                break
+        self._recursion_limit = limit
+        _set_recursion_limit(limit)
+        self.locked = False
+        if self.pending:
+            self.settle()
 
     settle = _on_tick
 
@@ -337,47 +385,47 @@ class Kernel:
     def _release_due(self, now_ns: int) -> None:
         """Make ready what is due; locked."""
         timers = self._timers
-        while timers[0][0] <= now_ns:
-            due_ns, index, task = timers[0]
+        while timers[0][0] <= now_ns and not self._stopping:
+            due_ns, index, task, period_ns = timers[0]
             if task is None:
-                self._stopping, self._stop_reason = True, 'duration'
-                heapq.heapreplace(timers, (NEVER_NS, index, None))
-                continue
-            next_ns = due_ns + task.period_ns
+                self.stop('duration')
+                heapq.heapreplace(timers, (NEVER_NS, index, None, 0))
+                return
             task.releases += 1
             if task.pending or task.busy:
                 task.missed += 1
             else:
                 task.pending = True
                 task.release_ns = due_ns
+                task.interval_ns = period_ns
                 self._queues[task.priority].append(task)
                 self._ready |= self._bits[task.priority]
+            period_ns = task.period_ns
+            next_ns = due_ns + period_ns
             if next_ns <= now_ns:
                 # More than a period late: the grid points in between are missed as well.
-                skipped = (now_ns - next_ns) // task.period_ns + 1
+                skipped = (min(now_ns, self._end_ns - 1) - next_ns) // period_ns + 1
                 task.releases += skipped
                 task.missed += skipped
-                next_ns += skipped * task.period_ns
-            heapq.heapreplace(timers, (next_ns, index, task))
+                next_ns += skipped * period_ns
+            heapq.heapreplace(timers, (next_ns, index, task, period_ns))
         if self._interrupted:
             self._interrupted = False
             for fd, _ in self._poll.poll(0):
                 self._make_ready(self._interrupts[fd], now_ns)
 
     def _make_ready(self, task: Task, now_ns: int) -> None:
-        """Note that an event released a task; locked."""
+        """Note that an event released a task, also one that is running; locked."""
         task.releases += 1
-        if task.pending or task.again:
+        if task.pending:
             task.coalesced += 1
-        elif task.busy:
-            task.again = True
-        else:
-            task.pending = True
-            task.release_ns = now_ns
-            self._queues[task.priority].append(task)
-            self._ready |= self._bits[task.priority]
-            if task.priority > self._level:
-                self.pending = True
+            return
+        task.pending = True
+        task.release_ns = now_ns
+        self._queues[task.priority].append(task)
+        self._ready |= self._bits[task.priority]
+        if task.priority > self._level:
+            self.pending = True
 
     def wake(self, tasks: Sequence[Task], now_ns: int) -> None:
         """Release tasks while ``locked`` is set; for topics. Ignored while not running."""
@@ -405,7 +453,7 @@ class Kernel:
 
     def _dispatch(self, floor: int) -> None:
         """Run every ready task above ``floor``; locked on entry and on return."""
-        now_ns, queues, trace = self.now_ns, self._queues, self.trace
+        now_ns, queues, timers, trace = self.now_ns, self._queues, self._timers, self.trace
         while not self._stopping:
             level = self._ready.bit_length() - 1
             if level <= floor:
@@ -416,43 +464,45 @@ class Kernel:
                 self._ready ^= self._bits[level]
             task.pending = False
             task.busy = True
+            release_ns = task.release_ns  # an event may release it again while it runs
             self._current, self._level = task, level
-            if self._timers[0][0] != self._armed_ns:
-                self._armed_ns = self._timers[0][0]
+            if timers[0][0] != self._armed_ns:
+                self._armed_ns = timers[0][0]
                 self.clock.arm(self._armed_ns)
             start_ns = now_ns()
             self._stolen_ns = 0
             if trace is not None:
                 trace(start_ns, 'start', task.name)
-            error: BaseException | None = None
+            failure: FailureReport | None = None
             self.locked = False
             try:
-                if self.pending:
-                    self._on_tick()
-                task.function()
-            except BaseException as caught:
-                error = caught
+                try:
+                    if self.pending:
+                        self._on_tick()
+                    task.function()
+                except BaseException as error:
+                    failure = describe(task.name, now_ns(), error)  # preemptible as well
+            except BaseException:
+                failure = FailureReport(
+                    task.name, 0, 'an exception that raised another when it was looked at', ())
             self.locked = True
             end_ns = now_ns()
-            self._account(task, start_ns, end_ns - start_ns - self._stolen_ns)
-            if error is not None:
+            self._account(task, release_ns, start_ns, end_ns - start_ns - self._stolen_ns)
+            if failure is not None:
                 task.failures += 1
-                self._note_failure(task.name, error)
+                self._note_failure(failure)
             if trace is not None:
-                trace(end_ns, 'end' if error is None else 'fail', task.name)
+                trace(end_ns, 'end' if failure is None else 'fail', task.name)
             task.busy = False
-            if task.again:
-                task.again = False
-                task.releases -= 1  # counted when it came
-                self._make_ready(task, end_ns)
-            if self.pending:
+            # The second condition finds an alarm whose handler had no room left on the stack.
+            if self.pending or timers[0][0] <= end_ns:
                 self.pending = False
-                self._release_due(end_ns)
-        self._current = None
+                self._release_due(now_ns())
+        self._current, self._level = None, floor
 
-    def _account(self, task: Task, start_ns: int, execution_ns: int) -> None:
+    def _account(self, task: Task, release_ns: int, start_ns: int, execution_ns: int) -> None:
         """Count a job; the arithmetic is that of :func:`rt_robot_os.kernel.histogram.bucket`."""
-        latency_ns = start_ns - task.release_ns
+        latency_ns = start_ns - release_ns
         histogram = task.latency
         shift = latency_ns.bit_length() - 4
         index = latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)
@@ -470,12 +520,12 @@ class Kernel:
 
         task.runs += 1
         previous_ns, task.start_ns = task.start_ns, start_ns
-        if previous_ns:
+        if previous_ns >= 0:
             gap_ns = start_ns - previous_ns
             if gap_ns > task.gap_maximum_ns:
                 task.gap_maximum_ns = gap_ns
             if task.period_ns:
-                jitter_ns = abs(gap_ns - task.period_ns)
+                jitter_ns = abs(gap_ns - task.interval_ns)
                 histogram = task.jitter
                 shift = jitter_ns.bit_length() - 4
                 index = jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)
@@ -485,11 +535,9 @@ class Kernel:
 
     # ---- reports -----------------------------------------------------------------------------
 
-    def _note_failure(self, name: str, error: BaseException) -> None:
+    def _note_failure(self, failure: FailureReport) -> None:
         self.failures_total += 1
-        self.failures.append(FailureReport(
-            name, self.now_ns(), f'{type(error).__name__}: {error}',
-            _innermost_calls(error.__traceback__)))
+        self.failures.append(failure)
 
     def statistics(self) -> KernelStatistics:
         """Take the statistics of all tasks; about 100 us a task, not for the real-time loop."""
@@ -498,14 +546,3 @@ class Kernel:
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
             tasks=tuple(task.statistics() for task in self._tasks))
-
-
-def _innermost_calls(
-        traceback: TracebackType | None) -> tuple[tuple[str, int, str], ...]:
-    """Walk a traceback without reading source files: that would be I/O in the loop."""
-    calls: deque[tuple[str, int, str]] = deque(maxlen=_TRACE_DEPTH)
-    while traceback is not None:
-        code = traceback.tb_frame.f_code
-        calls.append((code.co_filename, traceback.tb_lineno, code.co_name))
-        traceback = traceback.tb_next
-    return tuple(calls)[1:] if len(calls) < _TRACE_DEPTH else tuple(calls)

@@ -88,9 +88,12 @@ class TaskStatistics:
     """
     What a task did since it was added or since the statistics were reset.
 
+    releases = runs + missed + coalesced, plus the jobs that wait or run at this moment.
+
     :ivar releases: times that it became due.
     :ivar runs: jobs that ran to their end, failed ones included.
-    :ivar missed: releases that found the job before unfinished and were skipped.
+    :ivar missed: releases that found the job before unfinished and were skipped, or that the
+        kernel was stopped before it could serve.
     :ivar coalesced: events that came while one was waiting already; the job serves them all.
     :ivar failures: jobs that ended with an exception.
     :ivar latency: from release to start.
@@ -144,8 +147,8 @@ class Task:
     """
 
     __slots__ = (
-        'spec', 'name', 'priority', 'function', 'index', 'period_ns', 'pending', 'busy', 'again',
-        'release_ns', 'start_ns', 'releases', 'runs', 'missed', 'coalesced', 'failures',
+        'spec', 'name', 'priority', 'function', 'index', 'period_ns', 'interval_ns', 'pending',
+        'busy', 'release_ns', 'start_ns', 'releases', 'runs', 'missed', 'coalesced', 'failures',
         'latency', 'execution', 'jitter', 'gap_maximum_ns', 'blocked_maximum_ns',
         'execution_total_ns')
 
@@ -159,16 +162,16 @@ class Task:
         self.latency = Histogram()
         self.execution = Histogram()
         self.jitter = Histogram()
-        self.reset_statistics()
         self.rest()
+        self.reset_statistics()
 
     def rest(self) -> None:
         """Forget a job that was waiting; the kernel calls it before it starts."""
         self.pending = False
         self.busy = False
-        self.again = False
         self.release_ns = 0
-        self.start_ns = 0
+        self.start_ns = -1
+        self.interval_ns = self.period_ns
 
     def set_rate_hz(self, rate_hz: float) -> None:
         """
@@ -183,12 +186,13 @@ class Task:
 
     @property
     def rate_hz(self) -> float:
-        """The rate in force; 0 when only events release the task."""
+        """Give the rate in force; 0 when only events release the task."""
         return NS_PER_S / self.period_ns if self.period_ns else 0.0
 
     def reset_statistics(self) -> None:
-        """Begin to count anew."""
-        self.releases = self.runs = self.missed = self.coalesced = self.failures = 0
+        """Begin to count anew; a job that waits or runs now counts as released."""
+        self.releases = int(self.pending) + int(self.busy)
+        self.runs = self.missed = self.coalesced = self.failures = 0
         self.gap_maximum_ns = self.blocked_maximum_ns = self.execution_total_ns = 0
         for histogram in (self.latency, self.execution, self.jitter):
             histogram.clear()

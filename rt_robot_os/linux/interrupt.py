@@ -26,12 +26,13 @@ F_SETOWN_EX = 15
 F_OWNER_TID = 0
 
 
-def signal_when_readable(fd: int, signo: int) -> None:
+def signal_when_readable(fd: int, signo: int) -> int:
     """
     Send a signal to the calling thread whenever the descriptor becomes readable.
 
-    Works for sockets, pipes and terminals (ttys and ptys).
+    Works for sockets, pipes and terminals (ttys and ptys). Reading no longer blocks.
 
+    :return: the flags that the descriptor had, for :func:`no_signal_when_readable`.
     :raises OSError: the descriptor is closed or cannot do that.
     """
     owner = struct.pack('ii', F_OWNER_TID, threading.get_native_id())
@@ -39,14 +40,19 @@ def signal_when_readable(fd: int, signo: int) -> None:
     fcntl.fcntl(fd, F_SETSIG, signo)
     flags = fcntl.fcntl(fd, fcntl.F_GETFL)
     fcntl.fcntl(fd, fcntl.F_SETFL, flags | fcntl.FASYNC | os.O_NONBLOCK)
+    return flags
 
 
-def no_signal_when_readable(fd: int) -> None:
+def no_signal_when_readable(fd: int, flags: int) -> None:
     """
     Undo :func:`signal_when_readable`.
 
+    A terminal shares its flags with the shell that comes after this program, so that reading
+    blocks again matters.
+
+    :param flags: what it returned.
     :raises OSError: the descriptor is closed.
     """
-    flags = fcntl.fcntl(fd, fcntl.F_GETFL)
-    fcntl.fcntl(fd, fcntl.F_SETFL, flags & ~fcntl.FASYNC)
+    undone = (fcntl.FASYNC | os.O_NONBLOCK) & ~flags
+    fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) & ~undone)
     fcntl.fcntl(fd, F_SETSIG, 0)

@@ -1,0 +1,55 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Describe an exception that was contained, whatever it does when it is looked at."""
+
+from __future__ import annotations
+
+from collections import deque
+from types import TracebackType
+
+from rt_robot_os.kernel.task import FailureReport
+
+_CALLS_KEPT = 8
+_TEXT_MAXIMUM = 1000
+
+
+def describe(task: str, at_ns: int, error: BaseException) -> FailureReport:
+    """
+    Make the report of an exception that came out of a job.
+
+    Neither reads source files, which would be I/O in the loop, nor trusts the exception: its
+    ``__str__`` is code of the task's author, which may raise as well, or be endless.
+    """
+    name = type(error).__name__
+    try:
+        text = str(error)
+    except BaseException as second:
+        text = f'(its text cannot be had: {type(second).__name__})'
+    if len(text) > _TEXT_MAXIMUM:
+        text = f'{text[:_TEXT_MAXIMUM]}... ({len(text)} characters)'
+    traceback = error.__traceback__
+    # The outermost call is the dispatcher's own.
+    calls = _innermost_calls(traceback.tb_next if traceback is not None else None)
+    return FailureReport(task, at_ns, f'{name}: {text}' if text else name, calls)
+
+
+def _innermost_calls(traceback: TracebackType | None) -> tuple[tuple[str, int, str], ...]:
+    calls: deque[tuple[str, int, str]] = deque(maxlen=_CALLS_KEPT)
+    while traceback is not None:
+        code = traceback.tb_frame.f_code
+        calls.append((code.co_filename, traceback.tb_lineno, code.co_name))
+        traceback = traceback.tb_next
+    return tuple(calls)
