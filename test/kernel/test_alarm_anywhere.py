@@ -1,0 +1,132 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Let the alarm come at each instruction of the kernel in turn: no release may be lost or late.
+
+On the real clock the handler runs between any two bytecodes. Here a trace function plays the
+alarm: at the chosen instruction virtual time jumps to the deadline and the handler is called, on
+top of whatever the kernel was about to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+import sys
+from types import FrameType
+from typing import Any
+
+from kernel_tools import balance
+from kernel_tools import MS
+from kernel_tools import US
+import pytest
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import kernel as kernel_module
+from rt_robot_os.kernel import NEVER_NS
+from rt_robot_os.kernel import VirtualClock
+
+PERIODS = 3
+
+
+class RacingClock(VirtualClock):
+    """A clock whose alarm can be made to come now, except while signals are held."""
+
+    def __init__(self) -> None:
+        super().__init__(start_ns=MS)
+        self.held = False
+
+    def hold(self) -> None:
+        self.held = True
+
+    def admit(self) -> None:
+        self.held = False
+
+    def fire(self) -> None:
+        if self.held or self._alarm_ns >= NEVER_NS or self._on_tick is None:
+            return
+        self._now_ns = max(self._now_ns, self._alarm_ns)
+        self._alarm_ns = NEVER_NS
+        self._on_tick()
+
+
+class AtStep:
+    """Call something at the n-th line of a module that is executed."""
+
+    def __init__(self, filename: str, step: int, action: Callable[[], None]) -> None:
+        self.seen = 0
+        self._filename = filename
+        self._step = step
+        self._action = action
+
+    def __call__(self, frame: FrameType, event: str, arg: Any) -> AtStep | None:
+        if frame.f_code.co_filename != self._filename:
+            return None
+        if event == 'line':
+            self.seen += 1
+            if self.seen == self._step:
+                self._action()
+        return self
+
+
+@pytest.fixture
+def untraced() -> Iterator[None]:
+    """Give a debugger or a coverage tool its trace function back."""
+    before = sys.gettrace()
+    yield
+    sys.settrace(before)
+
+
+def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
+    clock = RacingClock()
+    kernel = Kernel(clock)
+
+    def low_job() -> None:
+        # Never idle, rarely in the kernel: an alarm that is lost shows at once.
+        kernel.release(event)
+        clock.spend(PERIODS * MS - 500 * US)
+        kernel.release(event)
+        clock.spend(400 * US)
+
+    high = kernel.add_task('high', lambda: clock.spend(10 * US), priority=90, rate_hz=1000.0)
+    mid = kernel.add_task('mid', lambda: clock.spend(20 * US), priority=50, rate_hz=1000.0,
+                          phase_ns=300 * US)
+    kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
+    event = kernel.add_task('event', lambda: None, priority=20)
+    tracer = AtStep(kernel_module.__file__, step, clock.fire)
+    sys.settrace(tracer)
+    try:
+        kernel.run(PERIODS * MS)
+    finally:
+        sys.settrace(None)
+    assert not kernel.failures
+    assert (high.runs, high.missed) == (PERIODS, 0)
+    assert (mid.runs, mid.missed) == (PERIODS, 0)
+    assert high.latency.maximum_ns < 800 * US  # no more than the alarm made time jump
+    assert not any(map(balance, kernel.tasks))
+    assert all(task.execution.maximum_ns < 10 * MS for task in kernel.tasks)
+    return kernel, tracer.seen
+
+
+def test_an_alarm_at_any_instruction_of_the_kernel_is_served(untraced: None) -> None:
+    step, total = 1, 1
+    while step <= total:
+        try:
+            _, total = run_with_alarm_at(step)
+        except AssertionError as error:
+            raise AssertionError(f'alarm at step {step}') from error
+        step += 1
+    assert total > 400
