@@ -13,16 +13,15 @@
 # limitations under the License.
 
 
-#!/usr/bin/env python3
 """
 Feed drivers with damaged streams, many more than the tests have time for; run it by hand.
 
-    python3 scripts/fuzz_decoders.py [--examples 100000] [--seed 1] [DRIVER ...]
+    PYTHONPATH=. python3 scripts/fuzz_decoders.py [--examples 100000] [--seed 1] [DRIVER ...]
 
 Each example is a stream of valid frames, foreign frames and noise, damaged in a way that serial
-lines know (bits flip, bytes go missing, come twice, change places), cut at random. Checked for each
-are: nothing is raised, each byte is in a frame or rejected or pending, memory is bounded, and the
-same bytes in one piece give the same samples and counters.
+lines know (bits flip, bytes go missing, come twice, change places), cut at random. Checked for
+each are: nothing is raised, each byte is in a frame or rejected or pending, memory is bounded, and
+the same bytes in one piece give the same samples and counters.
 """
 
 from __future__ import annotations
