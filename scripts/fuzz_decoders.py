@@ -160,7 +160,8 @@ def check(driver: type[Any], chunks: tuple[bytes, ...]) -> tuple[int, int]:
     result, pending = run(driver, chunks)
     statistics = result[1]
     data = b''.join(chunks)
-    decoder = driver('fuzz', {**{f.name: f.default for f in driver.SETTINGS}, 'port': 'x'})._decoder
+    defaults = {field.name: field.default for field in driver.SETTINGS}
+    decoder = driver('fuzz', {**defaults, 'port': 'x'})._decoder
     framed = sum(len(getattr(f, 'sentence', b'x' * 11)) for f in decoder.feed(data))
     problems = [text for text, wrong in (
         ('bytes_read', statistics.bytes_read != len(data)),
