@@ -39,9 +39,7 @@ logged() { printf '+ %s\n' "$*" >>"$LOG"; "$@" >>"$LOG" 2>&1 </dev/null; }
 
 # ---- which ROS 2, which Python ---------------------------------------------------------------
 
-version_of() {
-  "$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
-}
+version_of() { "$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }
 
 suitable() { case $(version_of "$1") in 3.10 | 3.11 | 3.12 | 3.13) ;; *) return 1 ;; esac; }
 
@@ -122,14 +120,11 @@ choose_python() {
 
 # ---- the virtual environment -----------------------------------------------------------------
 
-modules_for() {
-  printf 'import colcon_core, colcon_ros, numpy, pynmeagps, serial, yaml\n'
-  if [ "$1" = test ]; then
-    printf 'import ament_flake8, ament_pep257, hypothesis, mypy, pytest\n'
-  fi
+has_everything() {
+  local modules='colcon_core, colcon_ros, numpy, pynmeagps, serial, yaml'
+  [ "$KIND" = run ] || modules="$modules, hypothesis, mypy, pytest"
+  "$1" -c "import $modules" >/dev/null 2>&1
 }
-
-has_everything() { "$1" -c "$(modules_for "$KIND")" >/dev/null 2>&1; }
 
 # With ROS sourced and nothing missing, no virtual environment is needed at all.
 choose_environment() {
@@ -204,10 +199,7 @@ install_requirements() {
   local kind=$1 stamp=$VENV/.$PACKAGE-$1 list hash options=()
   hash=$(requirements_hash "$kind")
   [ "$(cat "$stamp" 2>/dev/null)" != "$hash" ] || return 0
-  case $kind in
-    run) say "installing what the package needs (the first time takes a minute or two)" ;;
-    test) say "installing what the package and its tests need (the first time takes a minute or two)" ;;
-  esac
+  say "installing what is needed to $kind (the first time takes a minute or two)"
   list=$VENV/.$PACKAGE-requirements.txt
   requirements "$kind" >"$list" || fail "cannot write to $VENV"
   [ "$MODE" = wheels ] || options=(-c "$ROOT/scripts/constraints-ros.txt")
@@ -253,7 +245,7 @@ build_state() {
 
 build() {
   local stamp=$ROOT/build/.$PACKAGE-build
-  if [ "$(cat "$stamp" 2>/dev/null)" = "$(build_state | sha256sum)" ]; then return 0; fi
+  [ "$(cat "$stamp" 2>/dev/null)" != "$(build_state | sha256sum)" ] || return 0
   say 'building with colcon'
   # A build that another Python made, or that was cut short, is not built upon.
   if [ "$(head -n 1 "$stamp.python" 2>/dev/null)" != "$PYTHON $(version_of "$PYTHON")" ] || [ ! -f "$stamp" ]; then
@@ -268,7 +260,7 @@ build() {
 }
 
 enter() {
-  export PATH="$(dirname "$PYTHON"):$PATH"
+  export PATH=${PYTHON%/*}:$PATH
   # The package's own file: the one of the whole installation cannot bear a blank in the path.
   # shellcheck disable=SC1090
   COLCON_CURRENT_PREFIX=$ROOT/install/$PACKAGE . "$ROOT/install/$PACKAGE/share/$PACKAGE/package.bash"
@@ -282,7 +274,7 @@ set_up() {
   trap 'exit 130' INT
   trap 'exit 143' TERM
   [ "$(uname -s)" = Linux ] || fail "this package needs Linux, this is $(uname -s)"
-  mkdir -p "$ROOT/log" 2>/dev/null && [ -w "$ROOT/log" ] || fail "cannot write to $ROOT"
+  { mkdir -p "$ROOT/log" && [ -w "$ROOT/log" ]; } 2>/dev/null || fail "cannot write to $ROOT"
   choose_mode
   choose_environment
   hold_lock
