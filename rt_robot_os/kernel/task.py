@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-import math
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.histogram import Histogram
@@ -29,6 +28,7 @@ from rt_robot_os.units import period_from_rate
 
 PRIORITY_MINIMUM = 1
 PRIORITY_MAXIMUM = 99
+RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0
 
 
@@ -74,12 +74,12 @@ def checked_period_ns(name: str, rate_hz: float) -> int:
     """
     Turn a task's rate into its period.
 
-    :raises TaskError: the rate is not a number above 0 and up to 100 kHz.
+    :raises TaskError: the rate is not a number from 1e-6 Hz (11 days) to 100 kHz.
     """
     if isinstance(rate_hz, bool) or not isinstance(rate_hz, int | float) or not (
-            math.isfinite(rate_hz) and 0 < rate_hz <= RATE_MAXIMUM_HZ):
-        raise TaskError(f'task {name!r}: rate_hz {rate_hz!r} must be above 0 and at most '
-                        f'{RATE_MAXIMUM_HZ:g} Hz')
+            RATE_MINIMUM_HZ <= rate_hz <= RATE_MAXIMUM_HZ):
+        raise TaskError(f'task {name!r}: rate_hz {rate_hz!r} must be above 0 ({RATE_MINIMUM_HZ:g} '
+                        f'or more) and at most {RATE_MAXIMUM_HZ:g} Hz')
     return period_from_rate(rate_hz)
 
 
