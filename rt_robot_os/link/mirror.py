@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from enum import Enum
 import socket
 
+from rt_robot_os.kernel import Task
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
@@ -71,10 +72,11 @@ class Mirror:
 
     :param channel: number of the topic.
     :param max_rate_hz: 0 for no limit.
+    :param service: the link's task, released by each publication as long as the mirror is there.
     """
 
     def __init__(self, bus: Bus, topic: str, client: str, connection: socket.socket, channel: int,
-                 policy: Policy, max_rate_hz: float, initial: bool) -> None:
+                 policy: Policy, max_rate_hz: float, initial: bool, service: Task) -> None:
         self._packet = bytearray(HEADER_BYTES + bus.topic(topic).layout.max_size)
         self._view = memoryview(self._packet)
         self._channel = channel
@@ -82,8 +84,9 @@ class Mirror:
         self._bus = bus
         self.topic = bus.topic(topic)
         self.subscription = bus.subscribe(
-            topic, f'link:{client}', initial=initial, buffer=self._view[HEADER_BYTES:])
-        self._began = self.topic.head - self.subscription.unread
+            topic, f'link:{client}', initial=initial, buffer=self._view[HEADER_BYTES:],
+            task=service)
+        self._began = self.subscription.next_seq
         self.sent = self.full = self.limited = 0
         self._next_ns = 0
         self.set_policy(policy, max_rate_hz)

@@ -72,7 +72,6 @@ class LinkServer:
         self._reports = reports
         self._sessions: tuple[Session, ...] = ()
         self._listener: socket.socket | None = None
-        self._mirrored: set[str] = set()
         self._beats = 0
         self._more = False
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
@@ -214,10 +213,7 @@ class LinkServer:
             known.set_policy(policy, max_rate_hz)
             return channel
         session.mirrors[topic] = Mirror(self._bus, topic, session.name, session.connection,
-                                        channel, policy, max_rate_hz, initial)
-        if topic not in self._mirrored:
-            self._mirrored.add(topic)
-            self._bus.topic(topic).wake_on_publish(self._service)
+                                        channel, policy, max_rate_hz, initial, self._service)
         return channel
 
     def unmirror(self, session: Session, topic: str) -> None:

@@ -120,16 +120,23 @@ class Bus:
             raise TopicError(f'topic {name!r}: {subscriber!r} would be subscriber number '
                              f'{len(topic.subscribers) + 1}; raise max_subscribers '
                              f'({topic.max_subscribers})')
-        subscription = Subscription(topic, subscriber, initial=initial, buffer=buffer)
+        subscription = Subscription(topic, subscriber, initial=initial, buffer=buffer, task=task)
         topic.subscribers.append(subscription)
         if task is not None:
             topic.wake_on_publish(task)
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
-        """Remove a subscription, for instance of a client that left; unknown ones are fine."""
-        if subscription in subscription.topic.subscribers:
-            subscription.topic.subscribers.remove(subscription)
+        """
+        Remove a subscription, for instance of a client that left; unknown ones are fine.
+
+        It releases its task no more.
+        """
+        topic = subscription.topic
+        if subscription in topic.subscribers:
+            topic.subscribers.remove(subscription)
+            if subscription.task is not None:
+                topic.wake_no_more(subscription.task)
 
     def statistics(self) -> tuple[TopicStatistics, ...]:
         """Take the statistics of all topics; not for the real-time loop."""

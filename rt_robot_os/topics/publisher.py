@@ -82,11 +82,13 @@ class Publisher:
         :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
         """
         layout = self.topic.layout
-        reason = layout.check(data)
+        # Whatever the elements were: an assignment that fails in _publish would leave it locked.
+        octets = memoryview(data).cast('B')
+        reason = layout.check(octets)
         if reason is not None:
             raise TopicError(f'topic {self.topic.name!r}: {reason}')
-        length = layout.length(data) if self._has_tail else layout.size
-        self._publish(memoryview(data)[:length], stamp_ns)
+        length = layout.length(octets) if self._has_tail else layout.size
+        self._publish(octets[:length], stamp_ns)
 
     def _publish(self, data: memoryview, stamp_ns: int) -> None:
         kernel, topic = self._kernel, self.topic

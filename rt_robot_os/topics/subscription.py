@@ -19,6 +19,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
+from rt_robot_os.kernel import Task
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import SubscriberStatisticsSource
 from rt_robot_os.topics.topic import Topic
@@ -40,6 +41,7 @@ class Subscription(SubscriberStatisticsSource):
     :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`, which then stays as it is until
     the next call: no publisher changes it underfoot.
 
+    :ivar task: released by each publication; None when the reader looks by itself.
     :ivar msg: a view with the field names of the ROS message; zeros before the first sample.
     :ivar stamp_ns: moment of the data in :attr:`msg` on the kernel's clock; 0 before the first.
     :ivar seq: its number in the topic, from 0; -1 before the first.
@@ -47,13 +49,15 @@ class Subscription(SubscriberStatisticsSource):
     :ivar skipped: samples that :meth:`latest` passed over.
     """
 
-    __slots__ = ('topic', 'name', 'msg', 'buffer', 'stamp_ns', 'seq', 'length', 'lost', 'skipped',
-                 'reads', '_fresh', '_next', '_depth', '_mask', '_slots', '_stamps', '_has_tail')
+    __slots__ = ('topic', 'name', 'task', 'msg', 'buffer', 'stamp_ns', 'seq', 'length', 'lost',
+                 'skipped', 'reads', '_fresh', '_next', '_depth', '_mask', '_slots', '_stamps',
+                 '_has_tail')
 
     def __init__(self, topic: Topic, name: str, *, initial: bool = False,
-                 buffer: memoryview | None = None) -> None:
+                 buffer: memoryview | None = None, task: Task | None = None) -> None:
         self.topic = topic
         self.name = name
+        self.task = task
         self.buffer = topic.layout.new_buffer() if buffer is None else buffer
         self.msg: Any = topic.layout.view(self.buffer)
         self.stamp_ns = 0
@@ -117,6 +121,11 @@ class Subscription(SubscriberStatisticsSource):
         length = self.topic.lengths[index]
         self.buffer[:length] = self._slots[index][:length]
         self.length = length
+
+    @property
+    def next_seq(self) -> int:
+        """Give the number of the sample that is read next, unless it is overwritten before."""
+        return self._next
 
     @property
     def unread(self) -> int:

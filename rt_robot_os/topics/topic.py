@@ -95,12 +95,12 @@ class Topic:
 
     __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
                  'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'subscribers',
-                 'has_tail', '_storage')
+                 'has_tail', '_storage', '_wanted')
 
     def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = 16,
                  rate_hz: float = 0.0, max_subscribers: int = 64) -> None:
-        if depth < 1 or depth > DEPTH_MAXIMUM or depth & (depth - 1):
-            raise TopicError(f'topic {name!r}: depth {depth} must be a power of two from 1 to '
+        if not isinstance(depth, int) or not 1 <= depth <= DEPTH_MAXIMUM or depth & (depth - 1):
+            raise TopicError(f'topic {name!r}: depth {depth!r} must be a power of two from 1 to '
                              f'{DEPTH_MAXIMUM}')
         self.kernel = kernel
         self.name = name
@@ -119,15 +119,28 @@ class Topic:
         self.lengths = [layout.size] * depth
         self.has_tail = layout.max_size != layout.size
         self.wakes: list[Task] = []
+        self._wanted: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
 
     def wake_on_publish(self, task: Task) -> None:
         """
         Release a task with each publication.
 
-        A task above the publisher runs before ``publish`` returns.
+        A task above the publisher runs before ``publish`` returns. A task that is given several
+        times is released once.
         """
-        self.wakes.append(task)
+        count = self._wanted.get(task, 0)
+        self._wanted[task] = count + 1
+        if not count:
+            self.wakes.append(task)
+
+    def wake_no_more(self, task: Task) -> None:
+        """Undo one :meth:`wake_on_publish`; tasks that were never given are fine."""
+        count = self._wanted.pop(task, 0)
+        if count > 1:
+            self._wanted[task] = count - 1
+        elif count:
+            self.wakes.remove(task)
 
     def statistics(self) -> TopicStatistics:
         """Take the statistics; not for the real-time loop."""
