@@ -26,6 +26,7 @@ import sys
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import TraceLog
 from rt_robot_os.kernel import VirtualClock
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,12 +39,31 @@ PATIENCE_NS = 30 * S
 CLOCKS = {'virtual': VirtualClock, 'real': MonotonicClock}
 
 
+class StallingClock(VirtualClock):
+    """A virtual clock on which a job can also make a native call, which nothing preempts."""
+
+    def stall(self, duration_ns: int) -> None:
+        self._now_ns += duration_ns
+        self.spend(1)  # the first instruction after the call: the alarm's handler runs
+        self._now_ns -= 1
+
+
 def spin_until(kernel: Kernel, condition: Callable[[], object]) -> None:
     """Compute, in a job, until something is so; fail if it never is."""
     end_ns = kernel.now_ns() + PATIENCE_NS
     while not condition():
         kernel.clock.spend(STEP_NS)
         assert kernel.now_ns() < end_ns, 'what the job waited for never came'
+
+
+def starts(log: TraceLog, name: str) -> list[int]:
+    """Give the times at which a task's jobs started."""
+    return [event.at_ns for event in log.events() if (event.kind, event.task) == ('start', name)]
+
+
+def names(log: TraceLog) -> list[str]:
+    """Give the tasks in the order in which their jobs started."""
+    return [event.task for event in log.events() if event.kind == 'start']
 
 
 def balance(task: Task) -> int:
