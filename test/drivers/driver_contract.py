@@ -146,6 +146,24 @@ class DriverContract:
         assert earliest < stamps[0] < stamps[-1] <= 10**12
         assert all((s - earliest) % 100_000 == 0 for s in stamps)
 
+    def test_stamps_never_go_back(self) -> None:
+        # Read faster than the line is said to be: each chunk would be dated back before the last.
+        with scripted(self.driver, [self.stream] * 3, baud=9600) as (device, publishers):
+            read_all(device, 3, now_ns=10**12, step_ns=1000)
+            for publisher in publishers:
+                assert len(publisher.stamps) >= 3
+                assert publisher.stamps == sorted(publisher.stamps)
+
+    def test_half_a_frame_is_not_completed_by_what_comes_after_opening_again(self) -> None:
+        half = len(self.stream) // 2 + 3
+        with scripted(self.driver, [self.stream[:half]]) as (device, _):
+            device.read(1)
+            pending = device.pending_bytes
+            rejected = device.statistics().rejected_bytes
+            device.open()
+            assert device.pending_bytes == 0
+            assert device.statistics().rejected_bytes == rejected + pending
+
     # --- the contract with the SensorManager ----------------------------------------------------
 
     def make(self, port: str | os.PathLike[str]) -> tuple[Device, list[FakePublisher]]:

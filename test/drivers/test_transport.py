@@ -77,6 +77,37 @@ def test_a_full_buffer_is_read_at_once(plug: PtyPort) -> None:
     port.close()
 
 
+@pytest.mark.parametrize('end', [b'', OSError(errno.EIO, 'gone')])
+def test_what_came_before_the_unplugging_is_not_lost(
+    end: Any, plug: PtyPort, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = SerialPort(str(plug.link), None)
+    chunks = [bytes(4095), bytes(4096), bytes(10), bytes(4095), end, end]
+
+    def read(descriptor: int, size: int) -> bytes:
+        chunk = chunks.pop(0)
+        if isinstance(chunk, OSError):
+            raise chunk
+        return chunk
+
+    with monkeypatch.context() as patch:
+        patch.setattr(transport.os, 'read', read)
+        assert len(port.read()) == 4095 + 4096 + 10
+        assert len(port.read()) == 4095
+        with pytest.raises(DeviceError, match='is gone'):
+            port.read()
+    assert port.bytes_read == 2 * 4095 + 4096 + 10
+    port.close()
+
+
+def test_one_read_is_bounded(plug: PtyPort, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = SerialPort(str(plug.link), None)
+    with monkeypatch.context() as patch:
+        patch.setattr(transport.os, 'read', lambda descriptor, size: bytes(size))
+        assert len(port.read()) == 65536
+    port.close()
+
+
 def test_unplugging_is_an_error_for_reading_and_for_writing(plug: PtyPort) -> None:
     port = SerialPort(str(plug.link), None)
     plug.unplug()

@@ -280,6 +280,16 @@ def test_two_instants_are_never_mixed_when_a_gap_joins_them() -> None:
         assert device.statistics().lost_samples == 1
 
 
+def test_without_an_angle_frame_there_is_still_the_quaternion() -> None:
+    rest = instant(3)
+    del rest[2]
+    stream = b''.join(instant(1) + instant(2) + rest + instant(4))
+    with scripted(WitMotion, [stream]) as (device, (imu, _)):
+        device.read(1)
+        assert numbers(imu) == [1, 2, 3, 4]
+        assert device.statistics().lost_samples == 0
+
+
 def test_a_pause_ends_an_instant() -> None:
     one, two = instant(1), instant(2)
     chunks = [b''.join(instant(9) * 3), b''.join(one[:2]), b'', b'', b''.join(two[2:]),

@@ -177,6 +177,22 @@ def test_waiting_for_a_reader(port: PtyPort) -> None:
     reader.close()
 
 
+def test_it_stays_until_the_reader_has_fetched_the_end_or_has_gone(port: PtyPort) -> None:
+    reader = Reader(port)
+    player = Player(at_line_speed([b'abc']), port, 0)
+    player.pump(0)
+    assert player.done
+    assert not player.over
+    player.pump(S)
+    assert not player.over
+    player.pump(S + 1)
+    assert player.over
+    player.pump(S // 2)
+    assert not player.over
+    reader.close()
+    assert player.over
+
+
 def test_the_driver_gets_every_fix_of_a_recording(port: PtyPort) -> None:
     lines = load_log(data_file('gps/quectel.log'))
     device = NmeaGps('gps', settings_of(NmeaGps, port=str(port.link), baud=115200))

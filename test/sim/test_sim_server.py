@@ -172,10 +172,11 @@ def test_simulator(tmp_path: Path) -> None:
         complaints = [errors.next_line() for _ in range(4)]
         assert 'no fault' in complaints[0]
         assert all('write DEVICE FAULT SECONDS' in c and 'imu, gps' in c for c in complaints[1:])
+        # Opened before it is unplugged: then it ends for whoever has it open.
+        descriptor = os.open(paths['imu'], os.O_RDWR | os.O_NOCTTY)
         process.stdin.write('imu unplug 0.2\n')
         process.stdin.close()
         process.stdin = None
-        descriptor = os.open(paths['imu'], os.O_RDWR | os.O_NOCTTY)
         with pytest.raises(OSError):
             while os.read(descriptor, 4096):
                 pass

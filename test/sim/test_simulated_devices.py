@@ -100,6 +100,18 @@ def test_the_receiver_goes_round_in_a_circle(tmp_path: Path) -> None:
             [0.49, 0.64, 2.25])
 
 
+def test_the_course_of_the_receiver_is_where_it_goes(tmp_path: Path) -> None:
+    receiver = SimulatedNmea('x', {}, PtyPort(tmp_path / 'x'))
+    for time_s in range(0, 130, 7):
+        latitude, longitude, course = receiver.position(time_s)
+        later, east_of, _ = receiver.position(time_s + 0.01)
+        east = (east_of - longitude) * math.cos(math.radians(latitude))
+        assert math.sin(math.radians(course) - math.atan2(east, later - latitude)) == (
+            pytest.approx(0.0, abs=0.01))
+        assert math.cos(math.radians(course) - math.atan2(east, later - latitude)) > 0
+    assert b',1.94,' in receiver.sample(0.0)  # knots
+
+
 @pytest.mark.parametrize('kind', [SimulatedWitMotion, SimulatedNmea])
 def test_equal_seeds_give_equal_bytes(kind: type[SimulatedDevice], tmp_path: Path) -> None:
     def record(seed: int) -> list[bytes]:
@@ -141,11 +153,18 @@ def test_samples_lie_on_a_grid_that_does_not_drift(
 
 
 def test_after_a_long_stop_it_goes_on_at_the_present_time(tmp_path: Path) -> None:
-    port = PtyPort(tmp_path / 'x')
-    device = SimulatedWitMotion('x', {}, port)
+    made = []
+
+    class Counting(SimulatedWitMotion):
+        def sample(self, time_s: float) -> bytes:
+            made.append(time_s)
+            return super().sample(time_s)
+
+    device = Counting('x', {}, PtyPort(tmp_path / 'x'))
     device.pump(0)
     device.pump(3600 * 10**9)
     statistics = device.statistics()
+    assert len(made) < 200
     assert statistics.samples + statistics.skipped_samples == 360_001
     assert statistics.samples < 200
     assert device.next_event_ns() <= 3600 * 10**9 + 10**7
