@@ -36,6 +36,7 @@ import pytest
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
+from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import NEVER_NS
 from rt_robot_os.kernel import VirtualClock
 
@@ -64,16 +65,16 @@ class RacingClock(VirtualClock):
 
 
 class AtStep:
-    """Call something at the n-th line of a module that is executed."""
+    """Call something at the n-th line of some modules that is executed."""
 
-    def __init__(self, filename: str, step: int, action: Callable[[], None]) -> None:
+    def __init__(self, filenames: tuple[str, ...], step: int, action: Callable[[], None]) -> None:
         self.seen = 0
-        self._filename = filename
+        self._filenames = filenames
         self._step = step
         self._action = action
 
     def __call__(self, frame: FrameType, event: str, arg: Any) -> AtStep | None:
-        if frame.f_code.co_filename != self._filename:
+        if frame.f_code.co_filename not in self._filenames:
             return None
         if event == 'line':
             self.seen += 1
@@ -106,7 +107,7 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
                           phase_ns=300 * US)
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
-    tracer = AtStep(kernel_module.__file__, step, clock.fire)
+    tracer = AtStep((kernel_module.__file__, scheduler_module.__file__), step, clock.fire)
     sys.settrace(tracer)
     try:
         kernel.run(PERIODS * MS)
