@@ -23,4 +23,4 @@ import sys
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite('driver_contract', 'driver_fakes')
+pytest.register_assert_rewrite('driver_contract', 'driver_fakes', 'gps_streams', 'imu_streams')

@@ -12,27 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Does the WitMotion driver publish each instant once, in SI units, and count what is lost."""
+"""Does the WitMotion driver publish each instant once, at once, and in SI units."""
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
-import random
 from typing import Any
 
 from driver_contract import DriverContract
 from driver_fakes import bind
-from driver_fakes import data_file
 from driver_fakes import read_all
 from driver_fakes import scripted
 from driver_fakes import settings_of
-from hypothesis import given
-from hypothesis import settings
-from hypothesis import strategies as st
-import numpy as np
+from imu_streams import ACC
+from imu_streams import ACC_HALF
+from imu_streams import ANGLE
+from imu_streams import GYRO
+from imu_streams import GYRO_HALF
+from imu_streams import instant
+from imu_streams import MAG
+from imu_streams import MAG_SCALE_T
+from imu_streams import numbers
+from imu_streams import QUAT
 import pytest
 from rt_robot_os.drivers.decoders import witmotion as wire
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
@@ -42,50 +44,9 @@ from rt_robot_os.drivers.witmotion import WitMotion
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.pty_port import PtyPort
 
-GRAVITY = 9.80665
-ACC, GYRO, ANGLE, MAG, QUAT = 0x51, 0x52, 0x53, 0x54, 0x59
-MAG_SCALE_T = 1.5e-7
-# Half of a count.
-ACC_HALF = 8 / 32768 * GRAVITY
-GYRO_HALF = math.radians(1000) / 32768
 MASKS = [(ACC, GYRO), (ACC, GYRO, ANGLE), (ACC, GYRO, ANGLE, MAG), (ACC, GYRO, MAG),
          (ACC, GYRO, ANGLE, MAG, QUAT), (ACC, GYRO, QUAT), (0x50, ACC, GYRO, ANGLE, 0x56, QUAT),
          (ANGLE,), (ACC,), (GYRO, ANGLE), (QUAT,)]
-
-
-def instant(number: int, kinds: tuple[int, ...] = (ACC, GYRO, ANGLE, MAG, QUAT)) -> list[bytes]:
-    """Make the frames of one instant, with its number in every one of them."""
-    return [encode.frame(k, number, 2 * number, 3 * number, 20000) for k in kinds]
-
-
-def vectors(publisher: Any, name: str) -> Any:
-    """Give the named vector of each sample, one a row."""
-    return np.array([tuple(vars(getattr(s, name)).values()) for s in publisher.samples])
-
-
-def numbers(publisher: Any) -> list[int]:
-    """Read the numbers back from the Imu samples, checking that the parts agree."""
-    found = []
-    for sample in publisher.samples:
-        of_sample = set()
-        if sample.linear_acceleration_covariance[0] >= 0:
-            of_sample.add(round(sample.linear_acceleration.x / (2 * ACC_HALF)))
-        if sample.angular_velocity_covariance[0] >= 0:
-            of_sample.add(round(sample.angular_velocity.x / (2 * GYRO_HALF)))
-        if sample.orientation_covariance[0] >= 0 and sample.orientation.w:
-            q = sample.orientation
-            of_sample.add(_number_of(q))
-        assert len(of_sample) == 1, of_sample
-        found.append(of_sample.pop())
-    return found
-
-
-def _number_of(q: Any) -> int:
-    # The quaternion of instant n has w : z = n : 20000; that of its angles, roll n half counts.
-    if abs(q.z) > 0.5:
-        return round(q.w / q.z * 20000)
-    roll = math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x * q.x + q.y * q.y))
-    return round(roll / math.pi * 32768)
 
 
 class TestWitMotion(DriverContract):
@@ -200,125 +161,6 @@ def test_without_a_mag_topic_nothing_but_imu_is_published() -> None:
         assert device.statistics().ignored_frames == 3
 
 
-def test_the_recorded_motion_survives_encoding_and_decoding() -> None:
-    rows = recorded_motion()
-    chunk = 997
-    stream = b''.join(b''.join(row_frames(row)) for row in rows)
-    chunks = [stream[i:i + chunk] for i in range(0, len(stream), chunk)]
-    with scripted(WitMotion, chunks) as (device, (imu, mag)):
-        read_all(device, len(chunks), step_ns=1_000_000)
-        assert len(imu.samples) == len(mag.samples) == len(rows) == 13514
-        assert device.statistics().lost_samples == 0
-        gyro, acceleration, magnetic = (np.array(column) for column in zip(*rows))
-        assert np.abs(vectors(imu, 'angular_velocity') - gyro).max() <= GYRO_HALF * 1.0001
-        assert np.abs(vectors(imu, 'linear_acceleration') - acceleration).max() <= (
-            ACC_HALF * 1.0001)
-        assert np.abs(vectors(mag, 'magnetic_field') - magnetic).max() <= MAG_SCALE_T / 2 * 1.0001
-
-
-def test_frames_missing_from_the_recorded_motion_are_counted_exactly() -> None:
-    # One read every 5 ms, one instant every 100 ms: what arrives tells instants apart.
-    chance = random.Random(3)
-    rows = recorded_motion()[:3000]
-    chunks: list[bytes] = []
-    expected, lost, fields = [], 0, 0
-    for index, row in enumerate(rows):
-        frames = row_frames(row)
-        kept = [f for f in frames if index == 0 or chance.random() > 0.1]
-        chunks += [b''.join(kept)] + [b''] * 19
-        fields += frames[2] in kept
-        if frames[0] in kept and frames[1] in kept:
-            expected.append(row[1])
-        elif kept:
-            lost += 1
-    assert lost > 400
-    with scripted(WitMotion, chunks) as (device, (imu, mag)):
-        read_all(device, len(chunks), step_ns=5_000_000)
-        assert device.statistics().lost_samples == lost
-        assert len(mag.samples) == fields
-        assert len(imu.samples) == len(expected)
-        assert np.abs(vectors(imu, 'linear_acceleration') - expected).max() <= ACC_HALF * 1.0001
-
-
-@settings(max_examples=60, deadline=None)
-@given(data=st.data())
-def test_damaged_frames_lose_their_own_sample_only(data: Any) -> None:
-    # Contiguous bytes, no help from time: a flipped bit in one frame of an instant.
-    kinds = data.draw(st.sampled_from([(ACC, GYRO, ANGLE, MAG, QUAT), (ACC, GYRO, ANGLE)]))
-    count = 30
-    damaged = data.draw(st.dictionaries(
-        st.integers(1, count - 2), st.integers(0, len(kinds) - 1), max_size=10))
-    # Relearning needs eight equal instants in a row, and gaps must not meet.
-    damaged = {n: k for n, k in damaged.items() if n - 1 not in damaged and n + 1 not in damaged}
-    stream = []
-    for number in range(count):
-        frames = instant(number + 1, kinds)
-        if number in damaged:
-            bad = bytearray(frames[damaged[number]])
-            bad[data.draw(st.integers(2, 9))] ^= 1 << data.draw(st.integers(0, 7))
-            frames[damaged[number]] = bytes(bad)
-        stream.append(b''.join(frames))
-    with scripted(WitMotion, [b''.join(stream)]) as (device, (imu, _)):
-        device.read(1)
-        expected = [n + 1 for n in range(count) if n not in damaged]
-        # 0x54 lies between frames of one sample: the gap where it was may hide a whole instant.
-        assert numbers(imu) == expected
-        statistics = device.statistics()
-        assert statistics.lost_samples == len(damaged)
-        assert statistics.rejected_frames >= len(damaged)
-        assert statistics.rejected_bytes == 11 * len(damaged)
-
-
-def test_two_instants_are_never_mixed_when_a_gap_joins_them() -> None:
-    one, two = instant(1), instant(2)
-    stream = b''.join(instant(9)) * 3
-    # ACC and GYRO of one instant, then 33 damaged bytes, then the rest of another.
-    broken = b''.join(one[:2]) + bytes(33) + b''.join(two[2:])
-    with scripted(WitMotion, [stream + broken + b''.join(instant(3))]) as (device, (imu, _)):
-        device.read(1)
-        assert numbers(imu) == [9, 9, 9, 3]
-        assert device.statistics().lost_samples == 1
-
-
-def test_without_an_angle_frame_there_is_still_the_quaternion() -> None:
-    rest = instant(3)
-    del rest[2]
-    stream = b''.join(instant(1) + instant(2) + rest + instant(4))
-    with scripted(WitMotion, [stream]) as (device, (imu, _)):
-        device.read(1)
-        assert numbers(imu) == [1, 2, 3, 4]
-        assert device.statistics().lost_samples == 0
-
-
-def test_a_pause_ends_an_instant() -> None:
-    one, two = instant(1), instant(2)
-    chunks = [b''.join(instant(9) * 3), b''.join(one[:2]), b'', b'', b''.join(two[2:]),
-              b''.join(instant(3))]
-    with scripted(WitMotion, chunks) as (device, (imu, _)):
-        read_all(device, len(chunks), step_ns=60_000_000)
-        assert numbers(imu) == [9, 9, 9, 3]
-        assert device.statistics().lost_samples == 2
-
-
-def test_the_rest_of_an_instant_after_opening_is_not_a_loss() -> None:
-    stream = b''.join(instant(1)[3:] + instant(2) + instant(3))
-    with scripted(WitMotion, [stream]) as (device, (imu, _)):
-        device.read(1)
-        assert numbers(imu) == [2, 3]
-        assert device.statistics().lost_samples == 0
-
-
-def test_a_changed_output_mask_is_learned_while_running() -> None:
-    before, after = (ACC, GYRO, ANGLE, QUAT), (ACC, GYRO, ANGLE)
-    stream = [b''.join(instant(n, before if n < 10 else after)) for n in range(1, 41)]
-    with scripted(WitMotion, stream) as (device, (imu, _)):
-        read_all(device, len(stream))
-        got = numbers(imu)
-        lost = device.statistics().lost_samples
-        assert got == [*range(1, 10), *range(10 + lost, 41)]
-        assert 0 < lost <= 10
-
-
 def test_configuring_sends_unlock_outputs_and_rate_one_at_a_time() -> None:
     with scripted(WitMotion, [], configure=True, baud=115200, output_rate_hz=200.0) as (device, _):
         port: Any = device._port
@@ -346,20 +188,6 @@ def test_a_line_too_slow_for_the_rate_is_refused_with_both_numbers() -> None:
     with pytest.raises(ConfigError, match='imu: output_rate_hz 200 needs 110000 .* has 9600'):
         WitMotion('imu', settings_of(
             WitMotion, port='x', baud=9600, output_rate_hz=200.0, configure=True))
-
-
-def recorded_motion() -> list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]]:
-    """Give rad/s, m/s^2 and tesla of each row."""
-    with open(data_file('imu/xio_sensor_data.csv'), encoding='ascii', newline='') as file:
-        rows = [[float(v) for v in row] for row in list(csv.reader(file))[1:]]
-    return [(tuple(math.radians(v) for v in row[1:4]), tuple(v * GRAVITY for v in row[4:7]),
-             tuple(v * 1e-6 for v in row[7:10])) for row in rows]
-
-
-def row_frames(row: Any) -> list[bytes]:
-    gyro, acceleration, magnetic = row
-    return [encode.acceleration_frame(*acceleration), encode.angular_velocity_frame(*gyro),
-            encode.magnetic_field_frame(*magnetic, MAG_SCALE_T)]
 
 
 def test_the_frames_used_are_those_of_the_format() -> None:

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Do simulated devices behave like the real ones, seen through the real drivers and real ptys."""
+"""Do simulated devices behave like the real ones, seen through the real drivers and ptys."""
 
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Any
 
-from driver_fakes import wait_for_device_error
 import numpy as np
 import pytest
 from rt_robot_os.drivers.nmea import NmeaGps
 from rt_robot_os.drivers.witmotion import WitMotion
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.nmea import SimulatedNmea
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.registry import SIMULATORS
@@ -169,118 +164,6 @@ def test_after_a_long_stop_it_goes_on_at_the_present_time(tmp_path: Path) -> Non
     assert statistics.samples < 200
     assert device.next_event_ns() <= 3600 * 10**9 + 10**7
     device.close()
-
-
-# --- faults --------------------------------------------------------------------------------------
-
-def schedule(fault: str) -> dict[str, Any]:
-    return {'faults': [f'{fault} at 1 for 1'], 'rate_hz': 20.0, 'corrupt_probability': 0.02}
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_silent(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('silent')) as made:
-        assert made.run(1000) >= 38
-        assert made.run(990) <= 2
-        assert made.run(1010) >= 38
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_garbage(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('garbage')) as made:
-        made.run(1000)
-        assert made.device.statistics().rejected_bytes == 0
-        assert made.run(990) <= 3
-        assert made.device.statistics().rejected_bytes > 900
-        assert made.run(1010) >= 36
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_corrupt(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('corrupt')) as made:
-        made.run(1000)
-        assert made.device.statistics().rejected_frames == 0
-        made.run(1000)
-        damaged = made.device.statistics()
-        assert damaged.rejected_frames > 5
-        made.run(100)
-        rejected = made.device.statistics().rejected_bytes
-        assert made.run(900) >= 34
-        assert made.device.statistics().rejected_bytes == rejected
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_short(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('short')) as made:
-        made.run(1000)
-        before = made.simulated.port.bytes_sent
-        pieces = []
-        for _ in range(300):
-            made.now_ns = made.simulated.next_event_ns()
-            sent = made.simulated.port.bytes_sent
-            made.simulated.pump(made.now_ns)
-            pieces.append(made.simulated.port.bytes_sent - sent)
-            made.sync()
-        assert max(pieces) <= 3
-        assert made.simulated.port.bytes_sent > before
-        made.run(2000)
-        assert made.device.statistics().rejected_bytes == 0
-        assert made.device.statistics().lost_samples == 0
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_unplug(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('unplug')) as made:
-        assert made.run(999) >= 38
-        made.now_ns = START_NS + 1000 * MS
-        made.simulated.pump(made.now_ns)
-        wait_for_device_error(made.device)
-        with pytest.raises(DeviceError, match='does not exist'):
-            made.reopen()
-        made.now_ns = START_NS + 2000 * MS
-        made.simulated.pump(made.now_ns)
-        made.reopen()
-        assert made.run(1000) >= 34
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_stuck(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('stuck')) as made:
-        made.run(2000)
-        # The samples due at 0.95 s, and at 1.00 to 1.95 s, are one.
-        values = made.publishers[0].values
-        assert len(set(values[:19])) == 19
-        assert len(set(values[19:39])) == 1
-        made.run(1000)
-        assert len(set(made.publishers[0].values[41:])) > 15
-
-
-@pytest.mark.parametrize('kind, driver, baud', BOTH)
-def test_wrong(kind: Any, driver: Any, baud: int | None, tmp_path: Path) -> None:
-    with rig(tmp_path, kind, driver, baud=baud, sim=schedule('wrong')) as made:
-        made.run(1000)
-        frames = made.device.statistics().frames
-        assert made.run(980) <= 1
-        statistics = made.device.statistics()
-        assert statistics.frames - frames <= 5
-        assert statistics.rejected_bytes > 200
-        assert made.run(1020) >= 36
-
-
-@pytest.mark.parametrize('fault', FAULTS)
-def test_every_fault_may_be_asked_for_while_it_runs(fault: str, tmp_path: Path) -> None:
-    port = PtyPort(tmp_path / 'x')
-    device = SimulatedWitMotion('x', {}, port)
-    device.pump(0)
-    device.inject(fault, 0.5)
-    descriptor = os.open(port.link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    for now in range(0, 1000, 5):
-        device.pump(now * MS)
-        assert port.plugged == (fault != 'unplug' or now >= 500)
-    os.close(descriptor)
-    device.close()
-    with pytest.raises(ConfigError, match='no fault'):
-        device.inject('lightning', 1.0)
 
 
 # --- settings and commands -----------------------------------------------------------------------
