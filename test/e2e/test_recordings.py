@@ -155,7 +155,7 @@ def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
     bytes_a_sample = 33
     world.play(log, port, '--baud', str(rate_hz * bytes_a_sample * 10))
     until(lambda: len(imu) >= len(recorded) - 1 and len(mag) >= len(recorded) - 1,
-          f'{len(recorded)} samples', 60.0)
+          f'{len(recorded)} samples', 120.0)
     assert len(imu) in (len(recorded), len(recorded) - 1)
     for message, sample in zip(list(imu), recorded):
         assert near(message.linear_acceleration, sample[:3], RESOLUTION[0])
