@@ -154,9 +154,9 @@ def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
     until(lambda: world.node.count_publishers('/imu/mag') == 1, 'discovery')
     bytes_a_sample = 33
     world.play(log, port, '--baud', str(rate_hz * bytes_a_sample * 10))
-    until(lambda: len(imu) >= len(recorded) - 1 and len(mag) >= len(recorded) - 1,
+    until(lambda: len(imu) >= len(recorded) and len(mag) >= len(recorded),
           f'{len(recorded)} samples', 120.0)
-    assert len(imu) in (len(recorded), len(recorded) - 1)
+    assert len(imu) == len(mag) == len(recorded)
     for message, sample in zip(list(imu), recorded):
         assert near(message.linear_acceleration, sample[:3], RESOLUTION[0])
         assert near(message.angular_velocity, sample[3:6], RESOLUTION[1])
