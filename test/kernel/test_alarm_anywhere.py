@@ -36,8 +36,8 @@ import pytest
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
-from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import NEVER_NS
+from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import VirtualClock
 
 PERIODS = 3
