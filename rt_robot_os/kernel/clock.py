@@ -32,6 +32,7 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
 
@@ -66,7 +67,11 @@ class Clock(ABC):
 
     @abstractmethod
     def arm(self, deadline_ns: int) -> None:
-        """Set the one alarm; the deadline set before is forgotten."""
+        """
+        Set the one alarm; the deadline set before is forgotten.
+
+        It comes again every ``AGAIN_NS`` until it is set anew.
+        """
 
     @abstractmethod
     def hold(self) -> None:
@@ -229,6 +234,6 @@ class VirtualClock(Clock):
             self._now_ns += step_ns
             left_ns -= step_ns
             if self._now_ns >= self._alarm_ns:
-                self._alarm_ns = NEVER_NS
+                self._alarm_ns = self._now_ns + AGAIN_NS
                 if self._on_tick is not None:
                     self._on_tick()

@@ -125,7 +125,7 @@ class Scheduler:
             stolen_ns = self._stolen_ns
             self.pending = False
             entry_ns = self.now_ns()
-            if current is not None:
+            if current is not None and not self._stopping:
                 late_ns = entry_ns - self._armed_ns
                 if late_ns > current.blocked_maximum_ns:
                     current.blocked_maximum_ns = late_ns

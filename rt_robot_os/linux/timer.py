@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A one-shot POSIX timer that signals one thread, and the waiting for its signal.
+A POSIX timer that signals one thread, and the waiting for its signal.
 
 ``timer_create(CLOCK_MONOTONIC, SIGEV_THREAD_ID)`` (timer_create(2)): armed with an absolute time,
 so that no drift can build up, and aimed at the thread that created it.
@@ -26,12 +26,18 @@ import ctypes
 import threading
 
 from rt_robot_os.linux import _libc
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+AGAIN_NS = 10 * NS_PER_MS
 
 
 class SignalTimer:
     """
-    An absolute one-shot timer on CLOCK_MONOTONIC that sends a signal to the creating thread.
+    An absolute timer on CLOCK_MONOTONIC that sends a signal to the creating thread.
+
+    Until it is armed anew it repeats the signal every ``AGAIN_NS``: a handler that had no room
+    left on the stack of a task that recursed too deeply must not stop the clock for ever.
 
     :param signo: the signal to send; its handler must be installed before :meth:`arm`.
     :raises OSError: the system has no timer left (RLIMIT_SIGPENDING).
@@ -44,6 +50,7 @@ class SignalTimer:
         _libc.timer_create(_libc.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer))
         self._spec_storage = (ctypes.c_int64 * 4)()
         self._spec = memoryview(self._spec_storage).cast('B').cast('q')
+        self._spec[1] = AGAIN_NS
         self._arguments = (self._timer, ctypes.c_int(_libc.TIMER_ABSTIME),
                            ctypes.byref(self._spec_storage), None)
         self._alive = True
