@@ -1,0 +1,80 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The result as JSON, and the raw samples as compressed NumPy files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.bench.case import Options
+from rt_robot_os.bench.case import Outcomes
+from rt_robot_os.bench.result import CaseResult
+
+SCHEMA_VERSION = 1
+
+
+def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options: Options,
+             results: Sequence[CaseResult], interrupted: bool) -> dict[str, Any]:
+    """
+    Put everything together in plain values.
+
+    :param machine: from :func:`rt_robot_os.bench.machine.describe`.
+    :param conditions: when it was measured, with which privileges, what the harness costs.
+    :param interrupted: the cases after these were not measured.
+    """
+    return {
+        'program': 'rt_robot_os bench', 'schema': SCHEMA_VERSION, **conditions,
+        'interrupted': interrupted,
+        'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full},
+        'machine': dict(machine),
+        'cases': [result.as_json() for result in results]}
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """
+    Write a document; the file is complete or as it was before.
+
+    :raises OSError: it cannot be written.
+    """
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + '\n'
+    if path.exists() and not path.is_file():
+        path.write_text(text)  # such as /dev/stdout
+        return
+    unfinished = path.with_name(f'.{path.name}.{os.getpid()}')
+    unfinished.write_text(text)
+    unfinished.replace(path)
+
+
+def write_samples(folder: Path, name: str, outcomes: Outcomes) -> None:
+    """
+    Write the raw samples of a case: ``NAME.npz`` with the arrays ``run/repeat/sample``.
+
+    :raises OSError: it cannot be written.
+    """
+    arrays: dict[str, Any] = {}
+    for key in outcomes.runs:
+        for repeat, outcome in enumerate(outcomes.all(key)):
+            for sample, values in outcome.samples.items():
+                arrays[f'{key}/{repeat}/{sample}'] = values
+            for figure, value in outcome.figures.items():
+                arrays[f'{key}/{repeat}/{figure}'] = np.array(value)
+    np.savez_compressed(folder / f'{name}.npz', **arrays)

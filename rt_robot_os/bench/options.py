@@ -1,0 +1,167 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line of `bench`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+import math
+import os
+from pathlib import Path
+import sys
+from typing import NoReturn
+
+from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.case import Options
+
+DOCUMENT_FILE = 'bench.json'
+_DEFAULT = Options(5.0, 3)
+_QUICK = Options(1.0, 1)
+_FULL = Options(20.0, 5, full=True)
+_SECONDS = (0.1, 86_400.0)
+_REPEATS_MAXIMUM = 1000
+
+_EPILOG = """\
+Everything is measured in one run, in turns, each system in a process of its own; tables show the
+median of the repeats. The exit code is 0 also when an aim is missed: this is a measurement, not a
+test. 2: a bad argument; 1: a measurement failed; 130: Ctrl-C.
+
+  bench --quick                      a first look, about a minute
+  bench preemption --seconds 60      one case, longer
+  bench memory --seconds 3600        watch the size of the core for an hour
+  bench --full --out results         everything, with raw samples
+"""
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    What the user wants.
+
+    :ivar json: where to write the result, or None.
+    :ivar out: the folder for the result and the raw samples, or None.
+    """
+
+    cases: Sequence[Case]
+    options: Options
+    json: Path | None
+    out: Path | None
+    list_only: bool
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Tell what is wrong in one line; the usage would hide it."""
+        print(f'{self.prog}: {message} (see {self.prog} --help)', file=sys.stderr)
+        sys.exit(2)
+
+
+def _parser(cases: Mapping[str, Case]) -> _Parser:
+    parser = _Parser(
+        prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Measure rt_robot_os on this machine, beside rclpy.',
+        epilog='cases:\n' + ''.join(
+            f'  {case.name:<12} {case.title}\n' for case in cases.values()) + '\n' + _EPILOG)
+    parser.add_argument('case', nargs='*', help='what to measure (default: all)')
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument('--quick', action='store_true',
+                        help=f'{_QUICK.seconds:g} s each, {_QUICK.repeats} repeat')
+    length.add_argument('--full', action='store_true',
+                        help=f'{_FULL.seconds:g} s each, {_FULL.repeats} repeats, large messages')
+    parser.add_argument('--seconds', metavar='S', type=_seconds,
+                        help=f'length of each measurement (default {_DEFAULT.seconds:g})')
+    parser.add_argument('--repeats', metavar='N', type=_repeats,
+                        help=f'times that each is repeated (default {_DEFAULT.repeats})')
+    parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
+    parser.add_argument('--out', metavar='DIR', type=Path,
+                        help=f'write {DOCUMENT_FILE} and all raw samples to a new folder')
+    parser.add_argument('--list', action='store_true', help='list the cases and end')
+    return parser
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    low, high = _SECONDS
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is not a number of seconds from {low:g} to {high:g}')
+    return value
+
+
+def _repeats(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= _REPEATS_MAXIMUM):
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is not a whole number from 1 to {_REPEATS_MAXIMUM}')
+    return int(text)
+
+
+def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
+    """
+    Read and check the arguments; ends the program with code 2 when they are wrong.
+
+    What cannot be written is found out here, before anything is measured.
+    """
+    # `ros2 launch` appends them to every program.
+    own = argv[:list(argv).index('--ros-args')] if '--ros-args' in argv else argv
+    parser = _parser(cases)
+    given = parser.parse_args(own)
+    chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
+    base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
+    options = Options(base.seconds if given.seconds is None else given.seconds,
+                      base.repeats if given.repeats is None else given.repeats, base.full)
+    if not given.list:
+        if given.json is not None:
+            _check_file(parser, given.json)
+        if given.out is not None:
+            _check_folder(parser, given.out)
+    return Request(chosen or list(cases.values()), options, given.json, given.out, given.list)
+
+
+def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:
+    if name in cases:
+        return cases[name]
+    close = get_close_matches(name, cases, 1)
+    hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(cases)}'
+    parser.error(f'no case {name!r}; {hint}')
+
+
+def _check_file(parser: _Parser, path: Path) -> None:
+    new = not path.exists()
+    try:
+        with open(path, 'ab'):
+            pass
+        if new:
+            path.unlink()
+    except OSError as error:
+        parser.error(f'--json {path}: cannot be written: {error.strerror}')
+
+
+def _check_folder(parser: _Parser, path: Path) -> None:
+    if (path / DOCUMENT_FILE).exists():
+        parser.error(f'--out {path}: holds the results of an earlier run; name another folder')
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / f'.probe{os.getpid()}'
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        parser.error(f'--out {path}: cannot be written: {error.strerror}')

@@ -1,0 +1,59 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A periodic callback over one that computes, in rclpy's executors."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from rt_robot_os.bench.harness import Harness
+from rt_robot_os.bench.harness import Measured
+from rt_robot_os.bench.peers.graph import graph
+from rt_robot_os.bench.stamps import Stamps
+from rt_robot_os.bench.workers.compute import compute
+
+
+def executor(harness: Harness) -> Measured:
+    """
+    Run both as timers of one node.
+
+    The real-time set-up comes first, so that the threads of the middleware inherit it.
+    """
+    a = harness.arguments
+    total_ns = a['warmup_ns'] + a['measure_ns']
+    fast = Stamps(2 * total_ns // a['period_ns'] + 1000)
+    busy = Stamps(2 * (2 * total_ns // a['busy_period_ns'] + 10))
+
+    def computing() -> None:
+        busy.stamp()
+        compute(a['busy_ns'])
+        busy.stamp()
+
+    harness.prepare()
+    if a['switch_interval_s']:
+        sys.setswitchinterval(a['switch_interval_s'])
+    with graph(a['executor']) as tested:
+        timer = tested.timer(a['period_ns'], fast.stamp)
+        # The timer's grid; asked a few times, as something may come between the two clocks.
+        phase_ns = min(time.monotonic_ns() + timer.time_until_next_call() for _ in range(5))
+        tested.timer(a['busy_period_ns'], computing)
+        tested.spin(total_ns)
+    edges = busy.taken()
+    edges = edges[:len(edges) // 2 * 2]
+    return Measured(
+        {'starts': fast.taken(), 'busy_begins': edges[::2], 'busy_ends': edges[1::2]},
+        {'phase_ns': phase_ns, 'begin_ns': phase_ns + a['warmup_ns'],
+         'measure_ns': a['measure_ns']})

@@ -1,0 +1,141 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From publishing to having it: this package's topics, under its kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import struct
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.bench.case import Samples
+from rt_robot_os.bench.harness import Harness
+from rt_robot_os.bench.harness import Measured
+from rt_robot_os.bench.stamps import Stamps
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_S
+
+MESSAGE = 'std_msgs/msg/UInt8MultiArray'
+# Encapsulation, an empty sequence of dimensions, the data's offset and its length.
+OVERHEAD_BYTES = 16
+NUMBER = struct.Struct('<I')
+
+
+class Receiver:
+    """One subscriber's notes: which message, and when it had it."""
+
+    def __init__(self, room: int) -> None:
+        self.stamps = Stamps(room)
+        self.numbers = np.zeros(room, np.int64)
+
+    def note(self, data: Any) -> None:
+        """Note the moment first, then the number that the message carries."""
+        self.stamps.stamp()
+        if not self.stamps.dropped:
+            self.numbers[self.stamps.count - 1] = NUMBER.unpack_from(data)[0]
+
+
+def to_the_last(sent: Stamps, receivers: list[Receiver], warm: int) -> tuple[Samples, int]:
+    """
+    Take the delay of each message until the last subscriber had it.
+
+    :param warm: messages at the beginning that do not count; the very last, which may still be on
+        its way, does not either.
+    :return: nanoseconds, without the messages that did not reach all; and how many were sent.
+    """
+    published = sent.taken()[:-1]
+    last = np.zeros(len(published), np.int64)
+    reached = np.zeros(len(published), np.int64)
+    for receiver in receivers:
+        moments = receiver.stamps.taken()
+        numbers = receiver.numbers[:len(moments)]
+        known = numbers < len(published)
+        moments, numbers = moments[known], numbers[known]
+        np.maximum.at(last, numbers, moments)
+        np.add.at(reached, numbers, 1)
+    complete = (reached >= len(receivers)) & (np.arange(len(published)) >= warm)
+    delays: Samples = (last - published)[complete]
+    return delays, max(0, len(published) - warm)
+
+
+def key(size: int, subscribers: int) -> str:
+    """Name the samples of one variant."""
+    return f'{size}x{subscribers}'
+
+
+def kernel(harness: Harness) -> Measured:
+    """Measure all sizes and numbers of subscribers, one after the other."""
+    a = harness.arguments
+    samples: dict[str, Samples] = {}
+    figures: dict[str, float] = {}
+    variants = [(size, subscribers, _Variant(a, size, subscribers))
+                for size in a['sizes'] for subscribers in a['subscribers']]
+    harness.prepare(freeze=True)
+    for size, subscribers, variant in variants:
+        name = key(size, subscribers)
+        samples[name], figures[f'{name} sent'] = variant.run()
+    return Measured(samples, figures)
+
+
+class _Variant:
+    """One size of message and number of subscribers, in a kernel of its own."""
+
+    def __init__(self, a: Mapping[str, int], size: int, subscribers: int) -> None:
+        self._total_ns = a['warmup_ns'] + a['measure_ns']
+        self._warm = a['warmup_ns'] // a['period_ns']
+        room = 2 * self._total_ns // a['period_ns'] + 100
+        self._kernel = Kernel()
+        bus = Bus(self._kernel)
+        bus.declare('message', MESSAGE, {'data': size - OVERHEAD_BYTES})
+        self._sent = Stamps(room)
+        self._receivers = [Receiver(room) for _ in range(subscribers)]
+        publisher = bus.publisher('message')
+        self._kernel.add_task('publish', self._publishing(publisher.msg.data, publisher.publish),
+                              priority=10, rate_hz=NS_PER_S / a['period_ns'])
+        for i, receiver in enumerate(self._receivers):
+            # The function needs the subscription, which needs the task: filled in afterwards.
+            cell: list[Subscription] = []
+            task = self._kernel.add_task(f'take{i}', self._taking(cell, receiver),
+                                         priority=50 + i)
+            cell.append(bus.subscribe('message', f'take{i}', task=task))
+
+    def _publishing(self, data: Any, publish: Callable[[], None]) -> Callable[[], None]:
+        sent, write = self._sent, NUMBER.pack_into
+
+        def job() -> None:
+            write(data, 0, sent.count)
+            sent.stamp()
+            publish()
+
+        return job
+
+    @staticmethod
+    def _taking(cell: list[Subscription], receiver: Receiver) -> Callable[[], None]:
+        def job() -> None:
+            subscription = cell[0]
+            if subscription.take():
+                receiver.note(subscription.msg.data)
+
+        return job
+
+    def run(self) -> tuple[Samples, int]:
+        """Publish for the time that is wanted; the delays, and how many were sent."""
+        self._kernel.run(self._total_ns)
+        return to_the_last(self._sent, self._receivers, self._warm)
