@@ -25,13 +25,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 BUCKETS = 320
+LAST_LIMIT_NS = 1 << 42
 
 
 def bucket(duration_ns: int) -> int:
     """
     Give the number of the bucket of a duration.
 
-    :param duration_ns: from 0 to 2**43 (2.4 hours); longer ones share the last bucket.
+    :param duration_ns: from 0 to ``LAST_LIMIT_NS`` (1.2 hours); longer ones share the last bucket.
     """
     shift = duration_ns.bit_length() - 4
     if shift <= 0:

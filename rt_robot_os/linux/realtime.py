@@ -75,7 +75,7 @@ def set_affinity(cpu: int) -> RtResult:
     step = f'CPU {wanted}'
     try:
         os.sched_setaffinity(0, {wanted})
-    except (OSError, ValueError):
+    except (OSError, ValueError, OverflowError):
         return RtResult(False, step, f'this process may use CPUs {allowed} only; '
                         'remedy: choose core.cpu among them, or -1')
     return RtResult(True, step)
