@@ -1,0 +1,125 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The timer signals the thread that made it; signals that are held are not lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import signal
+import time
+
+import pytest
+
+from rt_robot_os.linux.timer import SignalGate
+from rt_robot_os.linux.timer import SignalTimer
+from rt_robot_os.linux.timer import Sleeper
+
+SIGNAL = signal.SIGRTMIN + 7
+MS = 1_000_000
+
+
+@pytest.fixture
+def seen() -> Iterator[list[int]]:
+    came: list[int] = []
+    before = signal.signal(SIGNAL, lambda signo, frame: came.append(time.monotonic_ns()))
+    yield came
+    signal.signal(SIGNAL, before)
+
+
+@pytest.fixture
+def timer(seen: list[int]) -> Iterator[SignalTimer]:
+    made = SignalTimer(SIGNAL)
+    yield made
+    made.disarm()
+    made.close()
+    made.close()
+
+
+def wait_for(count: int, seen: list[int]) -> None:
+    end_ns = time.monotonic_ns() + 20_000 * MS
+    while len(seen) < count and time.monotonic_ns() < end_ns:
+        pass
+    assert len(seen) >= count
+
+
+def test_the_signal_comes_at_the_deadline_and_not_before(
+        timer: SignalTimer, seen: list[int]) -> None:
+    deadline_ns = time.monotonic_ns() + 2 * MS
+    timer.arm(deadline_ns)
+    wait_for(1, seen)
+    assert seen[0] >= deadline_ns
+
+
+def test_a_deadline_that_has_passed_comes_at_once(timer: SignalTimer, seen: list[int]) -> None:
+    timer.arm(1)
+    wait_for(1, seen)
+
+
+def test_a_new_deadline_replaces_the_old_one(timer: SignalTimer, seen: list[int]) -> None:
+    timer.arm(time.monotonic_ns() + 5 * MS)
+    deadline_ns = time.monotonic_ns() + 30 * MS
+    timer.arm(deadline_ns)
+    wait_for(1, seen)
+    assert seen[0] >= deadline_ns
+
+
+def test_the_signal_is_repeated_until_the_timer_is_armed_anew_or_disarmed(
+        timer: SignalTimer, seen: list[int]) -> None:
+    timer.arm(time.monotonic_ns() + MS)
+    wait_for(3, seen)
+    timer.disarm()
+    count = len(seen)
+    time.sleep(0.025)
+    assert len(seen) == count
+
+
+def test_a_deadline_in_146_years_is_no_problem(timer: SignalTimer, seen: list[int]) -> None:
+    timer.arm(1 << 62)
+    assert not seen
+
+
+def test_signals_that_are_held_wait_and_can_be_awaited(
+        timer: SignalTimer, seen: list[int]) -> None:
+    gate = SignalGate([SIGNAL])
+    gate.hold()
+    try:
+        timer.arm(time.monotonic_ns() + MS)
+        assert gate.wait() == SIGNAL
+        assert not seen, 'taken, so the handler is not called'
+        timer.arm(1)
+        while SIGNAL not in signal.sigpending():
+            pass
+        assert not seen
+    finally:
+        gate.admit()
+    wait_for(1, seen)
+
+
+def test_another_signal_ends_the_waiting(timer: SignalTimer, seen: list[int]) -> None:
+    gate = SignalGate([signal.SIGRTMIN + 8])
+    gate.hold()
+    try:
+        timer.arm(time.monotonic_ns() + MS)
+        assert gate.wait() == -1
+    finally:
+        gate.admit()
+    wait_for(1, seen)
+
+
+def test_the_sleeper_sleeps_until_its_deadline() -> None:
+    deadline_ns = time.monotonic_ns() + 2 * MS
+    Sleeper().sleep_until_ns(deadline_ns)
+    assert time.monotonic_ns() >= deadline_ns
