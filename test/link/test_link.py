@@ -31,8 +31,8 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.topics import Layout
 
