@@ -21,19 +21,21 @@ Not for the real-time loop: calls here may wait.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import itertools
 import os
 from pathlib import Path
 import queue
 import select
 import socket
+import struct
 import threading
 import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
+from rt_robot_os.link.facts import TopicInfo as TopicInfo
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
@@ -46,34 +48,10 @@ from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.records import decode_task
 
 RECEIVE_BUFFER_BYTES = 1 << 20
+US_PER_S = 1_000_000
 
 DataHandler = Callable[[Header, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """A topic of the core as a client sees it."""
-
-    name: str
-    channel: int
-    type_name: str
-    size: int
-    max_size: int
-    stamp_offset: int | None
-    depth: int
-    rate_hz: float
-
-
-@dataclass(frozen=True)
-class CoreStatistics:
-    """What a core says of itself, as :meth:`LinkClient.statistics` gives it."""
-
-    core: dict[str, Any]
-    tasks: tuple[TaskStatistics, ...]
-    topics: tuple[dict[str, Any], ...]
-    devices: tuple[dict[str, Any], ...]
-    clients: tuple[dict[str, Any], ...]
 
 
 class LinkClient:
@@ -107,7 +85,9 @@ class LinkClient:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            self._socket.settimeout(timeout_s)
+            # With settimeout() it would not wait for a place among those that are to be accepted.
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack(
+                'll', *divmod(max(1, round(timeout_s * US_PER_S)), US_PER_S)))
             self._socket.connect(str(path))
             self._socket.setblocking(False)
             self._poll = select.poll()
@@ -149,19 +129,26 @@ class LinkClient:
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
                 return 0
             count = 0
-            while True:
-                try:
-                    length = self._socket.recv_into(self._buffer)
-                except BlockingIOError:
-                    return count
-                except OSError as error:
-                    raise LinkError(f'the core is gone: {error.strerror}') from error
-                if not length:
-                    raise LinkError('the core closed the connection')
+            while length := self._receive(count):
                 count += 1
                 self._handle(length)
+            return count
         finally:
             self._reader.release()
+
+    def _receive(self, count: int) -> int:
+        """Receive a packet; none is 0. What came before the end counts: the next call tells it."""
+        try:
+            length = self._socket.recv_into(self._buffer)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            if count:
+                return 0
+            raise LinkError(f'the core is gone: {error.strerror}') from error
+        if not length and not count:
+            raise LinkError('the core closed the connection')
+        return length
 
     def _handle(self, length: int) -> None:
         kind = self._buffer[0]
@@ -274,7 +261,8 @@ class LinkClient:
         Publish a sample in the core.
 
         :param cdr: with its four bytes of encapsulation.
-        :param stamp_ns: on CLOCK_MONOTONIC; 0 for the moment of its arrival in the core.
+        :param stamp_ns: on CLOCK_MONOTONIC; 0, or a moment to come, for that of its arrival in
+            the core.
         :raises LinkError: the core is gone, or does not keep up.
         """
         self._send(header(Kind.DATA, channel, stamp_ns=stamp_ns) + cdr)

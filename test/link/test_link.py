@@ -273,8 +273,8 @@ def test_any_noise_of_any_length_is_survived(core: Any, until: Until) -> None:
     rng = random.Random(7)
     for _ in range(100):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
-            stranger.settimeout(30)
             stranger.connect(str(core.path))
+            stranger.settimeout(30)
             try:
                 for _ in range(rng.randint(1, 5)):
                     head = bytes([rng.choice([1, 2, 3, 4, 5, 6, 200]), rng.choice([1, 1, 1, 9])])
