@@ -37,6 +37,7 @@ from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
 from rt_robot_os.reports import Report
@@ -50,6 +51,14 @@ BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
 
 Answer = Callable[[Session, bytes], None]
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        status = path.lstat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 class LinkServer:
@@ -74,6 +83,8 @@ class LinkServer:
         self._listener: socket.socket | None = None
         self._beats = 0
         self._more = False
+        self._identity: tuple[int, int] | None = None
+        self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
@@ -97,6 +108,7 @@ class LinkServer:
                 os.umask(mask)
             listener.listen(CLIENTS_MAXIMUM)
             listener.setblocking(False)
+            self._identity = _identity(self.path)
         except OSError as error:
             listener.close()
             if isinstance(error, LinkError):
@@ -116,17 +128,23 @@ class LinkServer:
             self._kernel.remove_interrupt(self._listener.fileno())
             self._listener.close()
             self._listener = None
-            self.path.unlink(missing_ok=True)
+            if _identity(self.path) == self._identity:  # and not that of a core that came after
+                self.path.unlink(missing_ok=True)
 
     def _clear_leftover(self) -> None:
-        if not self.path.exists():
+        if not self.path.is_socket():
+            if self.path.exists():
+                raise LinkError(f'{self.path} is there and no socket; choose another path')
             return
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+            probe.setblocking(False)  # a core that is stopped may have no place left to wait in
             try:
                 probe.connect(str(self.path))
-            except OSError:
+            except ConnectionRefusedError:
                 self.path.unlink(missing_ok=True)
                 return
+            except BlockingIOError:
+                pass
         raise LinkError(f'socket {self.path}: another core serves it; stop that one, or give this '
                         'robot another node name (--ros-args -r __node:=other)')
 
@@ -145,7 +163,11 @@ class LinkServer:
         now_ns = self._kernel.now_ns()
         for session in self._sessions:
             while session.requests and not session.gone:
-                self._answer(session, session.requests.popleft())
+                try:
+                    self._answer(session, session.requests.popleft())
+                except Exception as error:
+                    # The code of a module's author may be behind it: only the asking client goes.
+                    session.gone = f'refused: a request raised {type(error).__name__}: {error}'
             if session.mirrors:
                 session.carry(now_ns)
             if session.gone:
@@ -182,7 +204,7 @@ class LinkServer:
                            f'{len(self._sessions)} of {CLIENTS_MAXIMUM} clients connected')
                 continue
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            session = Session(connection, self._bus, pid, self._kernel.now_ns())
+            session = Session(connection, self._bus, pid, self._kernel.now_ns(), self._buffer)
             self._sessions = (*self._sessions, session)
             self.accepted += 1
             self._kernel.add_interrupt(connection.fileno(), self._commands)

@@ -27,7 +27,6 @@ from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import MirrorStatistics
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
 from rt_robot_os.topics import Bus
@@ -35,6 +34,7 @@ from rt_robot_os.topics import Publisher
 
 REQUESTS_WAITING_MAXIMUM = 64
 OUTBOX_MAXIMUM = 2048
+OUTBOX_BYTES_MAXIMUM = 4 << 20
 PACKETS_PER_JOB = 256
 
 
@@ -68,10 +68,13 @@ class Session:
 
     :meth:`receive` runs in the task for commands, everything else in the link's low one.
 
+    :param buffer: where packets are received; one serves all sessions. A new one for each packet
+        would cost six times as much as the packet: it is so large that malloc maps it anew.
     :ivar gone: why it is to be removed; empty while it is welcome.
     """
 
-    def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int) -> None:
+    def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int,
+                 buffer: bytearray) -> None:
         self.connection = connection
         self.name = f'pid{pid}'
         self.pid = pid
@@ -86,6 +89,9 @@ class Session:
         self._channels = bus.topics
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
+        self._outbox_bytes = 0
+        self._buffer = buffer
+        self._view = memoryview(buffer)
 
     def receive(self, now_ns: int) -> bool:
         """
@@ -97,44 +103,51 @@ class Session:
             if self.gone:
                 return False
             try:
-                packet = self.connection.recv(PACKET_BYTES_MAXIMUM)
+                # With MSG_TRUNC the answer is the length that the packet had when it was sent.
+                length = self.connection.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except BlockingIOError:
                 return False
             except OSError as error:
                 self.gone = error.strerror or 'connection lost'
                 return False
-            if not packet:
+            if not length:
                 self.gone = 'closed by the client'
                 return False
             self.heard_ns = now_ns
             try:
-                self._accept(packet)
+                self._accept(length, now_ns)
             except OSError as error:
                 self.gone = f'refused: {error}'
         return True
 
-    def _accept(self, packet: bytes) -> None:
+    def _accept(self, length: int, now_ns: int) -> None:
+        if length > len(self._buffer):
+            self.gone = f'refused: a packet of {length} bytes; the limit is {len(self._buffer)}'
+            return
+        packet = self._view[:length]
         head = parse_header(packet)
         if head.kind == Kind.DATA:
-            self._publish(head.channel, head.stamp_ns, packet)
+            # A clock of its own must not make a command of this client stay young for ever.
+            stamp_ns = head.stamp_ns if 0 < head.stamp_ns <= now_ns else 0
+            self._publish(head.channel, stamp_ns, packet[HEADER_BYTES:])
         elif head.kind == Kind.REQUEST:
-            if len(packet) > REQUEST_BYTES_MAXIMUM:
-                self.gone = (f'refused: a request of {len(packet)} bytes; the limit is '
+            if length > REQUEST_BYTES_MAXIMUM:
+                self.gone = (f'refused: a request of {length} bytes; the limit is '
                              f'{REQUEST_BYTES_MAXIMUM}')
             elif len(self.requests) >= REQUESTS_WAITING_MAXIMUM:
                 self.gone = f'refused: more than {REQUESTS_WAITING_MAXIMUM} requests at once'
             else:
-                self.requests.append(packet)
+                self.requests.append(bytes(packet))
         elif head.kind != Kind.BEAT:
             self.gone = f'refused: a packet of kind {head.kind} is not for the core'
 
-    def _publish(self, channel: int, stamp_ns: int, packet: bytes) -> None:
+    def _publish(self, channel: int, stamp_ns: int, cdr: memoryview) -> None:
         publisher = self._publishers.get(channel)
         if publisher is None:
             self.gone = f'refused: a sample for channel {channel}, which it never advertised'
             return
         try:
-            publisher.publish_cdr(memoryview(packet)[HEADER_BYTES:], stamp_ns)
+            publisher.publish_cdr(cdr, stamp_ns)
             self.received += 1
         except TopicError as error:
             self.refused += 1
@@ -162,10 +175,12 @@ class Session:
 
     def post(self, packet: bytes) -> None:
         """Send a packet as soon as the client takes it; a client that is too slow loses it."""
-        if len(self._outbox) >= OUTBOX_MAXIMUM:
+        if (len(self._outbox) >= OUTBOX_MAXIMUM
+                or self._outbox_bytes + len(packet) > OUTBOX_BYTES_MAXIMUM):
             self.outbox_dropped += 1
             return
         self._outbox.append(packet)
+        self._outbox_bytes += len(packet)
         self.flush()
 
     def flush(self) -> None:
@@ -173,7 +188,7 @@ class Session:
         try:
             while self._outbox:
                 self.connection.send(self._outbox[0])
-                self._outbox.popleft()
+                self._outbox_bytes -= len(self._outbox.popleft())
         except BlockingIOError:
             return
         except OSError as error:
