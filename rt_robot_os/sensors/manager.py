@@ -61,7 +61,7 @@ class SensorStatistics:
     """
     A device and how it fares.
 
-    :ivar reason: why it is in FAULT; empty otherwise.
+    :ivar reason: why it is in FAULT, or was before it was opened again; empty once it delivers.
     :ivar faults: times that it went to FAULT.
     :ivar opened: times that its port was opened.
     :ivar age_ns: since the last valid frame; -1 when there was none.
@@ -109,7 +109,9 @@ class ManagedDevice:
         self._alive_ns = 0
         self._checked_ns = 0
         self._bytes_when_alive = 0
+        self._bytes_noted_ns = 0
         self._port_open = False
+        self._told = ''
 
     def poll(self) -> None:
         """Write the command, read and publish; safe in the real-time loop."""
@@ -119,8 +121,8 @@ class ManagedDevice:
         try:
             self.device.write(now_ns)
             samples = self.device.read(now_ns)
-        except DeviceError as error:
-            self._fault(str(error))
+        except Exception as error:
+            self._fault(_reason(error))
             return
         if samples:
             self._alive_ns = now_ns
@@ -133,38 +135,48 @@ class ManagedDevice:
         """Look, now and then, whether valid frames come although nothing is published."""
         self._checked_ns = now_ns
         counters = self.device.statistics()
+        if self._bytes_noted_ns < self._alive_ns:
+            # Samples came since the last look: what counts as garbage begins here.
+            self._bytes_noted_ns = now_ns
+            self._bytes_when_alive = counters.bytes_read
         if counters.last_frame_ns > self._alive_ns:
             self._alive_ns = counters.last_frame_ns
             self._bytes_when_alive = counters.bytes_read
             if self.state is DeviceState.OPENING:
                 self._recovered()
         elif now_ns - self._alive_ns > self._recovery.timeout_ns:
-            self._fault(self._why_nothing(counters.bytes_read - self._bytes_when_alive))
+            came = counters.bytes_read - self._bytes_when_alive
+            self._fault(self._why_nothing(came), 'garbage' if came else '')
 
     def recover(self) -> None:
         """Close what failed and open what is due; may take long, so at low priority."""
         if self.state is DeviceState.FAULT and self._port_open:
-            self._port_open = False
-            self.device.close()
+            self._close_port()
         waits = self.state is DeviceState.FAULT and self._kernel.now_ns() < self._retry_at_ns
         if waits or self.state not in (DeviceState.FAULT, DeviceState.CLOSED):
             return
         try:
             self.device.open()
-        except DeviceError as error:
-            self._fault(str(error))
+        except Exception as error:
+            self._fault(_reason(error))
             return
         self._port_open = True
         self.opened += 1
-        self._alive_ns = self._checked_ns = self._kernel.now_ns()
+        self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
         self._bytes_when_alive = self.device.statistics().bytes_read
         self.state = DeviceState.OPENING
 
     def close(self) -> None:
         """Close the port for good; may be called twice."""
         self.state = DeviceState.CLOSED
+        self._close_port()
+
+    def _close_port(self) -> None:
         self._port_open = False
-        self.device.close()
+        try:
+            self.device.close()
+        except Exception as error:
+            self._note(Severity.ERROR, f'could not be closed: {_reason(error)}')
 
     def statistics(self) -> SensorStatistics:
         """Take the statistics."""
@@ -181,24 +193,43 @@ class ManagedDevice:
                     'that it is the device that the configuration says')
         return f'silent for {seconds:g} s: check its power, its wiring and its output settings'
 
-    def _fault(self, reason: str) -> None:
+    def _fault(self, reason: str, kind: str = '') -> None:
+        """
+        Give the device up for a while.
+
+        :param kind: what makes two reasons the same although their texts differ.
+        """
         reason = reason.removeprefix(f'{self.device.name}: ')
-        again = self.state is DeviceState.FAULT and reason == self.reason
-        self.state = DeviceState.FAULT
         self.reason = reason
         self.faults += 1
-        now_ns = self._kernel.now_ns()
-        self._retry_at_ns = now_ns + self._pause_ns
+        self._retry_at_ns = self._kernel.now_ns() + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
-        if not again:
-            self._reports.note(Report(now_ns, Severity.ERROR, self.device.name, reason))
+        # Last: a recovery task above this one acts upon it at once.
+        self.state = DeviceState.FAULT
+        if (kind or reason) != self._told:
+            self._told = kind or reason
+            self._note(Severity.ERROR, reason)
+
+    def _note(self, severity: Severity, text: str) -> None:
+        self._reports.note(Report(self._kernel.now_ns(), severity, self.device.name, text))
 
     def _recovered(self) -> None:
         self.state = DeviceState.ACTIVE
         self._pause_ns = self._recovery.retry_ns
         text = f'active again after {self.reason!r}' if self.reason else 'active'
-        self.reason = ''
-        self._reports.note(Report(self._kernel.now_ns(), Severity.INFO, self.device.name, text))
+        self.reason = self._told = ''
+        self._note(Severity.INFO, text)
+
+
+def _reason(error: Exception) -> str:
+    """Say what went wrong; anything but a DeviceError is a defect of the driver: say where."""
+    if isinstance(error, DeviceError):
+        return str(error)
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    where = f' ({place.tb_frame.f_code.co_filename}:{place.tb_lineno})' if place else ''
+    return f'its driver is defective: {type(error).__name__}: {error}{where}'
 
 
 class SensorManager:
