@@ -31,7 +31,6 @@ in :meth:`Module.step`::
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
@@ -123,7 +122,7 @@ class Module:
         self.task: Task | None = None
         self.kernel: Kernel | None = None
         self._rate_hz = 0.0
-        self._changes: deque[tuple[str, Any]] = deque()
+        self._changes: dict[str, Any] = {}
 
     # ---- what an author overrides ------------------------------------------------------------
 
@@ -187,14 +186,16 @@ class Module:
     def job(self) -> None:
         """Take over what was changed, then do one step; the function of the module's task."""
         while self._changes:
-            name, value = self._changes.popleft()
-            self.settings[name] = value
+            name = next(iter(self._changes))
+            self.settings[name] = self._changes.pop(name)
             self.changed(name)
         self.step()
 
     def change(self, name: str, value: Any) -> Any:
         """
         Change a live setting with the next job, never in the middle of one.
+
+        Of several changes before that job the last one counts.
 
         :return: the value in its declared type.
         :raises ConfigError: no such setting, not a live one, or a value out of range.
@@ -208,7 +209,7 @@ class Module:
         if problem:
             raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
         coerced = fields[name].coerce(value)
-        self._changes.append((name, coerced))
+        self._changes[name] = coerced
         return coerced
 
     def declare(self, bus: Bus, rate_hz: float) -> None:

@@ -34,7 +34,8 @@ class TwistGuard(Module):
     Pass velocity commands on, limited, and zero when they are too old or not a number.
 
     The age that counts is that of the command's arrival, so a sender that died, a network that
-    stalls and a ROS side that was killed all end in a standstill after ``timeout_s``.
+    stalls and a ROS side that was killed all end in a standstill after ``timeout_s``. A stamp can
+    make a command older than that, never younger.
     """
 
     command = Input('cmd_vel')
@@ -49,13 +50,17 @@ class TwistGuard(Module):
               0.0, 100.0, live=True),
     )
 
+    _arrived_ns = 0
+
     def step(self) -> None:
         """Publish the command in force."""
         command = self.command
-        command.latest()
+        now_ns = command.topic.kernel.now_ns()
+        if command.latest():
+            self._arrived_ns = now_ns
         message = self.safe.msg
-        timeout_ns = self.settings['timeout_s'] * NS_PER_S
-        if command.seq < 0 or command.age_ns > timeout_ns:
+        age_ns = max(command.age_ns, now_ns - self._arrived_ns)
+        if command.seq < 0 or age_ns > self.settings['timeout_s'] * NS_PER_S:
             message.linear = message.angular = (0.0, 0.0, 0.0)
         else:
             linear, angular = self.settings['linear_max_m_s'], self.settings['angular_max_rad_s']
