@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
+import itertools
 
 
 class Severity(IntEnum):
@@ -62,13 +63,18 @@ class Reports:
     """
 
     def __init__(self, capacity: int = 256) -> None:
-        self._kept: deque[Report] = deque(maxlen=capacity)
-        self.total = 0
+        self._kept: deque[tuple[Report, int]] = deque(maxlen=capacity)
+        self._numbers = itertools.count()
+
+    @property
+    def total(self) -> int:
+        """Count all there were."""
+        return self._kept[-1][1] + 1 if self._kept else 0
 
     def note(self, report: Report) -> None:
         """Add a report; safe in the real-time loop."""
-        self._kept.append(report)
-        self.total += 1
+        # Numbered and added by one native call, which another task that notes cannot divide.
+        self._kept.extend(zip((report,), self._numbers))
 
     def since(self, place: int) -> tuple[int, int, tuple[Report, ...]]:
         """
@@ -78,6 +84,8 @@ class Reports:
         :return: the new place, how many were dropped unread, the reports.
         """
         kept = tuple(self._kept)
-        first = self.total - len(kept)
-        dropped = max(0, first - place)
-        return self.total, dropped, kept[max(0, place - first):]
+        if not kept:
+            return place, 0, ()
+        first = kept[0][1]
+        reports = tuple(report for report, _ in kept[max(0, place - first):])
+        return kept[-1][1] + 1, max(0, first - place), reports
