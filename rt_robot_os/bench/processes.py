@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -65,16 +68,51 @@ def environment(folder: Path) -> dict[str, str]:
             'ROS_LOG_DIR': str(folder), 'RT_ROBOT_OS_RUNTIME_DIR': str(folder / 'run')}
 
 
+def lock_path() -> Path:
+    """Give the file whose lock the one holds that measures; for all users of the machine."""
+    return Path(tempfile.gettempdir()) / 'rt_robot_os_bench.lock'
+
+
+@contextmanager
+def alone(path: Path, wait: bool = True) -> Iterator[bool]:
+    """
+    Wait until nobody else measures: two at the same priority on one CPU would starve each other.
+
+    Where the file cannot be had, such as one of another user, there is no waiting.
+
+    :param wait: else only look.
+    :return: whether somebody else measures; always False after waiting.
+    """
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError:
+        yield False
+        return
+    try:
+        yield not _lock(fd, wait)
+    finally:
+        os.close(fd)
+
+
+def _lock(fd: int, wait: bool) -> bool:
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    return True
+
+
 def measure(run: Run) -> Outcome:
     """
-    Run a worker in a fresh interpreter.
+    Run a worker in a fresh interpreter, when nobody else measures on this machine.
 
     Its group of processes is ended, whatever happens, before this returns or raises.
 
     :return: also for a child that failed, crashed or hung: the reason says it.
     """
     # Short: the path of a Unix socket has 108 bytes.
-    with tempfile.TemporaryDirectory(prefix='rtb', ignore_cleanup_errors=True) as name:
+    with alone(lock_path()), tempfile.TemporaryDirectory(
+            prefix='rtb', ignore_cleanup_errors=True) as name:
         folder = Path(name)
         (folder / JOB_FILE).write_text(json.dumps({
             'worker': run.worker, 'arguments': dict(run.arguments), 'cpu': run.cpu,

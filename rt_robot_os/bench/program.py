@@ -37,6 +37,8 @@ from rt_robot_os.bench.document import write_samples
 from rt_robot_os.bench.options import DOCUMENT_FILE
 from rt_robot_os.bench.options import parse
 from rt_robot_os.bench.options import Request
+from rt_robot_os.bench.processes import alone
+from rt_robot_os.bench.processes import lock_path
 from rt_robot_os.bench.processes import measure
 from rt_robot_os.bench.registry import CASES
 from rt_robot_os.bench.result import CaseResult
@@ -95,6 +97,9 @@ class _Session:
              f'repeats is shown. Taking a sample costs '
              f'{self.conditions["harness_ns_per_sample"] / 1000:.2f} us.')
         _say(f'This takes about {_duration(seconds)}.')
+        with alone(lock_path(), wait=False) as others:
+            if others:
+                _say('Another bench measures on this machine as well: the two take turns.')
         self._note_realtime([self._measured(_PROBE)])
 
     def measure(self, case: Case) -> None:

@@ -34,6 +34,7 @@ from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.case import UNPINNED
 from rt_robot_os.bench.helper import load_function
+from rt_robot_os.bench.processes import alone
 from rt_robot_os.bench.processes import free_domain
 from rt_robot_os.bench.processes import measure
 from rt_robot_os.bench.registry import CASES
@@ -45,8 +46,9 @@ needs_ros = pytest.mark.skipif(not HAS_ROS, reason='ROS 2 (rclpy) is not install
 
 
 @pytest.fixture(autouse=True)
-def find_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let children find the package where the tests do."""
+def own_surroundings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Let children find the package where the tests do, and wait for no other bench."""
+    monkeypatch.setattr(processes, 'lock_path', lambda: tmp_path / 'lock')
     paths = [str(ROOT), str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join(path for path in paths if path))
 
@@ -146,11 +148,28 @@ def _descendants(pid: int) -> list[int]:
     return own + [below for child in own for below in _descendants(child)]
 
 
-def test_ctrl_c_leaves_no_process() -> None:
+def test_two_that_measure_take_turns(tmp_path: Path) -> None:
+    path = tmp_path / 'lock'
+    with alone(path):
+        with alone(path, wait=False) as others:
+            assert others
+    with alone(path, wait=False) as others:
+        assert not others
+
+
+def test_without_the_lock_file_nobody_waits(tmp_path: Path) -> None:
+    (tmp_path / 'link').symlink_to(tmp_path / 'elsewhere')
+    with alone(tmp_path / 'link') as others:
+        assert not others
+    assert not (tmp_path / 'elsewhere').exists()
+
+
+def test_ctrl_c_leaves_no_process(tmp_path: Path) -> None:
     program = subprocess.Popen(
         [sys.executable, '-c', 'import sys; from rt_robot_os.cli.bench import main; '
          'sys.exit(main())', 'preemption', '--seconds', '60', '--repeats', '1'],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        env={**os.environ, 'TMPDIR': str(tmp_path)})
     assert program.stdout is not None
     with program.stdout:
         for line in program.stdout:

@@ -52,7 +52,7 @@ _RUNS = (
 _COLUMNS = (
     Column('p50', 'p50', 'us', 'delay'), Column('p50', 'p50 range', 'us', 'delay', spread=True),
     Column('p99', 'p99', 'us', 'delay'), Column('p999', 'p99.9', 'us', 'delay'),
-    Column('maximum', 'max', 'us', 'delay'), Column('arrived', 'of sent', '%', 'arrived'))
+    Column('maximum', 'max', 'us', 'delay'), Column('arrived', 'of due', '%', 'arrived'))
 _NOTES = (
     'A 500 Hz task stamps and publishes a UInt8MultiArray of this size (as CDR); a more important',
     'task, released by the publication, takes it and stamps. With 4 subscribers: until the last',
@@ -84,8 +84,7 @@ def _delay(size: int, subscribers: int, part: float) -> Callable[[Outcome], floa
 
 def _arrived(size: int, subscribers: int) -> Callable[[Outcome], float | None]:
     name = variant(size, subscribers)
-    return lambda outcome: 100.0 * min(1.0, len(outcome.samples[name])
-                                       / max(1.0, outcome.figures[f'{name} sent']))
+    return lambda outcome: 100.0 * min(1.0, len(outcome.samples[name]) / outcome.figures['due'])
 
 
 def size_text(size: int) -> str:

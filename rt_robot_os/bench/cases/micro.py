@@ -53,7 +53,8 @@ _NOTES = (
     'Operations: percentiles of the means of blocks of 500 calls, the empty loop taken off.',
     'A task that takes it runs before publish returns: the delay without cold caches.',
     'Jobs: CPU time of the whole process divided by the jobs, stretches of 0.2 s; 100 tasks of',
-    '200 Hz that do nothing, released together, or each by a timer signal of its own.')
+    '200 Hz that do nothing, released together, or each by a timer signal of its own; a bare',
+    'loop that sleeps and wakes as often as those is the least that the latter can cost.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -68,6 +69,8 @@ def _plan(options: Options) -> Sequence[Run]:
             {**dispatch, 'spread': 0}, seconds),
         Run('spread', 'job, 100 tasks, each its own timer', f'{_WORKERS}:dispatch',
             {**dispatch, 'spread': 1}, seconds),
+        Run('wake', '  of which: a clock_nanosleep wake-up', f'{_WORKERS}:wake',
+            {'rate_hz': _TASKS * _RATE_HZ, 'measure_ns': measure_ns}, seconds),
     )
 
 
@@ -87,7 +90,8 @@ def _metrics(name: str, scale: float) -> dict[str, Callable[[Outcome], float | N
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row('operations', _metrics(name, _PS_PER_US), label)
             for name, label in _OPERATIONS]
-    rows += [outcomes.row(key, _metrics('cpu_ns', _NS_PER_US)) for key in ('together', 'spread')]
+    rows += [outcomes.row(key, _metrics('cpu_ns', _NS_PER_US))
+             for key in ('together', 'spread', 'wake')]
     aims = (
         Aim('publish, take and copy 64 B', 0.5,
             outcomes.metric('operations', _cost('publish+take 64', _PS_PER_US, 0.5)), 'us'),

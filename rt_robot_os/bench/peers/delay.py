@@ -31,6 +31,7 @@ from rt_robot_os.bench.harness import Measured
 from rt_robot_os.bench.peers.graph import Graph
 from rt_robot_os.bench.peers.graph import graph
 from rt_robot_os.bench.stamps import Stamps
+from rt_robot_os.bench.workers.delay import due
 from rt_robot_os.bench.workers.delay import key
 from rt_robot_os.bench.workers.delay import MESSAGE
 from rt_robot_os.bench.workers.delay import NUMBER
@@ -48,15 +49,13 @@ def executor(harness: Harness) -> Measured:
     a = harness.arguments
     harness.prepare()
     samples: dict[str, Samples] = {}
-    figures: dict[str, float] = {}
     for size in a['sizes']:
         for subscribers in a['subscribers']:
-            name = key(size, subscribers)
-            samples[name], figures[f'{name} sent'] = _measure(a, size, subscribers)
-    return Measured(samples, figures)
+            samples[key(size, subscribers)] = _measure(a, size, subscribers)
+    return Measured(samples, {'due': due(a)})
 
 
-def _measure(a: Any, size: int, subscribers: int) -> tuple[Samples, int]:
+def _measure(a: Any, size: int, subscribers: int) -> Samples:
     total_ns = a['warmup_ns'] + a['measure_ns']
     room = 2 * total_ns // a['period_ns'] + 100
     sent, receivers = Stamps(room), [Receiver(room) for _ in range(subscribers)]

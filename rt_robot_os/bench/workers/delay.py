@@ -52,13 +52,13 @@ class Receiver:
             self.numbers[self.stamps.count - 1] = NUMBER.unpack_from(data)[0]
 
 
-def to_the_last(sent: Stamps, receivers: list[Receiver], warm: int) -> tuple[Samples, int]:
+def to_the_last(sent: Stamps, receivers: list[Receiver], warm: int) -> Samples:
     """
     Take the delay of each message until the last subscriber had it.
 
     :param warm: messages at the beginning that do not count; the very last, which may still be on
         its way, does not either.
-    :return: nanoseconds, without the messages that did not reach all; and how many were sent.
+    :return: nanoseconds, without the messages that did not reach all.
     """
     published = sent.taken()[:-1]
     last = np.zeros(len(published), np.int64)
@@ -72,7 +72,12 @@ def to_the_last(sent: Stamps, receivers: list[Receiver], warm: int) -> tuple[Sam
         np.add.at(reached, numbers, 1)
     complete = (reached >= len(receivers)) & (np.arange(len(published)) >= warm)
     delays: Samples = (last - published)[complete]
-    return delays, max(0, len(published) - warm)
+    return delays
+
+
+def due(arguments: Mapping[str, int]) -> int:
+    """Count the messages of one variant that have to arrive; the very last one does not."""
+    return max(1, arguments['measure_ns'] // arguments['period_ns'] - 1)
 
 
 def key(size: int, subscribers: int) -> str:
@@ -84,14 +89,12 @@ def kernel(harness: Harness) -> Measured:
     """Measure all sizes and numbers of subscribers, one after the other."""
     a = harness.arguments
     samples: dict[str, Samples] = {}
-    figures: dict[str, float] = {}
     variants = [(size, subscribers, _Variant(a, size, subscribers))
                 for size in a['sizes'] for subscribers in a['subscribers']]
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
-        name = key(size, subscribers)
-        samples[name], figures[f'{name} sent'] = variant.run()
-    return Measured(samples, figures)
+        samples[key(size, subscribers)] = variant.run()
+    return Measured(samples, {'due': due(a)})
 
 
 class _Variant:
@@ -135,7 +138,7 @@ class _Variant:
 
         return job
 
-    def run(self) -> tuple[Samples, int]:
-        """Publish for the time that is wanted; the delays, and how many were sent."""
+    def run(self) -> Samples:
+        """Publish for the time that is wanted."""
         self._kernel.run(self._total_ns)
         return to_the_last(self._sent, self._receivers, self._warm)

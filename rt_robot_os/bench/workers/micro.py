@@ -27,6 +27,7 @@ from rt_robot_os.bench.harness import Measured
 from rt_robot_os.bench.workers.delay import MESSAGE
 from rt_robot_os.bench.workers.delay import OVERHEAD_BYTES
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Layout
 from rt_robot_os.units import NS_PER_MS
@@ -36,6 +37,7 @@ IMU = 'sensor_msgs/msg/Imu'
 IMU_SHAPE = {'header.frame_id': 'imu_link'}
 TEN_FIELDS = ('orientation', 'angular_velocity', 'linear_acceleration')
 _CALLS = 500
+_STRETCH_NS = 200 * NS_PER_MS
 
 
 def _block_means_ps(operation: Callable[[], object], duration_ns: int) -> Samples:
@@ -138,13 +140,31 @@ def dispatch(harness: Harness) -> Measured:
     harness.prepare(freeze=True)
     tested.run(a['warmup_ns'])
     costs = []
-    for _ in range(max(1, a['measure_ns'] // (200 * NS_PER_MS))):
+    for _ in range(max(1, a['measure_ns'] // _STRETCH_NS)):
         runs = sum(task.runs for task in tested.tasks)
         begin_ns = time.process_time_ns()
-        tested.run(200 * NS_PER_MS)
+        tested.run(_STRETCH_NS)
         used_ns = time.process_time_ns() - begin_ns
         costs.append(used_ns // (sum(task.runs for task in tested.tasks) - runs))
     return Measured({'cpu_ns': np.array(costs, np.int64)})
+
+
+def wake(harness: Harness) -> Measured:
+    """Divide the CPU time of a bare ``clock_nanosleep`` loop by its wake-ups: the least of one."""
+    a = harness.arguments
+    sleeper = Sleeper()
+    harness.prepare(freeze=True)
+    period_ns = NS_PER_S // a['rate_hz']
+    count = _STRETCH_NS // period_ns
+    costs = []
+    deadline_ns = time.monotonic_ns()
+    for _ in range(1 + max(1, a['measure_ns'] // _STRETCH_NS)):
+        begin_ns = time.process_time_ns()
+        for _ in range(count):
+            deadline_ns += period_ns
+            sleeper.sleep_until_ns(deadline_ns)
+        costs.append((time.process_time_ns() - begin_ns) // count)
+    return Measured({'cpu_ns': np.array(costs[1:], np.int64)})
 
 
 def _nothing() -> None:
