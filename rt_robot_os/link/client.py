@@ -184,7 +184,8 @@ class LinkClient:
         deadline = time.monotonic() + self._timeout_s
         collected: list[tuple[Header, bytes]] = []
         try:
-            self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}))
+            self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}),
+                       self._timeout_s)
             while True:
                 try:
                     head, packet = replies.get_nowait()
@@ -275,10 +276,16 @@ class LinkClient:
         """
         self._send(header(Kind.BEAT, stamp_ns=time.monotonic_ns()))
 
-    def _send(self, packet: bytes) -> None:
-        try:
-            self._socket.send(packet)
-        except BlockingIOError:
-            raise LinkError('the core does not read what it is sent') from None
-        except OSError as error:
-            raise LinkError(f'the core is gone: {error.strerror or error}') from error
+    def _send(self, packet: bytes, patience_s: float = 0.0) -> None:
+        deadline = time.monotonic() + patience_s
+        while True:
+            try:
+                self._socket.send(packet)
+                return
+            except BlockingIOError:
+                room = select.poll()
+                room.register(self._socket, select.POLLOUT)
+                if not room.poll(max(0.0, deadline - time.monotonic()) * 1000):
+                    raise LinkError('the core does not read what it is sent') from None
+            except OSError as error:
+                raise LinkError(f'the core is gone: {error.strerror or error}') from error
