@@ -54,6 +54,8 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
             return Outcome(Status.FAILED, f'ImportError: {error}')
         return Outcome(Status.MISSING, f'{name} is not installed ({error})')
     except (RtRobotError, OSError, RuntimeError) as error:
+        if isinstance(error.__cause__, ImportError):  # such as that of a message package
+            return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
     return Outcome(Status.OK, '', measured.samples, measured.figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])

@@ -71,11 +71,12 @@ def table_lines(table: Table) -> Iterator[str]:
         yield table.title
     yield ' ' * label_width + groups
     yield _join(' ' * label_width, [column.title for column in columns], widths)
+    told: set[str] = set()
     for row, line_cells in zip(table.rows, cells):
         if row.status is Status.OK:
             yield _join(row.label.ljust(label_width), line_cells, widths)
         else:
-            yield from _not_measured(row, label_width)
+            yield from _not_measured(row, label_width, told)
     if table.notes:
         yield ''
         yield from table.notes
@@ -102,9 +103,10 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
                             for cell, width in zip(cells, widths))).rstrip()
 
 
-def _not_measured(row: Row, label_width: int) -> Iterator[str]:
+def _not_measured(row: Row, label_width: int, told: set[str]) -> Iterator[str]:
     what = 'not installed' if row.status is Status.MISSING else 'failed'
-    text = f'{what}: {row.reason}'
+    text = f'{what}, as above' if row.reason in told else f'{what}: {row.reason}'
+    told.add(row.reason)
     room = max(20, WIDTH - label_width - len(_GAP))
     for i, line in enumerate(textwrap.wrap(text, room)[:3]):
         yield (row.label if i == 0 else '').ljust(label_width) + _GAP + line

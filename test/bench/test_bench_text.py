@@ -55,7 +55,8 @@ def test_a_table_shows_medians_ranges_and_what_is_missing() -> None:
     lines = list(case_lines(_result(
         _row('ours', 21.0, 22.5, 30.0),
         Row('few samples', {'p50': Metric((1.5, 1.5)), 'p99': None, 'part': None}),
-        Row('theirs', status=Status.MISSING, reason='rclpy is not installed'))))
+        Row('theirs', status=Status.MISSING, reason='rclpy is not installed'),
+        Row('again', status=Status.MISSING, reason='rclpy is not installed'))))
     assert lines == [
         '== tested: how it looks '.ljust(WIDTH, '='),
         '',
@@ -64,6 +65,7 @@ def test_a_table_shows_medians_ranges_and_what_is_missing() -> None:
         'ours         22.5  22.5  21.0..30.0       100',
         'few samples  1.50     -           -         -',
         'theirs       not installed: rclpy is not installed',
+        'again        not installed, as above',
         '',
         'A note.']
 
