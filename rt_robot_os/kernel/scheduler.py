@@ -117,9 +117,13 @@ class Scheduler:
         if not self.running:
             self.locked = self.pending = False
             return
-        limit, self._recursion_limit = self._recursion_limit, (
-            self._recursion_limit + _RECURSION_ROOM)
-        _set_recursion_limit(self._recursion_limit)
+        limit = self._recursion_limit
+        try:
+            _set_recursion_limit(limit + _RECURSION_ROOM)
+        except RecursionError:  # the interrupted task left no room even for this
+            self.locked = False
+            raise
+        self._recursion_limit = limit + _RECURSION_ROOM
         current, level = self._current, self._level
         while True:
             stolen_ns = self._stolen_ns
@@ -141,7 +145,10 @@ class Scheduler:
             if not again:
                 break
         self._recursion_limit = limit
-        _set_recursion_limit(limit)
+        try:
+            _set_recursion_limit(limit)
+        except RecursionError:  # the interrupted task is at its very limit: the next tick does it
+            pass
         self.locked = False
         if self.pending:
             self.settle()
@@ -208,13 +215,10 @@ class Scheduler:
         A task that waits already is not released twice; that is counted (``coalesced``). One that
         is running runs once more. Safe in the real-time loop.
         """
-        if self.locked:
-            self.wake((task,), self.now_ns())
-            return
-        self.locked = True
+        locked, self.locked = self.locked, True
         self.wake((task,), self.now_ns())
-        self.locked = False
-        if self.pending:
+        self.locked = locked
+        if self.pending and not locked:
             self.settle()
 
     # ---- dispatch ----------------------------------------------------------------------------

@@ -54,8 +54,8 @@ def child(number):
     for index in range(10):
         kernel.add_task(f't{index}', lambda: os.write(writing, b'x'), priority=index + 1,
                         rate_hz=5000.0)
-    end = kernel.add_task('end', lambda: ENDING(kernel), priority=50, rate_hz=200.0,
-                          phase_ns=2_000_000 + number * 10_000)
+    kernel.add_task('end', lambda: ENDING(kernel) if reader.runs else None, priority=50,
+                    rate_hz=200.0, phase_ns=2_000_000 + number * 10_000)
     reader = kernel.add_task('reader', lambda: os.read(reading, 100), priority=60)
     kernel.add_interrupt(reading, reader)
     try:
