@@ -28,6 +28,8 @@ from rt_robot_os.kernel import TraceLog
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 
+pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')
+
 FLOAT = 'std_msgs/msg/Float64'
 
 

@@ -30,6 +30,8 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import ReadStatus
 
+pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')
+
 FLOAT = 'std_msgs/msg/Float64'
 TWIST = 'geometry_msgs/msg/Twist'
 

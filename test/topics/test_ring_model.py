@@ -38,6 +38,8 @@ from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import ReadStatus
 from rt_robot_os.topics import Subscription
 
+pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')
+
 NAME = 'ring'
 TAIL = 40
 STALE_NS = 100_000_000  # ten periods at 100 Hz

@@ -39,6 +39,8 @@ from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics import Topic
 
+pytest.importorskip('geometry_msgs', reason='the ROS 2 message packages are not installed')
+
 DEPTH = 4
 TOOL = 4  # of sys.monitoring; coverage, debuggers and profilers have others
 CODES = tuple(function.__code__ for function in (
