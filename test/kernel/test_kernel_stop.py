@@ -259,6 +259,30 @@ def test_ctrl_c_wakes_a_kernel_that_idles(clean: Callable[[], None]) -> None:
     clean()
 
 
+def test_a_signal_that_the_program_handles_wakes_a_kernel_that_idles(
+        clean: Callable[[], None]) -> None:
+    kernel = Kernel(MonotonicClock((signal.SIGTERM, signal.SIGHUP)))  # SIGHUP has no handler
+    idles = threading.Event()
+    kernel.on_idle = lambda slack_ns: idles.set()
+    kernel.add_task('event', lambda: None, priority=50)
+    main = threading.main_thread().ident
+    assert main is not None
+
+    def send() -> None:
+        idles.wait()
+        signal.pthread_kill(main, signal.SIGTERM)
+
+    before = signal.signal(signal.SIGTERM, lambda *_: kernel.stop('SIGTERM'))
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        assert kernel.run() == 'SIGTERM'
+    finally:
+        thread.join()
+        signal.signal(signal.SIGTERM, before)
+    clean()
+
+
 def test_a_program_that_handles_ctrl_c_itself_keeps_its_handler() -> None:
     kernel = Kernel(MonotonicClock((signal.SIGINT,)))
     kernel.add_task('task', lambda: signal.raise_signal(signal.SIGINT), priority=50,
