@@ -99,7 +99,9 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     def low_job() -> None:
         # Never idle, rarely in the kernel: an alarm that is lost shows at once.
         kernel.release(event)
-        clock.spend(PERIODS * MS - 500 * US)
+        clock.spend(400 * US)
+        kernel.settle()  # with nothing to run, as after an interrupt that was none
+        clock.spend(PERIODS * MS - 900 * US)
         kernel.release(event)
         clock.spend(400 * US)
 

@@ -87,6 +87,18 @@ def test_a_stall_of_five_periods_gives_one_late_job_and_counts_the_others(
     assert task.blocked_maximum_ns == 0
 
 
+def test_a_stall_beyond_the_end_adds_no_releases(
+        kernel: Kernel, clock: StallingClock) -> None:
+    def low_job() -> None:
+        clock.spend(6500 * US)
+        clock.stall(20 * MS)
+
+    task = kernel.add_task('task', lambda: None, priority=50, rate_hz=1000.0)
+    kernel.add_task('low', low_job, priority=10, rate_hz=1.0)
+    assert kernel.run(10 * MS) == 'duration'
+    assert (task.releases, task.runs, task.missed) == (10, 7, 3)
+
+
 def test_a_job_that_overruns_skips_releases_and_stays_on_the_grid(
         kernel: Kernel, log: TraceLog) -> None:
     task = kernel.add_task('task', lambda: kernel.clock.spend(2500 * US), priority=50,
