@@ -36,7 +36,7 @@ from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.sensors import SensorManager
-from rt_robot_os.sensors.manager import RecoverySettings
+from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
@@ -86,7 +86,7 @@ class Core:
                 values['port'] = ports[device.name]
             self.sensors.add(
                 DRIVERS.load(device.type)(device.name, values), rate_hz=device.rate_hz,
-                priority=device.priority,
+                priority=device.priority, interrupt=device.read == 'interrupt',
                 recovery=RecoverySettings(
                     round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),
                     round(device.retry_max_s * NS_PER_S)))

@@ -16,6 +16,9 @@
 The SensorManager: opens every device in its list, polls each by its own priority, and recovers.
 
 A device is polled by a task of its own: first its ``write``, then its ``read``, which publishes.
+It may also be read on interrupt: a second task of the same priority (so the two never preempt each
+other) reads as soon as bytes arrive. ``write`` stays on the grid of the first, which reads too, so
+that a device without interrupts, or an interrupt that was lost, costs time and nothing else.
 Whatever may take long (opening a port, closing one) happens in one task of low priority that all
 others preempt, so a dead device never delays another. A fault is never final: the port is closed
 and opened again after a pause that doubles up to a limit, and starts over once a frame arrived.
@@ -24,17 +27,17 @@ and opened again after a pause that doubles up to a limit, and starts over once 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 
 from rt_robot_os.drivers.device import Device
-from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.sensors.state import DeviceState
+from rt_robot_os.sensors.state import RecoverySettings
+from rt_robot_os.sensors.state import SensorStatistics
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
@@ -42,61 +45,17 @@ RECOVERY_RATE_HZ = 20.0
 _CHECKS_PER_TIMEOUT = 8
 
 
-class DeviceState(Enum):
-    """
-    Where a device stands.
-
-    CLOSED: not started. OPENING: its port is open, nothing valid came yet. ACTIVE: it delivers.
-    FAULT: it does not; it will be tried again.
-    """
-
-    CLOSED = 'closed'
-    OPENING = 'opening'
-    ACTIVE = 'active'
-    FAULT = 'fault'
-
-
-@dataclass(frozen=True)
-class SensorStatistics:
-    """
-    A device and how it fares.
-
-    :ivar reason: why it is in FAULT, or was before it was opened again; empty once it delivers.
-    :ivar faults: times that it went to FAULT.
-    :ivar opened: times that its port was opened.
-    :ivar age_ns: since the last valid frame; -1 when there was none.
-    """
-
-    name: str
-    state: DeviceState
-    reason: str
-    faults: int
-    opened: int
-    age_ns: int
-    device: DeviceStatistics
-
-
-@dataclass(frozen=True)
-class RecoverySettings:
-    """
-    When a device counts as dead and when it is tried again.
-
-    :ivar timeout_ns: without a valid frame for this long it goes to FAULT.
-    :ivar retry_ns: first pause before opening it again; it doubles with each failure.
-    :ivar retry_maximum_ns: longest pause.
-    """
-
-    timeout_ns: int = NS_PER_S
-    retry_ns: int = NS_PER_S // 2
-    retry_maximum_ns: int = 10 * NS_PER_S
-
-
 class ManagedDevice:
-    """One device under the manager; its ``poll`` is the task that reads it."""
+    """
+    One device under the manager; its ``poll`` is the task that reads it.
+
+    :ivar arrival: the task that bytes release, None when the device is only polled.
+    """
 
     def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
                  reports: Reports) -> None:
         self.device = device
+        self.arrival: Task | None = None
         self.state = DeviceState.CLOSED
         self.reason = ''
         self.faults = self.opened = 0
@@ -111,15 +70,24 @@ class ManagedDevice:
         self._bytes_when_alive = 0
         self._bytes_noted_ns = 0
         self._port_open = False
+        self._interrupt_fd: int | None = None
         self._told = ''
 
     def poll(self) -> None:
         """Write the command, read and publish; safe in the real-time loop."""
+        self._exchange(command=True)
+
+    def take(self) -> None:
+        """Read and publish what has just arrived; safe in the real-time loop."""
+        self._exchange(command=False)
+
+    def _exchange(self, command: bool) -> None:
         if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
             return
         now_ns = self._kernel.now_ns()
         try:
-            self.device.write(now_ns)
+            if command:
+                self.device.write(now_ns)
             samples = self.device.read(now_ns)
         except Exception as error:
             self._fault(_reason(error))
@@ -165,6 +133,23 @@ class ManagedDevice:
         self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
         self._bytes_when_alive = self.device.statistics().bytes_read
         self.state = DeviceState.OPENING
+        if self.arrival is not None:
+            self._watch(self.arrival)
+
+    def _watch(self, arrival: Task) -> None:
+        """Let the port release the task; without that the device is polled all the same."""
+        fd = self.device.fileno()
+        text = 'it has no file descriptor'
+        if fd is not None:
+            try:
+                self._kernel.add_interrupt(fd, arrival)
+                self._interrupt_fd = fd
+                return
+            except OSError as error:
+                text = str(error)
+        if self.opened == 1:
+            self._note(Severity.WARN, f'cannot be read on interrupt, so it is polled: {text}; '
+                       'set read: poll')
 
     def close(self) -> None:
         """Close the port for good; may be called twice."""
@@ -173,6 +158,9 @@ class ManagedDevice:
 
     def _close_port(self) -> None:
         self._port_open = False
+        fd, self._interrupt_fd = self._interrupt_fd, None
+        if fd is not None:
+            self._kernel.remove_interrupt(fd)
         try:
             self.device.close()
         except Exception as error:
@@ -249,12 +237,14 @@ class SensorManager:
                         rate_hz=RECOVERY_RATE_HZ)
 
     def add(self, device: Device, *, rate_hz: float, priority: int,
-            recovery: RecoverySettings = RecoverySettings()) -> ManagedDevice:
+            recovery: RecoverySettings = RecoverySettings(),
+            interrupt: bool = False) -> ManagedDevice:
         """
         Declare the topics of a device and the task that polls it; nothing is opened yet.
 
         :param rate_hz: how often it is polled.
-        :param priority: of its polling task.
+        :param priority: of its polling task, and of the one that reads on interrupt.
+        :param interrupt: read it as soon as bytes arrive, too.
         :raises TaskError: a task of its name exists.
         :raises TopicError: one of its topics is taken by another type.
         """
@@ -265,6 +255,9 @@ class SensorManager:
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
         managed.task = self._kernel.add_task(device.name, managed.poll, priority=priority,
                                              rate_hz=rate_hz)
+        if interrupt:
+            managed.arrival = self._kernel.add_task(f'{device.name}/arrival', managed.take,
+                                                    priority=priority)
         self._devices[device.name] = managed
         return managed
 

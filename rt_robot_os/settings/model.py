@@ -69,6 +69,7 @@ class DeviceSettings:
     :ivar retry_max_s: longest wait between two tries.
     :ivar settings: every key of the driver's own ``SETTINGS``, defaults filled in.
     :ivar sim: the simulator's settings; None unless the port is ``SIM_PORT``.
+    :ivar read: ``poll`` at the rate, or ``interrupt`` as bytes arrive too.
     """
 
     name: str
@@ -81,6 +82,7 @@ class DeviceSettings:
     retry_max_s: float
     settings: Mapping[str, Any] = field(default_factory=_nothing)
     sim: Mapping[str, Any] | None = None
+    read: str = 'poll'
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.sensors import DeviceState
 from rt_robot_os.sensors import SensorManager
-from rt_robot_os.sensors.manager import RecoverySettings
+from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')

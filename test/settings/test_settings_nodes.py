@@ -96,7 +96,7 @@ def test_the_command_line_has_no_line(good: str, problems_of: Judge) -> None:
         'command line: a b = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, '
         'devices, diagnostics_rate_hz, gps, guard, imu, imu_data, mirrors, modules, topics',
         'command line: imu.x: unknown key, known: baud, frame_id, gains, mag_topic, port, '
-        'priority, range_g, rate_hz, retry_max_s, retry_s, sim, timeout_s, topic, type',
+        'priority, range_g, rate_hz, read, retry_max_s, retry_s, sim, timeout_s, topic, type',
         'command line: imu.rate_hz = 0: must be a number from 0.1 to 10000 (Hz)',
     )
 

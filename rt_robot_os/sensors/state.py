@@ -1,0 +1,72 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the SensorManager is told of a device, and what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.units import NS_PER_S
+
+
+class DeviceState(Enum):
+    """
+    Where a device stands.
+
+    CLOSED: not started. OPENING: its port is open, nothing valid came yet. ACTIVE: it delivers.
+    FAULT: it does not; it will be tried again.
+    """
+
+    CLOSED = 'closed'
+    OPENING = 'opening'
+    ACTIVE = 'active'
+    FAULT = 'fault'
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """
+    A device and how it fares.
+
+    :ivar reason: why it is in FAULT, or was before it was opened again; empty once it delivers.
+    :ivar faults: times that it went to FAULT.
+    :ivar opened: times that its port was opened.
+    :ivar age_ns: since the last valid frame; -1 when there was none.
+    """
+
+    name: str
+    state: DeviceState
+    reason: str
+    faults: int
+    opened: int
+    age_ns: int
+    device: DeviceStatistics
+
+
+@dataclass(frozen=True)
+class RecoverySettings:
+    """
+    When a device counts as dead and when it is tried again.
+
+    :ivar timeout_ns: without a valid frame for this long it goes to FAULT.
+    :ivar retry_ns: first pause before opening it again; it doubles with each failure.
+    :ivar retry_maximum_ns: longest pause.
+    """
+
+    timeout_ns: int = NS_PER_S
+    retry_ns: int = NS_PER_S // 2
+    retry_maximum_ns: int = 10 * NS_PER_S
