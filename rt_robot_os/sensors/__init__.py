@@ -14,8 +14,8 @@
 
 """The middleware that keeps devices alive: open, poll, publish, recover."""
 
-from rt_robot_os.sensors.state import DeviceState
 from rt_robot_os.sensors.manager import SensorManager
+from rt_robot_os.sensors.state import DeviceState
 from rt_robot_os.sensors.state import SensorStatistics
 
 __all__ = ['DeviceState', 'SensorManager', 'SensorStatistics']

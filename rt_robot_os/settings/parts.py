@@ -207,7 +207,8 @@ def build_device(part: Part) -> DeviceSettings:
     return DeviceSettings(
         name=part.name, type=values['type'], port=values.get('port', ''),
         rate_hz=values['rate_hz'], priority=values['priority'], read=values['read'],
-        timeout_s=values['timeout_s'], retry_s=values['retry_s'], retry_max_s=values['retry_max_s'],
+        timeout_s=values['timeout_s'], retry_s=values['retry_s'],
+        retry_max_s=values['retry_max_s'],
         settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim))
 
 

@@ -192,7 +192,7 @@ def test_the_same_arrivals_give_the_same_reads_in_every_run() -> None:
     assert one() == one()
 
 
-# --- real ptys on the real clock -------------------------------------------------------------------
+# --- real ptys on the real clock -----------------------------------------------------------------
 
 class Line:
     """A WitMotion on a pty that a task of the same kernel plugs, feeds and unplugs."""
