@@ -31,7 +31,9 @@ from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SIM_PORT
+from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.model import WatchdogSettings
 from rt_robot_os.settings.parameters import changed
 from rt_robot_os.settings.parameters import check_change
 from rt_robot_os.settings.parameters import ParameterDescription
@@ -42,7 +44,7 @@ from rt_robot_os.settings.ros_args import RosArguments
 
 __all__ = [
     'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'MirrorSettings', 'ModuleSettings',
-    'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT', 'TopicSettings',
-    'TopicUse', 'changed', 'check_change', 'default_path', 'from_json', 'load', 'parameters',
-    'parse_ros_args', 'to_json',
+    'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT', 'TaskSettings',
+    'TopicSettings', 'TopicUse', 'WatchdogSettings', 'changed', 'check_change', 'default_path',
+    'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
 ]

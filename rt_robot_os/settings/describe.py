@@ -36,7 +36,9 @@ from rt_robot_os.settings.fields import DEVICE
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.settings.fields import TASK
 from rt_robot_os.settings.fields import TOPIC
+from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.tree import show
@@ -86,6 +88,14 @@ device is simulated: a pseudo-terminal speaks its bytes, as its section `sim` sa
 each driver). With any other port the section `sim` is checked and then left alone.
 """
 
+_MODULE_TEXT: Final = """\
+Each name in `modules` has a section with these keys and those of its class.
+"""
+
+_TASK_TEXT: Final = """\
+The section of a device or a module may also say this of its task.
+"""
+
 _TOPIC_TEXT: Final = """\
 Topics that no device and no module declares, such as inputs from ROS. A section `fixed` gives the
 texts and the lengths of sequences that the message is laid out with, by dotted field name:
@@ -103,9 +113,10 @@ def describe(catalogue: Catalogue | None = None) -> str:
         _HEAD,
         _section('The robot', '', ROBOT),
         _section('`core`: the real-time process', '', CORE),
-        _section('Devices', _DEVICE_TEXT, DEVICE),
-        _section('Modules', 'Each name in `modules` has a section with these keys and those of '
-                 'its class.\n', MODULE),
+        _section('`watchdog`: what happens when a critical task stands still', '', WATCHDOG),
+        _section('Devices', _DEVICE_TEXT, _without_task(DEVICE)),
+        _section('Modules', _MODULE_TEXT, _without_task(MODULE)),
+        _section('Tasks', _TASK_TEXT, TASK),
         _section('Topics', _TOPIC_TEXT, TOPIC),
         _section('Mirrors', 'Each copies a topic of the core to ROS, or one from ROS.\n', MIRROR),
     ]
@@ -117,6 +128,10 @@ def describe(catalogue: Catalogue | None = None) -> str:
     for name in sorted(known.modules.names()):
         parts += _kind('module', name, known.modules)
     return '\n'.join(part for part in parts if part)
+
+
+def _without_task(fields: Sequence[Field]) -> Sequence[Field]:
+    return [field for field in fields if field not in TASK]
 
 
 def _kind(noun: str, name: str, lookup: Lookup) -> Iterable[str]:

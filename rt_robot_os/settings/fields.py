@@ -25,6 +25,8 @@ from rt_robot_os.schema import REQUIRED
 SLOWEST_HZ: Final = 0.1
 FASTEST_HZ: Final = 10_000.0
 
+LONGEST_US: Final = 1e9  # a period, a deadline, a budget
+
 LISTS: Final = ('devices', 'modules', 'topics', 'mirrors')
 
 # Parameters that ROS 2 itself gives a node; a dumped file contains them.
@@ -62,6 +64,55 @@ CORE: Final = (
           minimum=1, maximum=99),
     Field('command_priority', int, 50, 'kernel priority at which samples from ROS are published',
           minimum=1, maximum=99),
+    Field('spin_us', float, 0.0, 'wake this much early and spin up to the release: less jitter '
+          'for computing time; 0: sleep', 'us', 0.0, 1000.0),
+    Field('cpu_latency_us', int, -1, 'longest time a sleeping CPU may take to wake, as asked of '
+          '/dev/cpu_dma_latency; -1: leave it', 'us', -1, 1_000_000),
+    Field('dispatcher', str, 'preemptive', 'preemptive: the higher priority interrupts the lower; '
+          'cooperative: it waits for the end of the job', choices=('preemptive', 'cooperative')),
+    Field('black_box_records', int, 8192, 'records the black box keeps', 'records', 64, 1 << 20),
+    Field('black_box_folder', str, '', 'where the black box is written after a fault; when absent '
+          '$ROS_LOG_DIR or ~/.ros/log'),
+)
+
+WATCHDOG: Final = (
+    Field('timeout_s', float, 0.0, 'how long a critical task may be unhealthy; 0: no watchdog',
+          's', 0.0, 3600.0),
+    Field('action', str, 'log', 'what comes then: log it, bring every task with a safe state '
+          'there and hold it, or exit', choices=('log', 'safe_state', 'exit')),
+    Field('exit_code', int, 70, 'exit code of the core after exit', minimum=3, maximum=125),
+    Field('device', str, '', 'a watchdog of the machine that is fed as well, such as '
+          '/dev/watchdog'),
+)
+
+# What a device and a module declare of their task, besides its rate and its priority.
+TASK: Final = (
+    Field('phase_us', float, 0.0, 'first release after the start', 'us', 0.0, LONGEST_US),
+    Field('deadline_us', float, 0.0, 'time from a release to the latest end of its job; 0: the '
+          'period, without a rate none', 'us', 0.0, LONGEST_US),
+    Field('budget_us', float, 0.0, 'computing time a job may use, what preempts it not counted; '
+          '0: any', 'us', 0.0, LONGEST_US),
+    Field('on_budget', str, 'warn', 'what happens to a job that uses more: count it, or abort it',
+          choices=('warn', 'abort')),
+    Field('overrun', str, 'skip', 'what happens to a release that finds the job before unfinished',
+          choices=('skip', 'rephase', 'catch_up', 'stop')),
+    Field('catch_up', int, 1, 'most releases made up for, with overrun: catch_up',
+          minimum=1, maximum=1000),
+    Field('overrun_limit', int, 0, 'overruns after which the failure policy is applied; 0: never',
+          minimum=0, maximum=1_000_000),
+    Field('overrun_leak', int, 100, 'jobs without overrun that take one overrun away',
+          minimum=1, maximum=1_000_000),
+    Field('failure', str, 'continue', 'what follows an exception, an abort or too many overruns',
+          choices=('continue', 'restart', 'stop', 'safe_state')),
+    Field('restart_s', float, 0.1, 'wait before the first restart; doubled with each', 's',
+          0.001, 3600.0),
+    Field('restart_max_s', float, 10.0, 'longest wait before a restart', 's', 0.001, 3600.0),
+    Field('critical', bool, False, 'the watchdog watches it'),
+    Field('resources', list, (), 'names of what it may lock; tasks that name the same share it'),
+    Field('logical_execution', bool, False, 'inputs are those of the release, outputs are '
+          'published at the deadline'),
+    Field('execution_us', float, 0.0, 'longest computing time of a job as you know it, for plan; '
+          '0: unknown', 'us', 0.0, LONGEST_US),
 )
 
 DEVICE: Final = (
@@ -75,12 +126,14 @@ DEVICE: Final = (
     Field('retry_s', float, 0.5, 'wait before it is opened again; doubles with each failure',
           's', 0.01, 3600.0),
     Field('retry_max_s', float, 10.0, 'longest wait between two tries', 's', 0.01, 3600.0),
+    *TASK,
 )
 
 MODULE: Final = (
     Field('type', str, REQUIRED, "the module's name, or package.module:Class"),
     _rate(50.0, 'how often the module steps'),
     _priority(40, 'priority of its task; higher runs first'),
+    *TASK,
 )
 
 TOPIC: Final = (

@@ -35,14 +35,20 @@ from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.model import WatchdogSettings
 
 # Counted up when the form changes: the node and the core may be of different installations.
-FORMAT: Final = 1
+FORMAT: Final = 2
 
 _PARTS: Final[Mapping[str, type]] = {
     'devices': DeviceSettings, 'modules': ModuleSettings, 'topics': TopicSettings,
     'mirrors': MirrorSettings,
+}
+_NESTED: Final[Mapping[str, type]] = {
+    'CoreSettings': CoreSettings, 'TaskSettings': TaskSettings,
+    'WatchdogSettings': WatchdogSettings,
 }
 _TYPES: Final[Mapping[str, tuple[type, ...]]] = {
     'bool': (bool,), 'int': (int,), 'float': (float, int), 'str': (str,),
@@ -71,7 +77,6 @@ def from_json(text: str) -> RobotSettings:
     if not isinstance(data, dict) or data.pop('format', None) != FORMAT:
         raise ConfigError([f'settings: not of format {FORMAT}: the node and the core must be of '
                            'the same version'])
-    data['core'] = _part(CoreSettings, data.get('core'), 'core')
     for name, kind in _PARTS.items():
         items = data.get(name)
         if not isinstance(items, list):
@@ -105,7 +110,13 @@ def _make(kind: type[_Settings], data: dict[str, Any], name: str) -> _Settings:
     for key, type_name in known.items():
         value = data[key]
         allowed = _TYPES.get(type_name)
-        if allowed is not None:
+        if type_name in _NESTED:
+            value = _part(_NESTED[type_name], value, f'{name}.{key}')
+        elif type_name == 'tuple[str, ...]':
+            if type(value) is not list or any(type(item) is not str for item in value):
+                raise ConfigError([f'settings: {name}.{key} must be a list of texts'])
+            value = tuple(value)
+        elif allowed is not None:
             if type(value) not in allowed:
                 raise ConfigError([f'settings: {name}.{key} must be {type_name}'])
             value = _float(value, f'{name}.{key}') if type_name == 'float' else frozen(value)

@@ -43,6 +43,11 @@ class CoreSettings:
     :ivar heartbeat_s: silence after which the other side counts as dead.
     :ivar link_priority: kernel priority of the tasks that serve clients, 1..99.
     :ivar command_priority: kernel priority at which samples from clients are published, 1..99.
+    :ivar spin_us: how early it wakes to spin up to a release; 0 sleeps.
+    :ivar cpu_latency_us: asked of ``/dev/cpu_dma_latency``; -1 leaves it.
+    :ivar dispatcher: ``preemptive`` or ``cooperative``.
+    :ivar black_box_records: how many the black box keeps.
+    :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
     """
 
     spawn: bool
@@ -52,6 +57,67 @@ class CoreSettings:
     heartbeat_s: float
     link_priority: int
     command_priority: int
+    spin_us: float = 0.0
+    cpu_latency_us: int = -1
+    dispatcher: str = 'preemptive'
+    black_box_records: int = 8192
+    black_box_folder: str = ''
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogSettings:
+    """
+    What happens when a critical task is unhealthy.
+
+    :ivar timeout_s: for how long it may be; 0 without watchdog.
+    :ivar action: ``log``, ``safe_state`` or ``exit``.
+    :ivar exit_code: of the core, after ``exit``.
+    :ivar device: a hardware watchdog that is fed as well; empty without.
+    """
+
+    timeout_s: float = 0.0
+    action: str = 'log'
+    exit_code: int = 70
+    device: str = ''
+
+
+@dataclass(frozen=True, slots=True)
+class TaskSettings:
+    """
+    What a device or a module declares of its task, besides rate and priority.
+
+    :ivar phase_us: first release after the start.
+    :ivar deadline_us: from release to end; 0 the period, or none without one.
+    :ivar budget_us: computing time of a job; 0 any.
+    :ivar on_budget: ``warn`` or ``abort``.
+    :ivar overrun: ``skip``, ``rephase``, ``catch_up`` or ``stop``.
+    :ivar catch_up: most releases made up for, when ``overrun`` is ``catch_up``.
+    :ivar overrun_limit: overruns after which ``failure`` is applied; 0 never.
+    :ivar overrun_leak: jobs without overrun that take one away.
+    :ivar failure: ``continue``, ``restart``, ``stop`` or ``safe_state``.
+    :ivar restart_s: wait before the first restart; doubled with each.
+    :ivar restart_max_s: longest wait.
+    :ivar critical: the watchdog watches it.
+    :ivar resources: names of what it may lock.
+    :ivar logical_execution: outputs are published at the deadline.
+    :ivar execution_us: declared worst case, for planning; 0 unknown.
+    """
+
+    phase_us: float = 0.0
+    deadline_us: float = 0.0
+    budget_us: float = 0.0
+    on_budget: str = 'warn'
+    overrun: str = 'skip'
+    catch_up: int = 1
+    overrun_limit: int = 0
+    overrun_leak: int = 100
+    failure: str = 'continue'
+    restart_s: float = 0.1
+    restart_max_s: float = 10.0
+    critical: bool = False
+    resources: tuple[str, ...] = ()
+    logical_execution: bool = False
+    execution_us: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +136,7 @@ class DeviceSettings:
     :ivar settings: every key of the driver's own ``SETTINGS``, defaults filled in.
     :ivar sim: the simulator's settings; None unless the port is ``SIM_PORT``.
     :ivar read: ``poll`` at the rate, or ``interrupt`` as bytes arrive too.
+    :ivar task: what it declares of its task.
     """
 
     name: str
@@ -83,6 +150,7 @@ class DeviceSettings:
     settings: Mapping[str, Any] = field(default_factory=_nothing)
     sim: Mapping[str, Any] | None = None
     read: str = 'poll'
+    task: TaskSettings = TaskSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +159,9 @@ class ModuleSettings:
     One function module.
 
     :ivar type: its name in the registry, or ``package.module:Class``.
+    :ivar rate_hz: how often it steps; 0 when only its inputs wake it.
     :ivar settings: every key of the module's own ``SETTINGS``, defaults filled in.
+    :ivar task: what it declares of its task.
     """
 
     name: str
@@ -99,6 +169,7 @@ class ModuleSettings:
     rate_hz: float
     priority: int
     settings: Mapping[str, Any] = field(default_factory=_nothing)
+    task: TaskSettings = TaskSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +234,7 @@ class RobotSettings:
     modules: tuple[ModuleSettings, ...] = ()
     topics: tuple[TopicSettings, ...] = ()
     mirrors: tuple[MirrorSettings, ...] = ()
+    watchdog: WatchdogSettings = WatchdogSettings()
 
 
 def frozen(value: Any) -> Any:

@@ -39,6 +39,7 @@ from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
 from rt_robot_os.settings.fields import TOPIC
+from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
@@ -146,6 +147,7 @@ def _leaves(
             value = [part.name for part in value]
         yield field.name, value, field
     yield from _attributes('core', settings.core, CORE)
+    yield from _attributes('watchdog', settings.watchdog, WATCHDOG)
     for device in settings.devices:
         yield from _device(device, catalogue)
     for module in settings.modules:
@@ -167,7 +169,8 @@ def _part(
     part: DeviceSettings | ModuleSettings, fields: Sequence[Field],
 ) -> Iterator[tuple[str, Any, Field]]:
     for field in fields:
-        value = part.settings.get(field.name, getattr(part, field.name, field.default))
+        holder = part if hasattr(part, field.name) else part.task
+        value = part.settings.get(field.name, getattr(holder, field.name, field.default))
         yield f'{part.name}.{field.name}', value, field
 
 

@@ -32,10 +32,12 @@ from rt_robot_os.settings.catalogue import Lookup
 from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import DEVICE
 from rt_robot_os.settings.fields import MODULE
+from rt_robot_os.settings.fields import TASK
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import SIM_PORT
+from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import read_section
@@ -209,7 +211,8 @@ def build_device(part: Part) -> DeviceSettings:
         rate_hz=values['rate_hz'], priority=values['priority'], read=values['read'],
         timeout_s=values['timeout_s'], retry_s=values['retry_s'],
         retry_max_s=values['retry_max_s'],
-        settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim))
+        settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
+        task=_build_task(part))
 
 
 def build_module(part: Part) -> ModuleSettings:
@@ -217,4 +220,8 @@ def build_module(part: Part) -> ModuleSettings:
     values = part.section.values
     return ModuleSettings(
         name=part.name, type=values['type'], rate_hz=values['rate_hz'],
-        priority=values['priority'], settings=frozen(part.own()))
+        priority=values['priority'], settings=frozen(part.own()), task=_build_task(part))
+
+
+def _build_task(part: Part) -> TaskSettings:
+    return TaskSettings(**frozen(part.section.pick(TASK)))

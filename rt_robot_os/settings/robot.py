@@ -18,19 +18,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
+from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import ROBOT
 from rt_robot_os.settings.fields import ROS_OWN
 from rt_robot_os.settings.fields import TOPIC
+from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.model import CoreSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.model import WatchdogSettings
 from rt_robot_os.settings.parts import build_device
 from rt_robot_os.settings.parts import build_module
 from rt_robot_os.settings.parts import Part
@@ -60,7 +64,8 @@ def read_robot(
     """
     named = find_sections(tree, catalogue, problems)
     top = read_section(tree, '', ROBOT, problems, set(tree.children) | ROS_OWN)
-    core = _read_core(tree, problems)
+    core = _read_fixed_section(tree, 'core', CORE, problems)
+    watchdog = _read_fixed_section(tree, 'watchdog', WATCHDOG, problems)
     devices = [read_device(branch, name, catalogue, problems)
                for name, branch in named.devices.items()]
     modules = [read_module(branch, name, catalogue, problems)
@@ -80,15 +85,19 @@ def read_robot(
         devices=tuple(build_device(part) for part in devices),
         modules=tuple(build_module(part) for part in modules),
         topics=tuple(_build_topic(section) for section in topics),
-        mirrors=tuple(_build_mirror(section, table) for section in mirrors))
+        mirrors=tuple(_build_mirror(section, table) for section in mirrors),
+        watchdog=WatchdogSettings(**watchdog.values))
 
 
-def _read_core(tree: Branch, problems: Problems) -> Section:
-    node = tree.children.get('core', Branch(tree.origin))
+def _read_fixed_section(
+    tree: Branch, name: str, fields: Sequence[Field], problems: Problems,
+) -> Section:
+    """Read a section that is in no list, such as ``core``."""
+    node = tree.children.get(name, Branch(tree.origin))
     if isinstance(node, Leaf):
-        problems.value(node.origin, 'core', node.value, 'must be a section')
+        problems.value(node.origin, name, node.value, 'must be a section')
         node = Branch(tree.origin)
-    return read_section(node, 'core', CORE, problems)
+    return read_section(node, name, fields, problems)
 
 
 def _fill_table(

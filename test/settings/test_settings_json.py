@@ -33,8 +33,10 @@ from rt_robot_os.settings import from_json
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import TaskSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings import TopicSettings
+from rt_robot_os.settings import WatchdogSettings
 
 TEXTS = st.text(st.characters(codec='utf-8'), max_size=8)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
@@ -43,18 +45,23 @@ SCALARS = st.one_of(st.booleans(), INTEGERS, NUMBERS, TEXTS)
 VALUES = st.one_of(SCALARS, st.lists(SCALARS, max_size=3).map(tuple))
 MAPS = st.dictionaries(TEXTS, VALUES, max_size=4)
 
+TASKS = st.builds(
+    TaskSettings, NUMBERS, NUMBERS, NUMBERS, TEXTS, TEXTS, INTEGERS, INTEGERS, INTEGERS, TEXTS,
+    NUMBERS, NUMBERS, st.booleans(), st.lists(TEXTS, max_size=2).map(tuple), st.booleans(),
+    NUMBERS)
 ROBOTS = st.builds(
     RobotSettings, st.booleans(), NUMBERS,
     st.builds(CoreSettings, st.booleans(), INTEGERS, INTEGERS, st.booleans(), NUMBERS, INTEGERS,
-              INTEGERS),
+              INTEGERS, NUMBERS, INTEGERS, TEXTS, INTEGERS, TEXTS),
     st.lists(st.builds(DeviceSettings, TEXTS, TEXTS, TEXTS, NUMBERS, INTEGERS, NUMBERS, NUMBERS,
-                       NUMBERS, MAPS, st.none() | MAPS), max_size=2).map(tuple),
-    st.lists(st.builds(ModuleSettings, TEXTS, TEXTS, NUMBERS, INTEGERS, MAPS),
+                       NUMBERS, MAPS, st.none() | MAPS, TEXTS, TASKS), max_size=2).map(tuple),
+    st.lists(st.builds(ModuleSettings, TEXTS, TEXTS, NUMBERS, INTEGERS, MAPS, TASKS),
              max_size=2).map(tuple),
     st.lists(st.builds(TopicSettings, TEXTS, TEXTS, TEXTS, INTEGERS, NUMBERS, MAPS,
                        st.none() | INTEGERS), max_size=2).map(tuple),
     st.lists(st.builds(MirrorSettings, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, NUMBERS, TEXTS,
-                       TEXTS, INTEGERS), max_size=2).map(tuple))
+                       TEXTS, INTEGERS), max_size=2).map(tuple),
+    st.builds(WatchdogSettings, NUMBERS, TEXTS, INTEGERS, TEXTS))
 
 JSON = st.recursive(st.none() | SCALARS, lambda inner: st.one_of(
     st.lists(inner, max_size=3), st.dictionaries(TEXTS, inner, max_size=3)), max_leaves=8)
@@ -93,7 +100,7 @@ def test_settings_cannot_be_changed_by_accident(
 
 
 @pytest.mark.parametrize('text', [
-    '', '[]', '5', '{}', '{"format": 2}', '{"format": 1}', '[' * 100_000, '{"format": NaN}',
+    '', '[]', '5', '{}', '{"format": 1}', '{"format": 2}', '[' * 100_000, '{"format": NaN}',
     '1' * 5000,
 ])
 def test_other_text_is_refused(text: str) -> None:
@@ -120,3 +127,18 @@ def test_damaged_settings_are_refused_or_read(data: st.DataObject) -> None:
         from_json(json.dumps(written))
     except ConfigError as error:
         assert error.problems
+
+
+def test_what_a_task_declares_survives(
+    good: str, load_text: Callable[..., RobotSettings],
+) -> None:
+    robot = load_text(good.replace(
+        'port: sim, rate_hz: 20,', 'port: sim, rate_hz: 20, budget_us: 500, on_budget: abort, '
+        'failure: restart, resources: [map, arm], critical: true,').replace(
+            'autostart: true', 'watchdog: {timeout_s: 2, action: exit}'))
+    assert robot.devices[0].task == TaskSettings()
+    assert robot.devices[1].task == TaskSettings(
+        budget_us=500.0, on_budget='abort', failure='restart', resources=('map', 'arm'),
+        critical=True)
+    assert robot.watchdog == WatchdogSettings(timeout_s=2.0, action='exit')
+    assert from_json(to_json(robot)) == robot
