@@ -181,6 +181,11 @@ class Module:
         return tuple(self.topic_of(attribute) for attribute, port in self.ports().items()
                      if isinstance(port, Input))
 
+    def waking_topics(self) -> tuple[str, ...]:
+        """Give the names of the topics whose publications release the module."""
+        return tuple(self.topic_of(attribute) for attribute, port in self.ports().items()
+                     if isinstance(port, Input) and port.wake)
+
     # ---- used by the core --------------------------------------------------------------------
 
     def job(self) -> None:

@@ -41,6 +41,7 @@ class TopicUse:
     :ivar publishes: False when it only reads.
     :ivar fixed: strings and lengths of sequences fixed at declaration.
     :ivar tail: largest length of a variable last field; None without.
+    :ivar wakes: each publication releases the reader.
     """
 
     topic: str
@@ -48,6 +49,7 @@ class TopicUse:
     publishes: bool = True
     fixed: Mapping[str, Any] = field(default_factory=dict)
     tail: int | None = None
+    wakes: bool = False
 
 
 def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
@@ -75,6 +77,7 @@ class Kind:
     uses: Callable[[str, Mapping[str, Any]], Sequence[TopicUse]] = no_topics
     check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
     shares_port: bool = False
+    has_safe_state: bool = False
 
 
 class Lookup(Protocol):

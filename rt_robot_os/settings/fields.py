@@ -131,7 +131,8 @@ DEVICE: Final = (
 
 MODULE: Final = (
     Field('type', str, REQUIRED, "the module's name, or package.module:Class"),
-    _rate(50.0, 'how often the module steps'),
+    Field('rate_hz', float, 50.0, 'how often the module steps; 0: only when an input wakes it',
+          'Hz', 0.0, FASTEST_HZ, live=True),
     _priority(40, 'priority of its task; higher runs first'),
     *TASK,
 )

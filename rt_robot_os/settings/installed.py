@@ -81,7 +81,7 @@ def _driver(name: str) -> Kind:
         return [TopicUse(each.topic, each.message, True, each.fixed)
                 for each in cls(section, values).publications()]
 
-    return Kind(tuple(cls.SETTINGS), uses)
+    return Kind(tuple(cls.SETTINGS), uses, has_safe_state=hasattr(cls, 'safe_state'))
 
 
 def _module_names() -> Sequence[str]:
@@ -97,9 +97,11 @@ def _module(name: str) -> Kind:
         module = cls(section, values)
         written = [TopicUse(each.topic, each.message, True, each.fixed)
                    for each in module.publications()]
-        return [*written, *(TopicUse(topic, '', False) for topic in module.subscriptions())]
+        waking = module.waking_topics()
+        return [*written, *(TopicUse(topic, '', False, wakes=topic in waking)
+                            for topic in module.subscriptions())]
 
-    return Kind(tuple(cls.fields()), uses)
+    return Kind(tuple(cls.fields()), uses, has_safe_state=hasattr(cls, 'safe_state'))
 
 
 def _simulator_names() -> Sequence[str]:

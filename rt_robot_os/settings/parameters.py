@@ -38,6 +38,7 @@ from rt_robot_os.settings.fields import LISTS
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.settings.fields import SLOWEST_HZ
 from rt_robot_os.settings.fields import TOPIC
 from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.installed import installed
@@ -49,6 +50,8 @@ from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.parts import common
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import problem_of
+from rt_robot_os.settings.tasks import contradictions
+from rt_robot_os.settings.tasks import rate_problem
 from rt_robot_os.settings.tree import show
 
 
@@ -104,7 +107,25 @@ def check_change(
         changeable = f"; while it runs: {', '.join(live)}" if live else ''
         return f'{name} is read at the start only: change the file and start again{changeable}'
     remedy = problem_of(found.field, value)
+    if not remedy and name.endswith('.rate_hz'):
+        remedy = _rate_remedy(settings, name.partition('.')[0], found.field.coerce(value))
     return f'{name} = {show(value)}: {remedy}' if remedy else None
+
+
+def _rate_remedy(settings: RobotSettings, section: str, rate_hz: float) -> str | None:
+    """Say what a new rate of a device or a module would contradict."""
+    parts: tuple[DeviceSettings | ModuleSettings, ...] = (*settings.devices, *settings.modules)
+    for part in parts:
+        if part.name == section:
+            if not part.rate_hz:
+                return 'it has no rate, its inputs release it: change the file and start again'
+            if not rate_hz:
+                return f'must be at least {SLOWEST_HZ:g} (Hz): without a rate nothing releases it'
+            for key, remedy in contradictions(rate_hz, part.task):
+                value = show(getattr(part.task, key))
+                return f'{section}.{key} = {value} would not fit: it {remedy}'
+            return rate_problem(rate_hz)
+    return None
 
 
 def changed(

@@ -212,7 +212,7 @@ def build_device(part: Part) -> DeviceSettings:
         timeout_s=values['timeout_s'], retry_s=values['retry_s'],
         retry_max_s=values['retry_max_s'],
         settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
-        task=_build_task(part))
+        task=task_of(part))
 
 
 def build_module(part: Part) -> ModuleSettings:
@@ -220,8 +220,9 @@ def build_module(part: Part) -> ModuleSettings:
     values = part.section.values
     return ModuleSettings(
         name=part.name, type=values['type'], rate_hz=values['rate_hz'],
-        priority=values['priority'], settings=frozen(part.own()), task=_build_task(part))
+        priority=values['priority'], settings=frozen(part.own()), task=task_of(part))
 
 
-def _build_task(part: Part) -> TaskSettings:
+def task_of(part: Part) -> TaskSettings:
+    """Give what a part declares of its task; a wrong value is replaced by its default."""
     return TaskSettings(**frozen(part.section.pick(TASK)))

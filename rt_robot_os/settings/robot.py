@@ -23,6 +23,7 @@ from typing import Any
 
 from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import ROBOT
@@ -46,6 +47,7 @@ from rt_robot_os.settings.section import read_section
 from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.sections import find_sections
 from rt_robot_os.settings.sections import texts
+from rt_robot_os.settings.tasks import check_tasks
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import flatten
 from rt_robot_os.settings.tree import Leaf
@@ -75,9 +77,10 @@ def read_robot(
                for name, branch in named.mirrors.items()]
     check_ports(devices, problems)
     table = TopicTable(loose=named.loose, complete=not named.loose)
-    _fill_table(table, devices, modules, topics, catalogue, problems)
+    uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
     check_mirrors(mirrors, table, namespace, node, problems)
+    check_tasks([*devices, *modules], uses, core, watchdog, problems)
     problems.raise_any()
     return RobotSettings(
         autostart=top.values['autostart'], diagnostics_rate_hz=top.values['diagnostics_rate_hz'],
@@ -103,15 +106,18 @@ def _read_fixed_section(
 def _fill_table(
     table: TopicTable, devices: list[Part], modules: list[Part], topics: list[Section],
     catalogue: Catalogue, problems: Problems,
-) -> None:
+) -> Mapping[str, Sequence[TopicUse] | None]:
+    """Enter every topic; give those of each part."""
+    found: dict[str, Sequence[TopicUse] | None] = {}
     for noun, parts in (('device', devices), ('module', modules)):
         for part in parts:
-            uses = topics_of(part, noun, problems)
+            uses = found[part.name] = topics_of(part, noun, problems)
             if uses is None:
                 table.loose.update(texts(part.branch))
             table.add_uses(part.section, noun, uses, catalogue, problems)
     for section in topics:
         table.add_topic(section, catalogue, problems)
+    return found
 
 
 def _read_topic(branch: Branch, name: str, problems: Problems) -> Section:

@@ -1,0 +1,230 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Finds what contradicts itself in the declarations of tasks, alone and together."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+
+from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.fields import SLOWEST_HZ
+from rt_robot_os.settings.model import TaskSettings
+from rt_robot_os.settings.names import is_token
+from rt_robot_os.settings.names import TOKEN_RULE
+from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import task_of
+from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.section import Section
+
+SHORTEST_TIMEOUT_S = 0.1
+
+Uses = Mapping[str, 'Sequence[TopicUse] | None']
+
+
+def contradictions(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
+    """
+    Give what is wrong with one declaration, as (key, remedy).
+
+    :param rate_hz: 0 when only events release the task.
+    """
+    yield from _contradictory_times(rate_hz, task)
+    if not rate_hz:
+        yield from _without_rate(task)
+    if task.catch_up != TaskSettings().catch_up and task.overrun != 'catch_up':
+        yield 'catch_up', f'is used with overrun: catch_up only, not {task.overrun}: delete it'
+    if task.overrun_limit and task.overrun == 'stop':
+        yield 'overrun_limit', ('is never reached: overrun: stop ends the task with its first '
+                                'overrun: choose another policy or delete the limit')
+    elif task.overrun_limit and task.failure == 'continue':
+        yield 'overrun_limit', ('nothing follows from it with failure: continue: choose restart, '
+                                'stop or safe_state')
+    if task.on_budget == 'abort' and not task.budget_us:
+        yield 'on_budget', 'there is no budget: give budget_us or delete it'
+    if task.restart_max_s < task.restart_s:
+        yield 'restart_max_s', f'must be at least restart_s, {task.restart_s:g} (s)'
+
+
+def _contradictory_times(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
+    period_us = 1e6 / rate_hz if rate_hz else 0.0
+    period = f'the period, {period_us:g} us at {rate_hz:g} Hz'
+    if task.budget_us and task.on_budget == 'abort':
+        if period_us and task.budget_us > period_us:
+            yield 'budget_us', (f'is above {period}: a job is not aborted before its next release '
+                                'is lost: make it smaller')
+        if task.deadline_us and task.deadline_us < task.budget_us:
+            yield 'deadline_us', (f'is below budget_us, {task.budget_us:g} (us): a job may miss '
+                                  'it within its budget: make the budget smaller')
+        if task.execution_us > task.budget_us:
+            yield 'execution_us', (f'is above budget_us, {task.budget_us:g} (us): such a job is '
+                                   'aborted: make the budget larger')
+    if period_us and task.deadline_us > period_us and task.overrun != 'catch_up':
+        yield 'deadline_us', (f'is above {period}: with overrun: {task.overrun} such a job loses '
+                              'its next release: make it smaller, or choose overrun: catch_up')
+
+
+def _without_rate(task: TaskSettings) -> Iterator[tuple[str, str]]:
+    if task.phase_us:
+        yield 'phase_us', 'needs a rate_hz: without one only its inputs release it'
+    if task.overrun != 'skip':
+        yield 'overrun', 'needs a rate_hz: what its inputs release never overruns'
+    if task.overrun_limit:
+        yield 'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'
+    if task.logical_execution:
+        yield 'logical_execution', ('needs a rate_hz: inputs and outputs have no instants '
+                                    'without one')
+    if task.critical and not task.deadline_us:
+        yield 'critical', ('without a rate_hz it needs a deadline_us: nobody could say when it '
+                           'is late')
+
+
+def check_tasks(
+    parts: Sequence[Part], uses: Uses, core: Section, watchdog: Section, problems: Problems,
+) -> None:
+    """
+    Find every contradiction among the tasks of a robot.
+
+    :param uses: the topics of each part, by its name; None where they are not known.
+    """
+    for part in parts:
+        _check_rate(part, uses.get(part.name), problems)
+        if 'rate_hz' in part.section.values:
+            rate_hz = part.section.values['rate_hz']
+            for key, remedy in contradictions(rate_hz, task_of(part)):
+                _reject(part.section, key, remedy, problems)
+        _check_class(part, problems)
+        if core.values.get('dispatcher') == 'cooperative' and task_of(part).on_budget == 'abort':
+            where = core.where('dispatcher')
+            _reject(part.section, 'on_budget', f'core.dispatcher ({where}) is cooperative: no job '
+                    'can be aborted: choose warn, or dispatcher: preemptive', problems)
+    _check_resources(parts, problems)
+    _check_circles(parts, uses, problems)
+    _check_watchdog(watchdog, parts, problems)
+
+
+def _reject(section: Section, key: str, remedy: str, problems: Problems) -> None:
+    if key in section.values:  # otherwise its own value is wrong, and was told
+        problems.value(section.where(key), f'{section.name}.{key}', section.values[key], remedy)
+
+
+def rate_problem(rate_hz: float) -> str | None:
+    """Say what is wrong with the rate of a module, which may be 0."""
+    if 0.0 < rate_hz < SLOWEST_HZ:
+        return f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
+    return None
+
+
+def _check_rate(part: Part, uses: Sequence[TopicUse] | None, problems: Problems) -> None:
+    rate_hz = part.section.values.get('rate_hz')
+    if rate_hz is None or part.kind is None:
+        return
+    wrong = rate_problem(rate_hz)
+    if not rate_hz and uses is not None and not any(use.wakes for use in uses):
+        wrong = 'none of its inputs releases it (wake): give it a rate'
+    if wrong:
+        part.section.reject('rate_hz', wrong, problems)
+
+
+def _check_class(part: Part, problems: Problems) -> None:
+    if part.kind is None or part.kind.has_safe_state:
+        return
+    if part.section.values.get('failure') == 'safe_state':
+        kind = part.section.values['type']
+        _reject(part.section, 'failure', f'{kind!r} has no method safe_state(): choose restart or '
+                'stop, or write one', problems)
+
+
+def _check_resources(parts: Sequence[Part], problems: Problems) -> None:
+    """Find names that are none, and misspelt ones; a resource of one task alone is allowed."""
+    users: dict[str, list[Part]] = {}
+    for part in parts:
+        names = part.section.values.get('resources', ())
+        for name in dict.fromkeys(names):
+            users.setdefault(name, []).append(part)
+        wrong = next((name for name in names if not is_token(name)), None)
+        if wrong is not None:
+            _reject(part.section, 'resources', f'{wrong!r}: a name must be {TOKEN_RULE}', problems)
+        elif len(set(names)) < len(names):
+            _reject(part.section, 'resources', 'a name is twice in this list: delete one',
+                    problems)
+    for name, (first, *others) in users.items():
+        guess = nearest(name, [other for other in users if other != name])
+        # Of two near names that are used once each, the later one is told.
+        if others or guess is None or not is_token(name):
+            continue
+        if len(users[guess]) > 1 or list(users).index(guess) < list(users).index(name):
+            other = users[guess][0]
+            _reject(first.section, 'resources', f'only {first.name} names {name!r}, so it would '
+                    f'exclude nobody: did you mean {guess!r}, as in {other.name}?', problems)
+
+
+def _check_circles(parts: Sequence[Part], uses: Uses, problems: Problems) -> None:
+    """Find modules that release each other in a circle: they would never come to rest."""
+    by_name = {part.name: part for part in parts}
+    followers: dict[str, dict[str, str]] = {name: {} for name in by_name}
+    for name in by_name:
+        written = {use.topic for use in uses.get(name) or () if use.publishes}
+        for other in by_name:
+            for use in uses.get(other) or ():
+                if use.wakes and use.topic in written:
+                    followers[name].setdefault(other, use.topic)
+    told: set[str] = set()
+    for name, part in by_name.items():
+        circle = () if name in told else _circle(name, followers)
+        if circle:
+            told.update(circle)
+            text = ''.join(f'{at} -> topic {followers[at][then]} -> '
+                           for at, then in zip(circle, (*circle[1:], name)))
+            problems.add(part.section.origin, f'{name}: these modules release each other without '
+                         f'end: {text}{name}. Let one of them read without wake, at its rate')
+
+
+def _circle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """Give the shortest way from a module back to itself; empty when there is none."""
+    came_from: dict[str, str] = {}
+    waiting = deque([start])
+    while waiting:
+        at = waiting.popleft()
+        for then in followers[at]:
+            if then == start:
+                path = [at]
+                while path[-1] != start:
+                    path.append(came_from[path[-1]])
+                return tuple(reversed(path))
+            if then not in came_from:
+                came_from[then] = at
+                waiting.append(then)
+    return ()
+
+
+def _check_watchdog(watchdog: Section, parts: Sequence[Part], problems: Problems) -> None:
+    timeout_s = watchdog.values.get('timeout_s')
+    if timeout_s is None:
+        return
+    if 0.0 < timeout_s < SHORTEST_TIMEOUT_S:
+        watchdog.reject('timeout_s', f'must be at least {SHORTEST_TIMEOUT_S:g} (s), or 0 for no '
+                        'watchdog', problems)
+        return
+    if not timeout_s and watchdog.values.get('device'):
+        _reject(watchdog, 'device', 'nobody feeds it while watchdog.timeout_s is 0: give one',
+                problems)
+    if timeout_s and watchdog.values.get('action') == 'safe_state' and not any(
+            part.kind is None or part.kind.has_safe_state for part in parts):
+        _reject(watchdog, 'action', 'no device and no module of this robot has a safe_state(): '
+                'choose log or exit', problems)
