@@ -12,12 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """The kernel's whole public face; everything above is built on these names alone."""
 
+from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.kernel.black_box import BlackBox
+from rt_robot_os.kernel.black_box import BlackBoxDump
+from rt_robot_os.kernel.black_box import TaskFacts
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import VirtualClock
+from rt_robot_os.kernel.cooperative import CooperativeClock
+from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.histogram import bucket_limits
 from rt_robot_os.kernel.histogram import BUCKETS
@@ -25,17 +32,27 @@ from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.kernel.histogram import summarise
 from rt_robot_os.kernel.histogram import Summary
 from rt_robot_os.kernel.kernel import Kernel
-from rt_robot_os.kernel.kernel import KernelStatistics
-from rt_robot_os.kernel.task import FailureReport
-from rt_robot_os.kernel.task import OverrunPolicy
+from rt_robot_os.kernel.one_shot import OneShot
+from rt_robot_os.kernel.policy import BudgetPolicy
+from rt_robot_os.kernel.policy import FailurePolicy
+from rt_robot_os.kernel.policy import OverrunPolicy
+from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.statistics import DeadlineMiss
+from rt_robot_os.kernel.statistics import KernelStatistics
+from rt_robot_os.kernel.statistics import ResourceStatistics
+from rt_robot_os.kernel.statistics import SourceStatistics
+from rt_robot_os.kernel.statistics import TaskStatistics
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.task import TaskSpec
-from rt_robot_os.kernel.task import TaskStatistics
 from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
 
 __all__ = [
-    'BUCKETS', 'bucket', 'bucket_limits', 'Clock', 'FailureReport', 'Histogram', 'Kernel',
-    'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OverrunPolicy', 'summarise', 'Summary',
-    'Task', 'TaskSpec', 'TaskStatistics', 'TraceEvent', 'TraceLog', 'VirtualClock',
+    'BlackBox', 'BlackBoxDump', 'BUCKETS', 'bucket', 'bucket_limits', 'BudgetPolicy', 'Clock',
+    'CooperativeClock', 'DeadlineMiss', 'FailurePolicy', 'FailureReport', 'Histogram', 'Kernel',
+    'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot', 'OverrunPolicy', 'Resource',
+    'ResourceStatistics', 'SourceStatistics', 'summarise', 'Summary', 'Task', 'TaskAborted',
+    'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics', 'TraceEvent', 'TraceLog',
+    'VirtualClock',
 ]

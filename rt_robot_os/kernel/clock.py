@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Time as the kernel sees it: now, one alarm, and waiting.
+Time as the kernel sees it: now, two alarms, and waiting.
 
 The kernel never asks which clock it has. Under :class:`MonotonicClock` the alarm is a signal that
 interrupts the running Python code; under :class:`VirtualClock` time passes only where a task says
@@ -30,6 +30,7 @@ import signal
 import threading
 import time
 from typing import Any
+from typing import ClassVar
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.linux.timer import AGAIN_NS
@@ -49,9 +50,13 @@ class Clock(ABC):
     What a kernel needs of a clock.
 
     :ivar now_ns: a callable that gives the time in nanoseconds; never runs backwards.
+    :cvar has_signals: file descriptors interrupt what runs.
+    :cvar preemptive: the alarm interrupts what runs.
     """
 
     now_ns: Callable[[], int]
+    has_signals: ClassVar[bool] = False
+    preemptive: ClassVar[bool] = True
 
     @abstractmethod
     def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
@@ -68,10 +73,18 @@ class Clock(ABC):
     @abstractmethod
     def arm(self, deadline_ns: int) -> None:
         """
-        Set the one alarm; the deadline set before is forgotten.
+        Set the alarm; the deadline set before is forgotten.
 
         It comes again every ``AGAIN_NS`` until it is set anew.
         """
+
+    @abstractmethod
+    def arm_spare(self, deadline_ns: int) -> None:
+        """Set the other alarm, in the same way."""
+
+    @abstractmethod
+    def swap(self) -> None:
+        """Let the two alarms change roles; neither stops."""
 
     @abstractmethod
     def hold(self) -> None:
@@ -102,11 +115,13 @@ class MonotonicClock(Clock):
         SIGTERM; their own Python handlers are called.
     """
 
+    has_signals = True
+
     def __init__(self, wake_signals: Iterable[int] = ()) -> None:
         self.now_ns = time.monotonic_ns
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
-        self._timer: SignalTimer | None = None
+        self._timers: list[SignalTimer] = []
         self._previous: dict[int, Any] = {}
 
     def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
@@ -133,25 +148,32 @@ class MonotonicClock(Clock):
             for signo, handler in handlers.items():
                 self._previous[signo] = signal.signal(signo, handler)
             self._gate = SignalGate({*handlers, *wakes})
-            self._timer = SignalTimer(TICK_SIGNAL)
+            self._timers.append(SignalTimer(TICK_SIGNAL))
+            self._timers.append(SignalTimer(TICK_SIGNAL))
         except BaseException:
+            self._close_timers()
             self._restore_handlers()
             raise
-        self.arm = self._timer.arm  # type: ignore[method-assign]
+        self.arm = self._timers[0].arm  # type: ignore[method-assign]
+        self.arm_spare = self._timers[1].arm  # type: ignore[method-assign]
         self.hold = self._gate.hold  # type: ignore[method-assign]
         self.admit = self._gate.admit  # type: ignore[method-assign]
         self._sigwait = self._gate.wait
 
     def detach(self) -> None:
-        if self._timer is None:
+        if not self._timers:
             return
-        self._timer.disarm()
+        for timer in self._timers:
+            timer.disarm()
         self._gate.admit()
-        self._timer.close()
-        self._timer = None
+        self._close_timers()
         # The default action of these signals ends the process, but none can come any more: the
         # timer is gone, and what was held has been let through to the old handler.
         self._restore_handlers()
+
+    def _close_timers(self) -> None:
+        while self._timers:
+            self._timers.pop().close()
 
     def _restore_handlers(self) -> None:
         while self._previous:
@@ -160,6 +182,12 @@ class MonotonicClock(Clock):
 
     def arm(self, deadline_ns: int) -> None:
         raise TaskError('the clock is not attached: a kernel does that when it runs')
+
+    def arm_spare(self, deadline_ns: int) -> None:
+        raise TaskError('the clock is not attached: a kernel does that when it runs')
+
+    def swap(self) -> None:
+        self.arm, self.arm_spare = self.arm_spare, self.arm  # type: ignore[method-assign]
 
     def hold(self) -> None:
         """Do nothing while detached."""
@@ -196,6 +224,7 @@ class VirtualClock(Clock):
     def __init__(self, start_ns: int = 0) -> None:
         self._now_ns = start_ns
         self._alarm_ns = NEVER_NS
+        self._spare_ns = NEVER_NS
         self._on_tick: Handler | None = None
         self.now_ns = self._read
 
@@ -207,10 +236,16 @@ class VirtualClock(Clock):
 
     def detach(self) -> None:
         self._on_tick = None
-        self._alarm_ns = NEVER_NS
+        self._alarm_ns = self._spare_ns = NEVER_NS
 
     def arm(self, deadline_ns: int) -> None:
         self._alarm_ns = deadline_ns
+
+    def arm_spare(self, deadline_ns: int) -> None:
+        self._spare_ns = deadline_ns
+
+    def swap(self) -> None:
+        self._alarm_ns, self._spare_ns = self._spare_ns, self._alarm_ns
 
     def hold(self) -> None:
         """Do nothing: nothing is asynchronous here."""
@@ -219,21 +254,30 @@ class VirtualClock(Clock):
         """Do nothing: nothing is asynchronous here."""
 
     def wait(self) -> bool:
-        if self._alarm_ns >= NEVER_NS:
+        first_ns = min(self._alarm_ns, self._spare_ns)
+        if first_ns >= NEVER_NS:
             raise TaskError('the virtual clock has nothing to wait for: add a periodic task, or '
                             'give run() a duration')
-        self._now_ns = max(self._now_ns, self._alarm_ns)
-        self._alarm_ns = NEVER_NS
+        self._now_ns = max(self._now_ns, first_ns)
+        self._take_alarms(NEVER_NS)
         return True
+
+    def _take_alarms(self, again_ns: int) -> bool:
+        """Take the alarms that are due; they come again at a time."""
+        alarm, spare = self._alarm_ns <= self._now_ns, self._spare_ns <= self._now_ns
+        if alarm:
+            self._alarm_ns = again_ns
+        if spare:
+            self._spare_ns = again_ns
+        return alarm or spare
 
     def spend(self, duration_ns: int) -> None:
         """Let time pass; what falls due preempts the caller and spends time of its own."""
         left_ns = duration_ns
         while left_ns > 0:
-            step_ns = min(left_ns, max(0, self._alarm_ns - self._now_ns))
+            first_ns = min(self._alarm_ns, self._spare_ns)
+            step_ns = min(left_ns, max(0, first_ns - self._now_ns))
             self._now_ns += step_ns
             left_ns -= step_ns
-            if self._now_ns >= self._alarm_ns:
-                self._alarm_ns = self._now_ns + AGAIN_NS
-                if self._on_tick is not None:
-                    self._on_tick()
+            if self._take_alarms(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+                self._on_tick()

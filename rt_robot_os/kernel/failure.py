@@ -18,12 +18,31 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from types import TracebackType
-
-from rt_robot_os.kernel.task import FailureReport
 
 _CALLS_KEPT = 8
 _TEXT_MAXIMUM = 1000
+
+
+@dataclass(frozen=True)
+class FailureReport:
+    """
+    An exception that was contained, or another reason to apply a failure policy.
+
+    :ivar task: where it came from.
+    :ivar error: type and message.
+    :ivar trace: innermost calls, last one last: file, line, function.
+    """
+
+    task: str
+    at_ns: int
+    error: str
+    trace: tuple[tuple[str, int, str], ...]
+
+    def __str__(self) -> str:
+        calls = ''.join(f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
+        return f'task {self.task!r}: {self.error}{calls}'
 
 
 def describe(task: str, at_ns: int, error: BaseException) -> FailureReport:

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """File descriptors that release tasks when they become readable."""
 
 from __future__ import annotations
@@ -21,10 +22,30 @@ import select
 
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
-from rt_robot_os.kernel.clock import MonotonicClock
+from rt_robot_os.kernel.statistics import SourceStatistics
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.linux.interrupt import no_signal_when_readable
 from rt_robot_os.linux.interrupt import signal_when_readable
+
+
+class Source:
+    """A descriptor, its task, and how often it was heard."""
+
+    __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred')
+
+    def __init__(self, fd: int, name: str, task: Task, separation_ns: int) -> None:
+        self.fd = fd
+        self.name = name
+        self.task = task
+        self.separation_ns = separation_ns
+        self.open_ns = 0
+        self.flags: int | None = None
+        self.arrivals = 0
+        self.deferred = 0
+
+    def statistics(self) -> SourceStatistics:
+        """Take the statistics."""
+        return SourceStatistics(self.name, self.task.name, self.arrivals, self.deferred)
 
 
 class InterruptSources:
@@ -32,35 +53,47 @@ class InterruptSources:
     The table of descriptors and their tasks.
 
     They send signals only between :meth:`arm` and :meth:`disarm`: without a handler the signal
-    would end the process. Under a virtual clock there are no signals; each wait looks at them.
+    would end the process. Under a clock without signals each wait looks at them.
+
+    A source that is heard again before its separation has passed is not listened to until then:
+    it sends no signals meanwhile, so that a flood costs no more than one handler a separation.
+
+    :ivar again_ns: when to call :meth:`reopen`; 0 when there is no need, cleared by the caller.
     """
 
-    __slots__ = ('_signals', '_armed', '_tasks', '_flags', '_poll')
+    __slots__ = ('again_ns', '_signals', '_armed', '_sources', '_deaf', '_poll')
 
     def __init__(self, clock: Clock) -> None:
-        self._signals = isinstance(clock, MonotonicClock)
+        self.again_ns = 0
+        self._signals = clock.has_signals
         self._armed = False
-        self._tasks: dict[int, Task] = {}
-        self._flags: dict[int, int] = {}
+        self._sources: dict[int, Source] = {}
+        self._deaf: list[Source] = []
         self._poll = select.poll()
 
-    def add(self, fd: int, task: Task) -> None:
+    def add(self, fd: int, task: Task, separation_ns: int = 0, name: str = '') -> None:
         """
         Add a descriptor.
 
         :raises OSError: it cannot send signals.
         """
+        self.remove(fd)
+        source = Source(fd, name or f'fd {fd}', task, separation_ns)
         if self._armed:
-            self._watch(fd, task)
-        self._tasks[fd] = task
+            self._watch(source)
+        self._sources[fd] = source
         self._poll.register(fd, select.POLLIN)
 
     def remove(self, fd: int) -> None:
         """Forget a descriptor; unknown ones are fine."""
-        if fd in self._tasks:
+        source = self._sources.pop(fd, None)
+        if source is None:
+            return
+        if source in self._deaf:
+            self._deaf.remove(source)
+        else:
             self._poll.unregister(fd)
-            self._unwatch(fd)
-            del self._tasks[fd]
+        self._unwatch(source)
 
     def arm(self) -> None:
         """
@@ -69,29 +102,64 @@ class InterruptSources:
         :raises OSError: one of them cannot.
         """
         self._armed = True
-        for fd, task in self._tasks.items():
-            self._watch(fd, task)
+        for source in self._sources.values():
+            source.open_ns = 0
+            self._watch(source)
 
     def disarm(self) -> None:
         """Let none send signals any more; may be called twice."""
         self._armed = False
-        for fd in tuple(self._flags):
-            self._unwatch(fd)
+        self.again_ns = 0
+        for source in self._sources.values():
+            self._unwatch(source)
+        while self._deaf:
+            self._poll.register(self._deaf.pop().fd, select.POLLIN)
 
-    def ready(self) -> list[Task]:
-        """Give the tasks whose descriptors are readable; safe in the real-time loop."""
-        return [self._tasks[fd] for fd, _ in self._poll.poll(0)]
+    def ready(self, now_ns: int) -> list[Source]:
+        """Give the sources that are readable and not too early; safe in the real-time loop."""
+        found = []
+        for fd, _ in self._poll.poll(0):
+            source = self._sources[fd]
+            source.arrivals += 1
+            if now_ns >= source.open_ns:
+                source.open_ns = now_ns + source.separation_ns
+                found.append(source)
+            else:
+                self._defer(source)
+        return found
 
-    def _watch(self, fd: int, task: Task) -> None:
+    def reopen(self, now_ns: int) -> None:
+        """Listen again to those whose separation has passed; look at :meth:`ready` afterwards."""
+        for source in [s for s in self._deaf if s.open_ns <= now_ns]:
+            self._deaf.remove(source)
+            self._poll.register(source.fd, select.POLLIN)
+            if self._armed:
+                with suppress(OSError):  # closed without telling: poll says so to its reader
+                    self._watch(source)
+        self.again_ns = min((s.open_ns for s in self._deaf), default=0)
+
+    def statistics(self) -> tuple[SourceStatistics, ...]:
+        """Take the statistics of all."""
+        return tuple(source.statistics() for source in self._sources.values())
+
+    def _defer(self, source: Source) -> None:
+        source.deferred += 1
+        self._poll.unregister(source.fd)
+        self._unwatch(source)
+        self._deaf.append(source)
+        if not self.again_ns or source.open_ns < self.again_ns:
+            self.again_ns = source.open_ns
+
+    def _watch(self, source: Source) -> None:
         if self._signals:
             try:
-                self._flags[fd] = signal_when_readable(fd, INTERRUPT_SIGNAL)
+                source.flags = signal_when_readable(source.fd, INTERRUPT_SIGNAL)
             except OSError as error:
-                raise OSError(error.errno, f'file descriptor {fd} cannot release task '
-                              f'{task.name!r}: {error.strerror}') from error
+                raise OSError(error.errno, f'file descriptor {source.fd} cannot release task '
+                              f'{source.task.name!r}: {error.strerror}') from error
 
-    def _unwatch(self, fd: int) -> None:
-        flags = self._flags.pop(fd, None)
+    def _unwatch(self, source: Source) -> None:
+        flags, source.flags = source.flags, None
         if flags is not None:
             with suppress(OSError):  # closed without telling: nothing left to undo
-                no_signal_when_readable(fd, flags)
+                no_signal_when_readable(source.fd, flags)

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """
 The kernel: tasks are declared, then run; see :mod:`rt_robot_os.kernel.scheduler` for the how.
 
@@ -23,42 +24,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence
-from dataclasses import dataclass
 import heapq
 import sys
+from typing import Any
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.black_box import BlackBoxDump
+from rt_robot_os.kernel.black_box import dump
+from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.declare import check_chains
+from rt_robot_os.kernel.declare import make_task
 from rt_robot_os.kernel.failure import describe
-from rt_robot_os.kernel.scheduler import IDLE_LEVEL
+from rt_robot_os.kernel.one_shot import OneShot
+from rt_robot_os.kernel.policy import FailurePolicy
+from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.scheduler import Scheduler
-from rt_robot_os.kernel.task import checked_period_ns
+from rt_robot_os.kernel.state import IDLE_LEVEL
+from rt_robot_os.kernel.state import Timer
+from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import TaskSpec
-from rt_robot_os.kernel.task import TaskStatistics
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_US
 
 _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
-
-
-@dataclass(frozen=True)
-class KernelStatistics:
-    """
-    The kernel as a whole.
-
-    :ivar elapsed_ns: since the kernel was started last.
-    :ivar wakeups: times that it woke from idling.
-    :ivar failures_dropped: failure reports that gave way to newer ones.
-    """
-
-    elapsed_ns: int
-    wakeups: int
-    failures_total: int
-    failures_dropped: int
-    tasks: tuple[TaskStatistics, ...]
+SPIN_MAXIMUM_NS = NS_PER_MS
+SEPARATION_NS = 100 * NS_PER_US
 
 
 class Kernel(Scheduler):
@@ -67,15 +61,23 @@ class Kernel(Scheduler):
 
     Add tasks, then :meth:`run`. All methods belong to the thread that runs it.
 
-    :param clock: the time; by default CLOCK_MONOTONIC with signals.
+    :param clock: the time; by default CLOCK_MONOTONIC with signals. On a
+        :class:`~rt_robot_os.kernel.CooperativeClock` nothing is preempted.
+    :param spin_ns: wake this much before a release and spin until it: less jitter for more CPU.
+    :param black_box_records: how many events are kept, see :mod:`rt_robot_os.kernel.black_box`.
+    :raises TaskError: a value is out of range.
     :ivar on_idle: called, preemptible, before the kernel waits, with the time until the next
         release in nanoseconds, unless it is None.
     """
 
     __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken')
 
-    def __init__(self, clock: Clock | None = None) -> None:
-        super().__init__(clock or MonotonicClock())
+    def __init__(self, clock: Clock | None = None, *, spin_ns: int = 0,
+                 black_box_records: int = RECORDS_DEFAULT) -> None:
+        if not isinstance(spin_ns, int) or not 0 <= spin_ns <= SPIN_MAXIMUM_NS:
+            raise TaskError(f'spin_ns {spin_ns!r} must be a whole number of nanoseconds from 0 to '
+                            f'{SPIN_MAXIMUM_NS}')
+        super().__init__(clock or MonotonicClock(), spin_ns, black_box_records)
         self.on_idle: Callable[[int], None] | None = None
         self.start_ns = 0
         self.wakeups = 0
@@ -86,40 +88,67 @@ class Kernel(Scheduler):
     # ---- declaration -------------------------------------------------------------------------
 
     def add_task(self, name: str, function: Callable[[], object], *, priority: int,
-                 rate_hz: float | None = None, phase_ns: int = 0) -> Task:
+                 rate_hz: float | None = None, resources: Sequence[Resource] = (),
+                 after: Sequence[Task] = (), on_restart: Callable[[], object] | None = None,
+                 on_safe_state: Callable[[], object] | None = None, **declared: Any) -> Task:
         """
         Declare a task; before :meth:`run`.
 
         :param name: unique in this kernel.
-        :param function: called without arguments for each job; runs to its end.
+        :param function: called without arguments for each job; runs to its end. Of a coroutine
+            function each segment between two awaits is a job.
         :param priority: 1..99, higher runs first; equals run in order of release, then of
             declaration.
         :param rate_hz: above 0; None for a task that only events release.
-        :param phase_ns: offset of its first release from the start.
-        :raises TaskError: the name is taken, a value is out of range, or the kernel runs.
+        :param resources: what it may enter.
+        :param after: tasks whose ended jobs release it.
+        :param on_restart: run as its next job when it is restarted or re-armed.
+        :param on_safe_state: run as its last job when it goes to its safe state.
+        :param declared: the rest of :class:`~rt_robot_os.kernel.TaskSpec`: ``phase_ns``,
+            ``deadline_ns``, ``budget_ns``, ``overrun``, ``failure``, ...
+        :raises TaskError: the name is taken, values are out of range or contradict each other
+            (all of them are named), or the kernel runs.
         """
         if self.running:
             raise TaskError(f'task {name!r}: the kernel is running; add all tasks before run()')
         if name in self._by_name:
             raise TaskError(f'task {name!r} exists already; names are unique')
-        if not callable(function):
-            raise TaskError(f'task {name!r}: {function!r} cannot be called')
-        period_ns = 0 if rate_hz is None else checked_period_ns(name, rate_hz)
-        task = Task(TaskSpec(name, priority, period_ns, phase_ns), function, len(self._tasks))
+        task = make_task(self, name, function, len(self._tasks), priority=priority,
+                         rate_hz=rate_hz, on_restart=on_restart, on_safe_state=on_safe_state,
+                         declared=declared)
+        for resource in resources:
+            resource.declare(task)
+        for before in after:
+            before.successors = (*before.successors, task)
         self._tasks.append(task)
         self._by_name[name] = task
         return task
 
-    def add_interrupt(self, fd: int, task: Task) -> None:
+    def resource(self, name: str) -> Resource:
+        """Make a resource, or find the one that has this name; see :class:`Resource`."""
+        if name not in self._resources:
+            self._resources[name] = Resource(self, name)
+        found: Resource = self._resources[name]
+        return found
+
+    def timer(self, task: Task) -> OneShot:
+        """Make a timer that releases a task once each time it is started."""
+        return OneShot(self, task)
+
+    def add_interrupt(self, fd: int, task: Task, *, separation_ns: int = SEPARATION_NS,
+                      name: str = '') -> None:
         """
         Release a task whenever a file descriptor becomes readable.
 
         The task reads until nothing is left: several arrivals may make one release. May be called
         before :meth:`run` and by a task.
 
+        :param separation_ns: shortest time between two releases: what comes sooner waits until
+            then, and is counted. Without it a flood could take the whole CPU.
+        :param name: of the source, for the statistics.
         :raises OSError: the descriptor cannot do that.
         """
-        self._interrupts.add(fd, task)
+        self._interrupts.add(fd, task, separation_ns, name)
         if self.running:
             self._interrupted = True  # it may be readable already
             self.settle()
@@ -145,6 +174,30 @@ class Kernel(Scheduler):
             known = ', '.join(self._by_name) or 'none'
             raise TaskError(f'no task {name!r}; there are: {known}') from None
 
+    # ---- holding -----------------------------------------------------------------------------
+
+    def hold(self, task: Task, policy: FailurePolicy, reason: str) -> None:
+        """
+        Apply a failure policy from outside, as a watchdog or an emergency stop does.
+
+        A job that runs or waits ends first. Safe in the real-time loop.
+
+        :param reason: for the report.
+        """
+        locked, self.locked = self.locked, True
+        self._demand(task, policy, reason, self.now_ns())
+        self.locked = locked
+        if not locked and (self.pending or self._ready >> self._level + 1):
+            self.settle()
+
+    def rearm(self, task: Task) -> None:
+        """Let a held task make jobs again, beginning with its ``on_restart``; as Task.rearm."""
+        locked, self.locked = self.locked, True
+        self._resume(task, self.now_ns())
+        self.locked = locked
+        if not locked and (self.pending or self._ready >> self._level + 1):
+            self.settle()
+
     # ---- running -----------------------------------------------------------------------------
 
     def run(self, duration_ns: int | None = None) -> str:
@@ -153,11 +206,13 @@ class Kernel(Scheduler):
 
         :param duration_ns: None runs until :meth:`stop`; what is due at its very end does not run.
         :return: the reason that :meth:`stop` was given, or ``'duration'``.
-        :raises TaskError: the kernel runs already, or this thread cannot run it.
+        :raises TaskError: the kernel runs already, this thread cannot run it, or tasks release
+            each other in a circle.
         :raises KeyboardInterrupt: Ctrl-C was pressed; the job that ran then has ended.
         """
         if self.running:
             raise TaskError('the kernel runs already')
+        check_chains(self._tasks)
         self.clock.attach(self._on_tick, self._on_interrupt, self._on_break)
         recursion_limit = sys.getrecursionlimit()
         self._recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
@@ -182,27 +237,34 @@ class Kernel(Scheduler):
 
     def _prepare(self, duration_ns: int | None) -> None:
         self._interrupted = True  # something may be readable already
-        self.pending, self._armed_ns, self._ready = False, 0, 0
+        self.pending, self._armed_ns, self._spare_ns, self._ready = False, 0, 0, 0
         start_ns = self.now_ns()
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS
         self.start_ns = start_ns
         self._end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
-        self._timers = [(self._end_ns, -1, None, 0)]
+        # The first comes before what is due at the same time. The others only spare the question
+        # whether there are as many.
+        self._timers = [(self._end_ns, -1, self._end, 0)]
+        self._timers += [(NEVER_NS, order, None, 0) for order in (-4, -3, -2)]
+        heapq.heapify(self._timers)
         for task in self._tasks:
             task.rest()
             if task.period_ns:
-                first_ns = start_ns + task.spec.phase_ns
-                heapq.heappush(self._timers, (first_ns, task.index, task, task.period_ns))
+                timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, task.period_ns)
+                heapq.heappush(self._timers, timer)
         self._interrupts.arm()
         self.running = True
 
+    def _end(self, now_ns: int) -> None:
+        self.stop('duration')
+
     def _abandon(self) -> None:
         """Count what was released and does not run any more as missed."""
-        for queue in self._queues:
-            for task in queue:
-                task.missed += 1
-            queue.clear()
+        for task in self._tasks:
+            self._withdraw(task)
+            task.missed += task.rephasing
+        self._timers.clear()
 
     def _loop(self) -> None:
         clock = self.clock
@@ -210,14 +272,14 @@ class Kernel(Scheduler):
             self.locked = True
             self.pending = False
             now_ns = self.now_ns()
+            if self.spin_ns:
+                now_ns = self._spin(now_ns, IDLE_LEVEL)
             self._release_due(now_ns)
             if self._ready or self._stopping:
                 self._dispatch(IDLE_LEVEL)
                 continue
             next_ns = self._timers[0][0]
-            if next_ns != self._armed_ns:
-                self._armed_ns = next_ns
-                clock.arm(next_ns)
+            self._arm_ahead(next_ns if not self.spin_ns else self._early_ns(IDLE_LEVEL))
             if self.on_idle is not None:
                 self._idle(self.on_idle, next_ns - now_ns)
             clock.hold()
@@ -252,10 +314,16 @@ class Kernel(Scheduler):
 
     # ---- reports -----------------------------------------------------------------------------
 
+    def black_box_dump(self, reason: str) -> BlackBoxDump:
+        """Copy the black box: milliseconds, but preemptible; not for the real-time loop."""
+        return dump(self.black_box, self._tasks, reason, self.now_ns(), self.start_ns)
+
     def statistics(self) -> KernelStatistics:
         """Take the statistics of all tasks; about 100 us a task, not for the real-time loop."""
         return KernelStatistics(
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
-            tasks=tuple(task.statistics() for task in self._tasks))
+            tasks=tuple(task.statistics() for task in self._tasks),
+            resources=tuple(r.statistics() for r in self._resources.values()),
+            sources=self._interrupts.statistics())

@@ -21,13 +21,13 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Any
 
+from rt_robot_os.kernel.black_box import BLOCKED
+from rt_robot_os.kernel.black_box import CEILING
+from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.task import Task
 
 RECORDS_MAXIMUM = 64
 SUSPECTS_MAXIMUM = 3
-
-# The kinds of rt_robot_os.kernel.black_box that tell who computed.
-_JOB, _CEILING, _BLOCKED = 0, 5, 6
 
 
 def ran_instead(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int, end_ns: int
@@ -51,12 +51,12 @@ def ran_instead(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int,
     # One native call: what preempts this function adds records.
     for record in tuple(islice(records, RECORDS_MAXIMUM)):
         kind = record[0]
-        if kind == _JOB:
+        if kind == JOB:
             _, who, _, first_ns, last_ns, _ = record
-        elif kind == _BLOCKED:
+        elif kind == BLOCKED:
             _, who, last_ns, late_ns = record
             first_ns = last_ns - late_ns
-        elif kind == _CEILING:
+        elif kind == CEILING:
             _, who, first_ns, last_ns, _ = record
         else:
             continue

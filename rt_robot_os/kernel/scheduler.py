@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """
 The scheduler: preemptive, fixed-priority, run-to-completion tasks on one stack.
 
@@ -26,90 +27,55 @@ itself in :attr:`Scheduler.pending`; whoever clears the flag looks at the note a
 else can come in between. Whoever serves a note clears it first and reads the clock then: an alarm
 that came before is due by that time, and one that comes later leaves a new note. The other way
 round an alarm would be lost in between.
+
+There are two alarms. To set one costs a system call and, on most machines, an access to the timer
+hardware: microseconds that the next job would wait for. So the second is set for the release after
+the next when a job has ended, and before one begins there is nothing left to do but to swap them.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
 from collections.abc import Sequence
 import heapq
 import sys
 
-from rt_robot_os.kernel.clock import Clock
+from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.kernel.black_box import ABORTED
+from rt_robot_os.kernel.black_box import BLOCKED
+from rt_robot_os.kernel.black_box import FAILED
+from rt_robot_os.kernel.black_box import INTERRUPT
+from rt_robot_os.kernel.black_box import JOB
+from rt_robot_os.kernel.black_box import OK
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.consequences import Consequences
+from rt_robot_os.kernel.consequences import REMOVED
 from rt_robot_os.kernel.failure import describe
+from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.histogram import BUCKETS
-from rt_robot_os.kernel.interrupts import InterruptSources
-from rt_robot_os.kernel.task import FailureReport
-from rt_robot_os.kernel.task import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.units import NS_PER_US
 
-IDLE_LEVEL = 0
-_FAILURES_KEPT = 32
 _LAST_BUCKET = BUCKETS - 1
+_BLOCKED_NS = 50 * NS_PER_US
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
 # not leave too few for those that preempt it.
 _RECURSION_ROOM = 200
 _set_recursion_limit = sys.setrecursionlimit
 
-TraceHook = Callable[[int, str, str], None]
 
+class Scheduler(Consequences):
+    """Release and dispatch: what runs in every tick. :class:`Kernel` adds the rest."""
 
-class Scheduler:
-    """
-    Release and dispatch: what runs in every tick. :class:`Kernel` adds the rest.
-
-    :ivar locked: set inside a critical section of the kernel or of a topic.
-    :ivar pending: something came up meanwhile: call :meth:`settle` after clearing ``locked``.
-    :ivar trace: called with (time, kind, task name) for each start and end, unless it is None.
-    """
-
-    # Slots are the fastest attributes, and there are more than an inline dictionary holds.
-    __slots__ = (
-        'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total', 'failures',
-        '_interrupts', '_interrupted', '_stopping', '_stop_reason', '_current', '_level',
-        '_stolen_ns', '_armed_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
-        '_recursion_limit')
-
-    def __init__(self, clock: Clock) -> None:
-        self.clock = clock
-        self.now_ns = clock.now_ns
-        self.locked = False
-        self.pending = False
-        self.trace: TraceHook | None = None
-        self.running = False
-        self.failures_total = 0
-        self.failures: deque[FailureReport] = deque(maxlen=_FAILURES_KEPT)
-        self._interrupts = InterruptSources(clock)
-        self._interrupted = False
-        self._stopping = False
-        self._stop_reason = ''
-        self._current: Task | None = None
-        self._level = IDLE_LEVEL
-        self._stolen_ns = 0
-        self._armed_ns = 0
-        self._ready = 0
-        self._queues: list[deque[Task]] = [deque() for _ in range(PRIORITY_MAXIMUM + 1)]
-        self._bits = [1 << priority for priority in range(PRIORITY_MAXIMUM + 1)]
-        # (time, order among equals, task, period in force until then); without a task: the end.
-        self._timers: list[tuple[int, int, Task | None, int]] = []
-        self._end_ns = NEVER_NS
-        self._recursion_limit = 0
-
-    def stop(self, reason: str = 'stop') -> None:
-        """
-        End :meth:`run` when the job that runs now has ended; safe in the real-time loop.
-
-        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
-        """
-        self._stopping = True
-        self._stop_reason = reason
+    __slots__ = ()
 
     # ---- ticks -------------------------------------------------------------------------------
 
     def _on_tick(self, signum: int = 0, frame: object = None) -> None:
-        """Release what is due and run what is above the interrupted task, on top of it."""
+        """
+        Release what is due and run what is above the interrupted task, on top of it.
+
+        :raises TaskAborted: in the interrupted task, when it has used up its budget.
+        """
         if self.locked:
             self.pending = True
             return
@@ -126,21 +92,7 @@ class Scheduler:
         self._recursion_limit = limit + _RECURSION_ROOM
         current, level = self._current, self._level
         while True:
-            stolen_ns = self._stolen_ns
-            self.pending = False
-            entry_ns = self.now_ns()
-            if current is not None and not self._stopping:
-                late_ns = entry_ns - self._armed_ns
-                if late_ns > current.blocked_maximum_ns:
-                    current.blocked_maximum_ns = late_ns
-            self._release_due(entry_ns)
-            if self._ready.bit_length() - 1 > level:
-                self._dispatch(level)
-            if self._timers[0][0] != self._armed_ns:
-                self._armed_ns = self._timers[0][0]
-                self.clock.arm(self._armed_ns)
-            self._current, self._level = current, level
-            self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
+            self._tick(current, level)
             again = self.pending
             if not again:
                 break
@@ -152,8 +104,81 @@ class Scheduler:
         self.locked = False
         if self.pending:
             self.settle()
+        if current is not None and current.struck and not current.held:
+            self._strike(current)
 
     settle = _on_tick
+
+    def _tick(self, current: Task | None, level: int) -> None:
+        """Serve one alarm that interrupted a task, or none; locked."""
+        stolen_ns = self._stolen_ns
+        self.pending = False
+        entry_ns = now_ns = self.now_ns()
+        if current is not None and not self._stopping:
+            late_ns = entry_ns - self._armed_ns
+            if late_ns > current.blocked_maximum_ns:
+                current.blocked_maximum_ns = late_ns
+            if late_ns > _BLOCKED_NS:
+                self.record((BLOCKED, current, entry_ns, late_ns))
+        if self.spin_ns:
+            now_ns = self._spin(now_ns, level)
+        if self._timers[0][0] <= now_ns or self._interrupted:
+            self._release_due(now_ns)
+        if self._ready.bit_length() - 1 > level:
+            self._dispatch(level)
+        alarm_ns = self._timers[0][0] if not self.spin_ns else self._early_ns(level)
+        if current is not None and current.limit_ns:
+            used_ns = entry_ns - current.start_ns - stolen_ns
+            look_ns = self._police(current, used_ns, self.now_ns())
+            alarm_ns = min(alarm_ns, look_ns)
+        self._arm_ahead(alarm_ns)
+        self._current, self._level = current, level
+        self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
+
+    # ---- alarms ------------------------------------------------------------------------------
+
+    def _arm(self, alarm_ns: int) -> None:
+        """Let the alarm come at a time, which is another than before."""
+        if alarm_ns == self._spare_ns:
+            self.clock.swap()
+            self._spare_ns = 0
+        else:
+            self.clock.arm(alarm_ns)
+        self._armed_ns = alarm_ns
+
+    def _arm_ahead(self, alarm_ns: int) -> None:
+        """Set the alarm, and the other for what comes after, if that is cheap to say."""
+        if alarm_ns != self._armed_ns:
+            self._arm(alarm_ns)
+        first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
+        due_ns = first[0]
+        spare_ns = due_ns + first[3] if first[3] else NEVER_NS
+        if due_ns < second < spare_ns:
+            spare_ns = second
+        if due_ns < third < spare_ns:
+            spare_ns = third
+        spare_ns -= self.spin_ns
+        if alarm_ns < due_ns - self.spin_ns:  # the end of a budget comes first
+            spare_ns = due_ns - self.spin_ns
+        if spare_ns != self._spare_ns:
+            self._spare_ns = spare_ns
+            self.clock.arm_spare(spare_ns)
+
+    def _early_ns(self, level: int) -> int:
+        """Give the time of the alarm before the first release, early if that is worth spinning."""
+        due_ns, _, task, period_ns = self._timers[0]
+        if period_ns and task.priority > level:
+            return due_ns - self.spin_ns
+        return due_ns
+
+    def _spin(self, now_ns: int, level: int) -> int:
+        """Spin to the first release, if it is near and above a level."""
+        due_ns = self._timers[0][0]
+        if now_ns < due_ns and self._early_ns(level) <= now_ns:
+            read_ns = self.now_ns
+            while now_ns < due_ns:
+                now_ns = read_ns()
+        return now_ns
 
     # ---- releases ----------------------------------------------------------------------------
 
@@ -162,45 +187,37 @@ class Scheduler:
         timers = self._timers
         while timers[0][0] <= now_ns and not self._stopping:
             due_ns, index, task, period_ns = timers[0]
-            if task is None:
-                self.stop('duration')
-                heapq.heapreplace(timers, (NEVER_NS, index, None, 0))
-                return
+            if not period_ns:
+                heapq.heappop(timers)
+                task(now_ns)
+                continue
             task.releases += 1
-            if task.pending or task.busy:
-                task.missed += 1
+            next_ns = due_ns + task.period_ns
+            if task.pending or task.busy or next_ns <= now_ns:
+                next_ns = self._release_late(task, due_ns, period_ns, now_ns)
+                if next_ns == REMOVED:
+                    heapq.heappop(timers)
+                    continue
             else:
                 task.pending = True
                 task.release_ns = due_ns
                 task.interval_ns = period_ns
                 self._queues[task.priority].append(task)
                 self._ready |= self._bits[task.priority]
-            period_ns = task.period_ns
-            next_ns = due_ns + period_ns
-            if next_ns <= now_ns:
-                # More than a period late: the grid points in between are missed as well.
-                skipped = (min(now_ns, self._end_ns - 1) - next_ns) // period_ns + 1
-                task.releases += skipped
-                task.missed += skipped
-                next_ns += skipped * period_ns
-            heapq.heapreplace(timers, (next_ns, index, task, period_ns))
+            heapq.heapreplace(timers, (next_ns, index, task, task.period_ns))
         if self._interrupted:
             self._interrupted = False
-            for task in self._interrupts.ready():
-                self._make_ready(task, now_ns)
+            for source in self._interrupts.ready(now_ns):
+                self.record((INTERRUPT, source.task, now_ns, source.name))
+                self._make_ready(source.task, now_ns)
+            again_ns = self._interrupts.again_ns
+            if again_ns:
+                self._interrupts.again_ns = 0
+                self._schedule(again_ns, self._look_again)
 
-    def _make_ready(self, task: Task, now_ns: int) -> None:
-        """Note that an event released a task, also one that is running; locked."""
-        task.releases += 1
-        if task.pending:
-            task.coalesced += 1
-            return
-        task.pending = True
-        task.release_ns = now_ns
-        self._queues[task.priority].append(task)
-        self._ready |= self._bits[task.priority]
-        if task.priority > self._level:
-            self.pending = True
+    def _look_again(self, now_ns: int) -> None:
+        self._interrupts.reopen(now_ns)
+        self._interrupted = True
 
     def wake(self, tasks: Sequence[Task], now_ns: int) -> None:
         """Release tasks while ``locked`` is set; for topics. Ignored while not running."""
@@ -238,41 +255,61 @@ class Scheduler:
             task.busy = True
             release_ns = task.release_ns  # an event may release it again while it runs
             self._current, self._level = task, level
-            if timers[0][0] != self._armed_ns:
-                self._armed_ns = timers[0][0]
-                self.clock.arm(self._armed_ns)
+            alarm_ns = timers[0][0] if not self.spin_ns else self._early_ns(level)
+            if task.limit_ns:
+                task.limit_ns = task.budget_ns
+                alarm_ns = min(alarm_ns, now_ns() + task.budget_ns)
+            if alarm_ns != self._armed_ns:
+                self._arm(alarm_ns)
             start_ns = now_ns()
+            previous_ns, task.start_ns = task.start_ns, start_ns
             self._stolen_ns = 0
             if trace is not None:
                 trace(start_ns, 'start', task.name)
             failure: FailureReport | None = None
-            self.locked = False
+            outcome = OK
+            # The flag is cleared and set inside, so that no TaskAborted can come outside.
             try:
                 try:
+                    self.locked = False
                     if self.pending:
                         self._on_tick()
                     task.function()
+                    self.locked = True
                 except BaseException as error:
+                    outcome = ABORTED if isinstance(error, TaskAborted) else FAILED
                     failure = describe(task.name, now_ns(), error)  # preemptible as well
+                    self.locked = True
             except BaseException:
+                self.locked = True
+                outcome = outcome or FAILED
                 failure = FailureReport(
                     task.name, 0, 'an exception that raised another when it was looked at', ())
-            self.locked = True
             end_ns = now_ns()
-            self._account(task, release_ns, start_ns, end_ns - start_ns - self._stolen_ns)
-            if failure is not None:
-                task.failures += 1
-                self._note_failure(failure)
+            execution_ns = end_ns - start_ns - self._stolen_ns
+            self._account(task, release_ns, start_ns, previous_ns, execution_ns)
+            self.record((JOB, task, release_ns, start_ns, end_ns, outcome))
+            response_ns = end_ns - release_ns
+            if response_ns > task.response_maximum_ns:
+                task.response_maximum_ns = response_ns
+            if response_ns > task.deadline_ns:
+                self._late(task, release_ns, end_ns)
+            if execution_ns > task.budget_ns:
+                task.budget_exceeded += 1
             if trace is not None:
-                trace(end_ns, 'end' if failure is None else 'fail', task.name)
+                trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             task.busy = False
+            if failure is not None or task.follow:
+                task.failures += outcome == FAILED
+                self._follow(task, failure, end_ns)
             # The second condition finds an alarm whose handler had no room left on the stack.
             if self.pending or timers[0][0] <= end_ns:
                 self.pending = False
                 self._release_due(now_ns())
         self._current, self._level = None, floor
 
-    def _account(self, task: Task, release_ns: int, start_ns: int, execution_ns: int) -> None:
+    def _account(self, task: Task, release_ns: int, start_ns: int, previous_ns: int,
+                 execution_ns: int) -> None:
         """Count a job; the arithmetic is that of :func:`rt_robot_os.kernel.histogram.bucket`."""
         latency_ns = start_ns - release_ns
         histogram = task.latency
@@ -291,7 +328,6 @@ class Scheduler:
         task.execution_total_ns += execution_ns
 
         task.runs += 1
-        previous_ns, task.start_ns = task.start_ns, start_ns
         if previous_ns >= 0:
             gap_ns = start_ns - previous_ns
             if gap_ns > task.gap_maximum_ns:
@@ -304,7 +340,3 @@ class Scheduler:
                 histogram.counts[index if index < _LAST_BUCKET else _LAST_BUCKET] += 1
                 if jitter_ns > histogram.maximum_ns:
                     histogram.maximum_ns = jitter_ns
-
-    def _note_failure(self, failure: FailureReport) -> None:
-        self.failures_total += 1
-        self.failures.append(failure)

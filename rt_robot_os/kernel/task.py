@@ -12,62 +12,80 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """A task: what its author declares, what the kernel remembers of it, what it tells of itself."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
+from typing import Any
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.histogram import Histogram
-from rt_robot_os.kernel.histogram import Summary
+from rt_robot_os.kernel.policy import BudgetPolicy
+from rt_robot_os.kernel.policy import FailurePolicy
+from rt_robot_os.kernel.policy import OverrunPolicy
+from rt_robot_os.kernel.policy import problems
+from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.statistics import DeadlineMiss
+from rt_robot_os.kernel.statistics import TaskStatistics
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
 
-PRIORITY_MINIMUM = 1
-PRIORITY_MAXIMUM = 99
 RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0
-
-
-class OverrunPolicy(Enum):
-    """What happens to a release that comes while the job before it is not finished."""
-
-    SKIP = 'skip'
 
 
 @dataclass(frozen=True)
 class TaskSpec:
     """
-    The declaration of a task.
+    The declaration of a task; :func:`rt_robot_os.kernel.policy.problems` says what is refused.
 
     :ivar name: unique in its kernel.
     :ivar priority: 1..99, higher runs first.
     :ivar period_ns: releases lie on the grid ``start + phase_ns + n * period_ns``; 0 means that
-        only events release it (a publication, an interrupt, another task).
+        only events release it (a publication, an interrupt, a timer, another task).
     :ivar phase_ns: from 0; where on the grid it begins.
+    :ivar deadline_ns: from a release to the end of its job; 0 means the period.
+    :ivar budget_ns: computing time of a job, what preempts it taken off; 0 means no limit.
+    :ivar on_budget: what happens to a job that exceeds it.
     :ivar overrun: what happens to a release that finds the last job unfinished.
+    :ivar catch_up: releases that wait at most, with that overrun policy.
+    :ivar overrun_limit: a leaky bucket: each overrun puts one in, ``overrun_leak`` jobs without
+        any take one out; above the limit the failure policy is applied. 0 means never.
+    :ivar failure: what happens after an exception, an abort, or too many overruns.
+    :ivar restart_ns: pause before the first restart; doubled each time, up to
+        ``restart_maximum_ns``, until as long as that passes without a failure.
+    :ivar critical: the watchdog watches it.
+    :ivar logical: logical execution time: inputs as of the release, outputs at the deadline.
     """
 
     name: str
     priority: int
     period_ns: int = 0
     phase_ns: int = 0
+    deadline_ns: int = 0
+    budget_ns: int = 0
+    on_budget: BudgetPolicy = BudgetPolicy.WARN
     overrun: OverrunPolicy = OverrunPolicy.SKIP
+    catch_up: int = 1
+    overrun_limit: int = 0
+    overrun_leak: int = 100
+    failure: FailurePolicy = FailurePolicy.CONTINUE
+    restart_ns: int = 100 * NS_PER_MS
+    restart_maximum_ns: int = 10 * NS_PER_S
+    critical: bool = False
+    logical: bool = False
 
     def __post_init__(self) -> None:
-        if isinstance(self.priority, bool) or not isinstance(self.priority, int) or not (
-                PRIORITY_MINIMUM <= self.priority <= PRIORITY_MAXIMUM):
-            raise TaskError(f'task {self.name!r}: priority {self.priority!r} must be a whole '
-                            f'number from {PRIORITY_MINIMUM} to {PRIORITY_MAXIMUM}; '
-                            'the higher runs first')
-        for key in ('period_ns', 'phase_ns'):
-            value = getattr(self, key)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise TaskError(f'task {self.name!r}: {key} {value!r} must be a whole number of '
-                                'nanoseconds, 0 or more')
+        found = problems(self)
+        if found:
+            raise TaskError('\n'.join(f'task {self.name!r}: {problem}' for problem in found))
 
 
 def checked_period_ns(name: str, rate_hz: float) -> int:
@@ -83,106 +101,102 @@ def checked_period_ns(name: str, rate_hz: float) -> int:
     return period_from_rate(rate_hz)
 
 
-@dataclass(frozen=True)
-class TaskStatistics:
-    """
-    What a task did since it was added or since the statistics were reset.
-
-    releases = runs + missed + coalesced, plus the jobs that wait or run at this moment.
-
-    :ivar releases: times that it became due.
-    :ivar runs: jobs that ran to their end, failed ones included.
-    :ivar missed: releases that found the job before unfinished and were skipped, or that the
-        kernel was stopped before it could serve.
-    :ivar coalesced: events that came while one was waiting already; the job serves them all.
-    :ivar failures: jobs that ended with an exception.
-    :ivar latency: from release to start.
-    :ivar execution: computing time, with what preempted it taken off.
-    :ivar jitter: how far the interval between two starts was from the period.
-    :ivar gap_maximum_ns: longest time from one start to the next.
-    :ivar blocked_maximum_ns: longest time that its code (a native call) held up an alarm.
-    """
-
-    name: str
-    priority: int
-    period_ns: int
-    releases: int
-    runs: int
-    missed: int
-    coalesced: int
-    failures: int
-    latency: Summary
-    execution: Summary
-    jitter: Summary
-    gap_maximum_ns: int
-    blocked_maximum_ns: int
-    execution_total_ns: int
-
-
-@dataclass(frozen=True)
-class FailureReport:
-    """
-    An exception that was contained.
-
-    :ivar task: where it came from.
-    :ivar error: type and message.
-    :ivar trace: innermost calls, last one last: file, line, function.
-    """
-
-    task: str
-    at_ns: int
-    error: str
-    trace: tuple[tuple[str, int, str], ...]
-
-    def __str__(self) -> str:
-        calls = ''.join(f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
-        return f'task {self.task!r}: {self.error}{calls}'
-
-
 class Task:
     """
     A task in its kernel; made by :meth:`rt_robot_os.kernel.Kernel.add_task`.
 
     The public attributes are for reading.
+
+    :ivar pending: it waits for its turn, or is held (``state``).
+    :ivar busy: a job of it is on the stack.
+    :ivar follow: something is to be looked at when the job that runs now has ended.
+    :ivar limit_ns: computing time at which the job is struck; 0 means never.
     """
 
     __slots__ = (
-        'spec', 'name', 'priority', 'function', 'index', 'period_ns', 'interval_ns', 'pending',
-        'busy', 'release_ns', 'start_ns', 'releases', 'runs', 'missed', 'coalesced', 'failures',
-        'latency', 'execution', 'jitter', 'gap_maximum_ns', 'blocked_maximum_ns',
-        'execution_total_ns')
+        'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns', 'interval_ns',
+        'deadline_ns', 'budget_ns', 'limit_ns', 'pending', 'busy', 'follow', 'held', 'strikes',
+        'struck', 'backlog', 'rephasing', 'state', 'wanted', 'bucket', 'bucket_runs',
+        'restart_ns', 'failed_ns', 'on_restart', 'on_safe_state', 'successors', 'release_ns',
+        'start_ns', 'releases', 'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
+        'budget_exceeded', 'deadline_missed', 'last_miss', 'latency', 'execution', 'jitter',
+        'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns', 'execution_total_ns',
+        '_rearm')
 
-    def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int) -> None:
+    def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
+                 on_restart: Callable[[], object] | None = None,
+                 on_safe_state: Callable[[], object] | None = None,
+                 rearm: Callable[[Task], None] | None = None) -> None:
         self.spec = spec
         self.name = spec.name
         self.priority = spec.priority
-        self.function = function
+        self.body = function
         self.index = index
         self.period_ns = spec.period_ns
+        self.deadline_ns = spec.deadline_ns or spec.period_ns or NEVER_NS
+        self.budget_ns = spec.budget_ns or NEVER_NS
+        self.on_restart = on_restart
+        self.on_safe_state = on_safe_state
+        self.successors: Sequence[Task] = ()
         self.latency = Histogram()
         self.execution = Histogram()
         self.jitter = Histogram()
+        self.backlog: deque[int] = deque()  # times of releases that catch_up keeps
+        self._rearm = rearm
         self.rest()
         self.reset_statistics()
 
     def rest(self) -> None:
-        """Forget a job that was waiting; the kernel calls it before it starts."""
+        """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
+        self.function: Callable[[], object] = self.body
         self.pending = False
         self.busy = False
+        self.follow = bool(self.successors)
+        self.limit_ns = self.budget_ns if self.spec.on_budget is BudgetPolicy.ABORT else 0
+        self.held = 0
+        self.strikes = 0
+        self.struck = False
+        self.backlog.clear()
+        self.rephasing = False
+        self.state = TaskState.ACTIVE
+        self.wanted: FailurePolicy | None = None
+        self.bucket = 0
+        self.bucket_runs = 0
+        self.restart_ns = self.spec.restart_ns
+        self.failed_ns = 0
         self.release_ns = 0
         self.start_ns = -1
         self.interval_ns = self.period_ns
+
+    def rearm(self) -> None:
+        """
+        Let a task that is held make jobs again, beginning with its ``on_restart``.
+
+        Nothing happens to an active one. Safe in the real-time loop.
+        """
+        if self._rearm is not None:
+            self._rearm(self)
 
     def set_rate_hz(self, rate_hz: float) -> None:
         """
         Change the rate from the next release on; safe in the real-time loop.
 
-        :raises TaskError: the rate is out of range, or the task is not periodic.
+        :raises TaskError: the rate is out of range, contradicts the budget or the deadline, or
+            the task is not periodic.
         """
         if not self.period_ns:
             raise TaskError(f'task {self.name!r} has no period: events release it; '
                             'give it a rate_hz when it is added')
-        self.period_ns = checked_period_ns(self.name, rate_hz)
+        period_ns = checked_period_ns(self.name, rate_hz)
+        if period_ns != self.period_ns and (self.spec.budget_ns or self.spec.deadline_ns):
+            self._check_period(period_ns)
+        if not self.spec.deadline_ns:
+            self.deadline_ns = period_ns
+        self.period_ns = period_ns
+
+    def _check_period(self, period_ns: int) -> None:
+        values: dict[str, Any] = {**vars(self.spec), 'period_ns': period_ns}
+        TaskSpec(**values)
 
     @property
     def rate_hz(self) -> float:
@@ -191,9 +205,14 @@ class Task:
 
     def reset_statistics(self) -> None:
         """Begin to count anew; a job that waits or runs now counts as released."""
-        self.releases = int(self.pending) + int(self.busy)
+        waits = self.pending and self.state is TaskState.ACTIVE
+        self.releases = int(waits) + int(self.busy) + len(self.backlog)
         self.runs = self.missed = self.coalesced = self.failures = 0
+        self.overruns = self.aborted = self.budget_exceeded = self.deadline_missed = 0
+        self.bucket_runs = 0
+        self.last_miss: DeadlineMiss | None = None
         self.gap_maximum_ns = self.blocked_maximum_ns = self.execution_total_ns = 0
+        self.response_maximum_ns = 0
         for histogram in (self.latency, self.execution, self.jitter):
             histogram.clear()
 
@@ -205,4 +224,7 @@ class Task:
             failures=self.failures, latency=self.latency.summary(),
             execution=self.execution.summary(), jitter=self.jitter.summary(),
             gap_maximum_ns=self.gap_maximum_ns, blocked_maximum_ns=self.blocked_maximum_ns,
-            execution_total_ns=self.execution_total_ns)
+            execution_total_ns=self.execution_total_ns, state=self.state, overruns=self.overruns,
+            aborted=self.aborted, budget_exceeded=self.budget_exceeded,
+            deadline_missed=self.deadline_missed, last_miss=self.last_miss,
+            response_maximum_ns=self.response_maximum_ns)

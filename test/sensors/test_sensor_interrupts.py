@@ -111,7 +111,8 @@ class Robot:
             device, rate_hz=10.0, priority=50, recovery=RECOVERY, interrupt=True)
         self.left = sorted(sent_at)
         # A line that is idle until a byte is due: below all others.
-        self.kernel.add_task('line', lambda: self.send(what), priority=1, rate_hz=1000.0)
+        self.what = what
+        self.kernel.add_task('line', lambda: self.send(self.what), priority=1, rate_hz=1000.0)
 
     def send(self, what: bytes) -> None:
         if self.left and self.kernel.now_ns() >= self.left[0] and self.device.ends:
@@ -165,7 +166,7 @@ def test_a_fault_on_interrupt_is_a_fault_and_the_new_port_interrupts_again(devic
     assert robot.managed.state is DeviceState.FAULT and robot.managed.faults == 1
     assert 'port is gone' in robot.managed.reason
     robot.left = [1777 * MS]
-    robot.kernel.tasks[-1].function = lambda: robot.send(b'.')
+    robot.what = b'.'
     robot.kernel.run(2 * S)
     assert robot.managed.state is DeviceState.ACTIVE
     assert device.counters == [1, 1778 * MS]

@@ -1,0 +1,125 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The black box: the last things that the scheduler did, always on, in a fixed number of records.
+
+A job makes one record, when it ends. There is one stack, so a job whose time lies within that of
+another has preempted it: preemptions and resumptions need no records of their own. A record is a
+plain tuple, its first element says what it is:
+
+========== =================================================================
+JOB        task, release_ns, start_ns, end_ns, outcome
+PUBLISH    task or None, at_ns, topic, number of the sample
+INTERRUPT  task that it released, at_ns, source
+OVERRUN    task, at_ns, how many releases
+ABORT      task, at_ns, used_ns
+CEILING    task, enter_ns, leave_ns, resource
+BLOCKED    task whose native call held up an alarm, at_ns, for how long
+MISS       task, at_ns, how late it ended
+MARK       None, at_ns, text
+========== =================================================================
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rt_robot_os.kernel.task import Task
+
+JOB: Final = 0
+PUBLISH: Final = 1
+INTERRUPT: Final = 2
+OVERRUN: Final = 3
+ABORT: Final = 4
+CEILING: Final = 5
+BLOCKED: Final = 6
+MISS: Final = 7
+MARK: Final = 8
+
+OK: Final = 0
+FAILED: Final = 1
+ABORTED: Final = 2
+
+RECORDS_DEFAULT: Final = 8192
+
+
+@dataclass(frozen=True)
+class TaskFacts:
+    """What a record's task number stands for."""
+
+    name: str
+    priority: int
+    period_ns: int
+
+
+@dataclass(frozen=True)
+class BlackBoxDump:
+    """
+    A copy of the black box: plain data, for a file.
+
+    :ivar at_ns: when it was taken.
+    :ivar start_ns: when the kernel was started.
+    :ivar running: jobs on the stack at that moment, the outermost first: number of the task,
+        release_ns, start_ns.
+    :ivar records: oldest first; a task is its number in ``tasks``, or -1.
+    :ivar full: older records have been overwritten.
+    """
+
+    reason: str
+    at_ns: int
+    start_ns: int
+    tasks: tuple[TaskFacts, ...]
+    running: tuple[tuple[int, int, int], ...]
+    records: tuple[tuple[Any, ...], ...]
+    full: bool
+
+
+class BlackBox:
+    """
+    The ring of records.
+
+    :param capacity: how many are kept.
+    :ivar records: oldest first.
+    :ivar add: append a record; about 0.1 us, safe in the real-time loop.
+    """
+
+    __slots__ = ('records', 'add')
+
+    def __init__(self, capacity: int = RECORDS_DEFAULT) -> None:
+        self.records: deque[tuple[Any, ...]] = deque(maxlen=capacity)
+        self.add = self.records.append
+
+    def mark(self, at_ns: int, text: str) -> None:
+        """Note anything else; safe in the real-time loop."""
+        self.add((MARK, None, at_ns, text))
+
+
+def dump(box: BlackBox, tasks: Sequence[Task], reason: str, at_ns: int, start_ns: int
+         ) -> BlackBoxDump:
+    """Copy a black box; records that are made meanwhile may be left out."""
+    records = tuple(box.records)
+    numbers: dict[Task | None, int] = {task: number for number, task in enumerate(tasks)}
+    running = sorted((task.start_ns, number, task.release_ns)
+                     for number, task in enumerate(tasks) if task.busy)
+    return BlackBoxDump(
+        reason, at_ns, start_ns,
+        tuple(TaskFacts(task.name, task.priority, task.period_ns) for task in tasks),
+        tuple((number, release_ns, begun_ns) for begun_ns, number, release_ns in running),
+        tuple((record[0], numbers.get(record[1], -1), *record[2:]) for record in records),
+        len(records) == box.records.maxlen)

@@ -1,0 +1,265 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What follows when a task overran, overspent, was late or failed: nothing of an ordinary job."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import functools
+import heapq
+
+from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.kernel.black_box import ABORT
+from rt_robot_os.kernel.black_box import MISS
+from rt_robot_os.kernel.black_box import OVERRUN
+from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.policy import FailurePolicy
+from rt_robot_os.kernel.policy import OverrunPolicy
+from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.ran_instead import ran_instead
+from rt_robot_os.kernel.state import KernelState
+from rt_robot_os.kernel.statistics import DeadlineMiss
+from rt_robot_os.kernel.task import Task
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_US
+
+REMOVED = -1
+# Time for ``finally`` clauses between the first TaskAborted and the second; after that the task
+# is known to resist, and a strike between two of its own handlers is only a matter of tries.
+GRACE_NS = NS_PER_MS
+STRIKE_AGAIN_NS = 20 * NS_PER_US
+_SUSPECTS_EVERY_NS = 10 * NS_PER_MS
+
+
+class Consequences(KernelState):
+    """The rare half of the scheduler. All methods are called locked."""
+
+    __slots__ = ()
+
+    # ---- overruns ----------------------------------------------------------------------------
+
+    def _release_late(self, task: Task, due_ns: int, period_ns: int, now_ns: int) -> int:
+        """
+        Release a task more than a period late, or whose job before is not finished.
+
+        :param period_ns: that led to this release.
+        :return: when it is due next, or ``REMOVED`` from the timers until that job has ended.
+        """
+        occupied = task.pending or task.busy
+        if not occupied:
+            self._queue(task, due_ns, period_ns)
+        next_ns = due_ns + task.period_ns
+        passed = 0
+        if next_ns <= now_ns:
+            passed = (min(now_ns, self._end_ns - 1) - next_ns) // task.period_ns + 1
+            task.releases += passed
+            next_ns += passed * task.period_ns
+        unserved = passed + occupied
+        if not unserved:
+            return next_ns
+        if task.state is not TaskState.ACTIVE:
+            task.missed += unserved
+            return next_ns
+        task.overruns += unserved
+        self.record((OVERRUN, task, now_ns, unserved))
+        if task.spec.overrun_limit:
+            self._fill_bucket(task, unserved, now_ns)
+        return self._overrun(task, unserved, next_ns, now_ns)
+
+    def _overrun(self, task: Task, unserved: int, next_ns: int, now_ns: int) -> int:
+        policy = task.spec.overrun
+        if policy is OverrunPolicy.CATCH_UP:
+            first_ns = next_ns - unserved * task.period_ns
+            kept = min(unserved, task.spec.catch_up - len(task.backlog))
+            task.backlog.extend(first_ns + n * task.period_ns for n in range(kept))
+            task.missed += unserved - kept
+            task.follow = True
+        elif policy is OverrunPolicy.REPHASE:
+            task.missed += unserved - 1
+            task.rephasing = task.follow = True
+            return REMOVED
+        else:
+            task.missed += unserved
+            if policy is OverrunPolicy.STOP:
+                self._demand(task, FailurePolicy.STOP, f'{unserved} releases found the job '
+                             'before unfinished (overrun: stop)', now_ns)
+        return next_ns
+
+    def _fill_bucket(self, task: Task, overruns: int, now_ns: int) -> None:
+        spec = task.spec
+        leaked = max(0, task.runs - task.bucket_runs) // spec.overrun_leak
+        task.bucket = max(0, task.bucket - leaked) + overruns
+        task.bucket_runs = task.runs
+        if task.bucket > spec.overrun_limit:
+            self._demand(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
+                         f'with {spec.overrun_leak} jobs without (overrun_limit: '
+                         f'{spec.overrun_limit})', now_ns)
+            task.bucket = 0
+
+    def _queue(self, task: Task, release_ns: int, period_ns: int) -> None:
+        task.pending = True
+        task.release_ns = release_ns
+        task.interval_ns = period_ns
+        self._queues[task.priority].append(task)
+        self._ready |= self._bits[task.priority]
+
+    # ---- deadlines ---------------------------------------------------------------------------
+
+    def _late(self, task: Task, release_ns: int, end_ns: int) -> None:
+        """Note that a job ended after its deadline."""
+        late_ns = end_ns - release_ns - task.deadline_ns
+        task.deadline_missed += 1
+        last = task.last_miss
+        if last is None or release_ns - last.release_ns > _SUSPECTS_EVERY_NS:
+            others = ran_instead(reversed(self.black_box.records), task, release_ns, end_ns)
+        else:  # in an overload, which this must not make worse
+            others = last.ran_instead
+        task.last_miss = DeadlineMiss(task.runs, release_ns, late_ns, others)
+        self.record((MISS, task, end_ns, late_ns))
+
+    # ---- budgets -----------------------------------------------------------------------------
+
+    def _police(self, task: Task, used_ns: int, now_ns: int) -> int:
+        """
+        Strike the interrupted task if it has used what it may.
+
+        :param used_ns: its computing time.
+        :return: when to look again.
+        """
+        if used_ns >= task.limit_ns:
+            if not task.struck:
+                task.struck = task.follow = True
+                task.strikes += 1
+                self.record((ABORT, task, now_ns, used_ns))
+            task.limit_ns = used_ns + (GRACE_NS if task.strikes == 1 else STRIKE_AGAIN_NS)
+        return now_ns + task.limit_ns - used_ns
+
+    def _strike(self, task: Task) -> None:
+        """
+        Raise TaskAborted in the task on the top of the stack; not locked, nothing left to do.
+
+        :raises TaskAborted: always.
+        """
+        task.struck = False
+        used_ns = self.now_ns() - task.start_ns - self._stolen_ns
+        raise TaskAborted(task.name, used_ns, task.budget_ns)
+
+    # ---- failures ----------------------------------------------------------------------------
+
+    def _follow(self, task: Task, failure: FailureReport | None, now_ns: int) -> None:
+        """Do what is due when a job has ended."""
+        policy, task.wanted = task.wanted, None
+        task.follow = bool(task.successors)
+        if failure is not None:
+            self._note_failure(failure)
+            policy = policy or task.spec.failure
+        if task.held:
+            task.held = 0
+            for resource in self._resources.values():
+                resource.abandon(task)
+            self._note_failure(FailureReport(
+                task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
+        if task.strikes:
+            policy = self._after_strikes(task, policy, now_ns)
+        if task.state is not TaskState.ACTIVE:  # its safe state was run
+            self._withdraw(task)
+            task.pending = True
+        elif policy is not None and policy is not FailurePolicy.CONTINUE:
+            self._apply(task, policy, now_ns)
+        if task.rephasing:
+            self._rephase(task, now_ns)
+        elif task.backlog and not task.pending:
+            self._queue(task, task.backlog.popleft(), task.period_ns)
+            task.follow = True
+        for successor in task.successors:
+            self._make_ready(successor, now_ns)
+
+    def _after_strikes(self, task: Task, policy: FailurePolicy | None, now_ns: int
+                       ) -> FailurePolicy | None:
+        delivered = task.strikes - task.struck  # the last one may have come too late
+        task.strikes, task.struck = 0, False
+        if not delivered:
+            return policy
+        task.aborted += 1
+        if delivered == 1:
+            return policy or task.spec.failure
+        self._note_failure(FailureReport(
+            task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
+            'let it end in `finally` and never catch BaseException', ()))
+        return FailurePolicy.STOP
+
+    def _rephase(self, task: Task, now_ns: int) -> None:
+        task.rephasing = False
+        if task.pending:  # held, or released by an event as well
+            task.missed += 1
+        else:
+            self._queue(task, now_ns, task.period_ns)
+        heapq.heappush(
+            self._timers, (now_ns + task.period_ns, task.index, task, task.period_ns))
+
+    def _demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
+        """Apply a policy for another reason than an exception, when its job has ended."""
+        self._note_failure(FailureReport(task.name, now_ns, reason, ()))
+        task.wanted = policy
+        if task.busy or task.pending:
+            task.follow = True
+        else:
+            task.wanted = None
+            self._apply(task, policy, now_ns)
+
+    def _apply(self, task: Task, policy: FailurePolicy, now_ns: int) -> None:
+        """Hold a task that has no job on the stack."""
+        self._withdraw(task)
+        if policy is FailurePolicy.SAFE_STATE:
+            if task.on_safe_state is not None:
+                self._run_next(task, task.on_safe_state, now_ns)
+            task.state = TaskState.SAFE
+        elif policy is FailurePolicy.RESTART:
+            task.state = TaskState.BACKOFF
+            spec = task.spec
+            if now_ns - task.failed_ns > spec.restart_maximum_ns:
+                task.restart_ns = spec.restart_ns
+            task.failed_ns = now_ns
+            self._schedule(now_ns + task.restart_ns,
+                           functools.partial(self._end_backoff, task, now_ns))
+            task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
+        else:
+            task.state = TaskState.STOPPED
+        task.pending = True
+
+    def _end_backoff(self, task: Task, failed_ns: int, now_ns: int) -> None:
+        if task.state is TaskState.BACKOFF and task.failed_ns == failed_ns:
+            self._resume(task, now_ns)
+
+    def _resume(self, task: Task, now_ns: int) -> None:
+        """Let a held task make jobs again."""
+        if task.state is TaskState.ACTIVE:
+            return
+        self._withdraw(task)
+        task.state = TaskState.ACTIVE
+        if task.on_restart is not None:
+            self._run_next(task, task.on_restart, now_ns)
+
+    def _run_next(self, task: Task, function: Callable[[], object], now_ns: int) -> None:
+        """Make a job of a task that calls something else than its function."""
+        def job() -> None:
+            task.function = task.body
+            function()
+
+        task.function = job
+        self._make_ready(task, now_ns)
+        if function is task.on_safe_state:
+            task.follow = True

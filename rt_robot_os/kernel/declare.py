@@ -1,0 +1,94 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Check and build what is declared before the kernel runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import fields
+import inspect
+from typing import Any
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.policy import BudgetPolicy
+from rt_robot_os.kernel.policy import FailurePolicy
+from rt_robot_os.kernel.task import checked_period_ns
+from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import TaskSpec
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.kernel import Kernel
+
+_KEYWORDS = frozenset(field.name for field in fields(TaskSpec)) - {'name', 'period_ns'}
+
+
+def make_task(
+    kernel: Kernel, name: str, function: Callable[[], object], index: int, *, priority: int,
+    rate_hz: float | None, on_restart: Callable[[], object] | None,
+    on_safe_state: Callable[[], object] | None, declared: Mapping[str, Any],
+) -> Task:
+    """
+    Build a task.
+
+    :raises TaskError: with everything that is wrong with its declaration.
+    """
+    unknown = sorted(set(declared) - _KEYWORDS)
+    if unknown:
+        raise TaskError(f'task {name!r}: no such declaration: {", ".join(unknown)}; there are: '
+                        f'{", ".join(sorted(_KEYWORDS))}')
+    if not callable(function):
+        raise TaskError(f'task {name!r}: {function!r} cannot be called')
+    if inspect.iscoroutinefunction(function):
+        raise TaskError(f'task {name!r}: {function!r} is a coroutine function; add it with '
+                        'add_async_task')
+    period_ns = 0 if rate_hz is None else checked_period_ns(name, rate_hz)
+    spec = TaskSpec(name, priority, period_ns, **declared)
+    if spec.on_budget is BudgetPolicy.ABORT and not kernel.clock.preemptive:
+        raise TaskError(f'task {name!r}: on_budget abort needs a preemptive kernel; this clock '
+                        'has no signals. Choose on_budget warn')
+    if spec.failure is FailurePolicy.SAFE_STATE and on_safe_state is None:
+        raise TaskError(f'task {name!r}: failure safe_state needs on_safe_state, which brings '
+                        'about the safe state; give it, or choose failure stop')
+    return Task(spec, function, index, on_restart=on_restart, on_safe_state=on_safe_state,
+                rearm=kernel.rearm)
+
+
+def check_chains(tasks: Sequence[Task]) -> None:
+    """
+    Refuse tasks that release each other (``after``) in a circle: it would never end.
+
+    :raises TaskError: naming the circle.
+    """
+    finished: set[Task] = set()
+    for first in tasks:
+        path: list[Task] = []
+        _follow_chain(first, path, finished)
+
+
+def _follow_chain(task: Task, path: list[Task], finished: set[Task]) -> None:
+    if task in finished:
+        return
+    if task in path:
+        circle = ' -> '.join(repr(t.name) for t in [*path[path.index(task):], task])
+        raise TaskError(f'tasks release each other in a circle: {circle}; take one out of `after`')
+    path.append(task)
+    for successor in task.successors:
+        _follow_chain(successor, path, finished)
+    path.pop()
+    finished.add(task)

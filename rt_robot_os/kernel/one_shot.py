@@ -1,0 +1,92 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Timers that release a task once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.task import Task
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.scheduler import Scheduler
+    from rt_robot_os.kernel.state import Timer
+
+
+class OneShot:
+    """
+    A timer of one task; made by ``kernel.timer``.
+
+    It belongs to the run of the kernel in which it was started.
+    """
+
+    __slots__ = ('task', '_kernel', '_timer')
+
+    def __init__(self, kernel: Scheduler, task: Task) -> None:
+        self.task = task
+        self._kernel = kernel
+        self._timer: Timer | None = None
+
+    @property
+    def started(self) -> bool:
+        """Whether it will release its task."""
+        return self._timer is not None
+
+    def start(self, delay_ns: int) -> None:
+        """
+        Release the task once, after a delay; a start before is forgotten.
+
+        Safe in the real-time loop.
+
+        :raises TaskError: the delay is negative, or the kernel is not running.
+        """
+        if delay_ns < 0:
+            raise TaskError(f'timer of task {self.task.name!r}: delay_ns {delay_ns} is negative')
+        self.start_at(self._kernel.now_ns() + delay_ns)
+
+    def start_at(self, time_ns: int) -> None:
+        """
+        Release the task once, at a time of the kernel's clock; at once if it has passed.
+
+        :raises TaskError: the kernel is not running.
+        """
+        kernel = self._kernel
+        if not kernel.running:
+            raise TaskError(f'timer of task {self.task.name!r}: the kernel is not running; start '
+                            'it from a task')
+        locked, kernel.locked = kernel.locked, True
+        if self._timer is not None:
+            kernel._cancel(self._timer)
+        self._timer = kernel._schedule(time_ns, self._fire)
+        kernel.locked = locked
+        if kernel.pending and not locked:
+            kernel.settle()
+
+    def cancel(self) -> None:
+        """Take the start back; nothing happens if it has released its task already."""
+        kernel = self._kernel
+        locked, kernel.locked = kernel.locked, True
+        if self._timer is not None:
+            kernel._cancel(self._timer)
+            self._timer = None
+        kernel.locked = locked
+        if kernel.pending and not locked:
+            kernel.settle()
+
+    def _fire(self, now_ns: int) -> None:
+        self._timer = None
+        self._kernel._make_ready(self.task, now_ns)

@@ -1,0 +1,133 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What a task may be told to do when things go wrong, and which declarations contradict."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.task import TaskSpec
+
+PRIORITY_MINIMUM = 1
+PRIORITY_MAXIMUM = 99
+BACKLOG_MAXIMUM = 1000
+
+
+class OverrunPolicy(Enum):
+    """What happens to a release that comes while the job before it is not finished."""
+
+    SKIP = 'skip'          # missed; the task stays on its grid
+    REPHASE = 'rephase'    # served when that job has ended; the grid begins anew there
+    CATCH_UP = 'catch_up'  # served later, at most so many wait; the task stays on its grid
+    STOP = 'stop'          # the task is stopped
+
+
+class BudgetPolicy(Enum):
+    """What happens to a job that computes for longer than its budget."""
+
+    WARN = 'warn'    # it is counted
+    ABORT = 'abort'  # TaskAborted is raised in it
+
+
+class FailurePolicy(Enum):
+    """What happens to a task whose job failed, was aborted, or that overran too often."""
+
+    CONTINUE = 'continue'      # nothing: the next release makes the next job
+    RESTART = 'restart'        # it pauses, a longer time with each failure, then begins anew
+    STOP = 'stop'              # it is released no more
+    SAFE_STATE = 'safe_state'  # its on_safe_state runs once, then it is released no more
+
+
+class TaskState(Enum):
+    """Whether releases make jobs. All but ACTIVE are left by ``Task.rearm``."""
+
+    ACTIVE = 'active'
+    BACKOFF = 'backoff'  # pauses before it restarts by itself
+    SAFE = 'safe'        # in its safe state
+    STOPPED = 'stopped'
+
+
+def problems(spec: TaskSpec) -> list[str]:
+    """Say everything that is wrong with a declaration; each text begins with its keyword."""
+    found = list(_out_of_range(spec))
+    if not found:
+        found.extend(_contradictions(spec))
+    return found
+
+
+def _out_of_range(spec: TaskSpec) -> list[str]:
+    found = []
+    priority = spec.priority
+    if isinstance(priority, bool) or not isinstance(priority, int) or not (
+            PRIORITY_MINIMUM <= priority <= PRIORITY_MAXIMUM):
+        found.append(f'priority {priority!r} must be a whole number from {PRIORITY_MINIMUM} to '
+                     f'{PRIORITY_MAXIMUM}; the higher runs first')
+    for key in ('period_ns', 'phase_ns', 'deadline_ns', 'budget_ns', 'restart_ns',
+                'restart_maximum_ns'):
+        value = getattr(spec, key)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            found.append(f'{key} {value!r} must be a whole number of nanoseconds, 0 or more')
+    for key, low, high in (('catch_up', 1, BACKLOG_MAXIMUM), ('overrun_limit', 0, 1_000_000),
+                           ('overrun_leak', 1, 1_000_000_000)):
+        value = getattr(spec, key)
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            found.append(f'{key} {value!r} must be a whole number from {low} to {high}')
+    for key, kind in (('overrun', OverrunPolicy), ('on_budget', BudgetPolicy),
+                      ('failure', FailurePolicy)):
+        value = getattr(spec, key)
+        if not isinstance(value, kind):
+            choices = ', '.join(f'{kind.__name__}.{each.name}' for each in kind)
+            found.append(f'{key} {value!r} must be one of {choices}')
+    return found
+
+
+def _contradictions(spec: TaskSpec) -> list[str]:
+    found = []
+    period_ns, budget_ns = spec.period_ns, spec.budget_ns
+    deadline_ns = spec.deadline_ns or period_ns
+    aborts = spec.on_budget is BudgetPolicy.ABORT
+    queues = spec.overrun in (OverrunPolicy.CATCH_UP, OverrunPolicy.REPHASE)
+    if aborts and not budget_ns:
+        found.append('on_budget abort needs a budget; set budget_ns')
+    if aborts and period_ns and budget_ns > period_ns:
+        found.append(f'budget_ns {budget_ns} is above the period of {period_ns} ns: the job would '
+                     'overrun before it is aborted; lower the budget or the rate')
+    if aborts and spec.deadline_ns and budget_ns > spec.deadline_ns:
+        found.append(f'budget_ns {budget_ns} is above the deadline of {spec.deadline_ns} ns: the '
+                     'job would be late before it is aborted; lower the budget')
+    if period_ns and deadline_ns > period_ns and not queues:
+        found.append(f'deadline_ns {deadline_ns} is above the period of {period_ns} ns, but '
+                     f'overrun {spec.overrun.value} ends what is not finished by then; shorten it '
+                     'or choose overrun catch_up')
+    if not period_ns and spec.overrun is not OverrunPolicy.SKIP:
+        found.append(f'overrun {spec.overrun.value} is for periodic tasks; this one is released '
+                     'by events: leave it out or give it a rate')
+    if spec.overrun_limit and (spec.overrun is OverrunPolicy.STOP or not period_ns):
+        found.append(f'overrun_limit {spec.overrun_limit} has no effect '
+                     + ('with overrun stop' if period_ns else 'without a rate')
+                     + '; leave it out')
+    if spec.overrun_limit and spec.failure is FailurePolicy.CONTINUE:
+        found.append(f'overrun_limit {spec.overrun_limit} applies the failure policy, which is '
+                     'continue; choose restart, stop or safe_state')
+    if spec.restart_maximum_ns < spec.restart_ns:
+        found.append(f'restart_maximum_ns {spec.restart_maximum_ns} is below restart_ns '
+                     f'{spec.restart_ns}; the pause only grows')
+    if spec.logical and not deadline_ns:
+        found.append('logical execution time needs an end of the interval; set a rate or '
+                     'deadline_ns')
+    return found

@@ -1,0 +1,156 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What the kernel remembers, and the smallest steps on it; its other parts build on this."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import heapq
+from typing import Any
+
+from rt_robot_os.kernel.black_box import BlackBox
+from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
+from rt_robot_os.kernel.clock import Clock
+from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.interrupts import InterruptSources
+from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
+from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.task import Task
+
+IDLE_LEVEL = 0
+# Above every task: what happens at a point in time rather than in a job.
+LEVEL_OUTPUTS = PRIORITY_MAXIMUM + 2
+LEVEL_INPUTS = PRIORITY_MAXIMUM + 1
+_LEVELS = LEVEL_OUTPUTS + 1
+_FAILURES_KEPT = 32
+_ONE_SHOT_ORDER = 1 << 32
+
+TraceHook = Callable[[int, str, str], None]
+# (time, order among equals, task or action, period in force until then; 0: it comes once)
+Timer = tuple[int, int, Any, int]
+
+
+class KernelState:
+    """
+    The data of a kernel.
+
+    :ivar locked: set inside a critical section of the kernel or of a topic.
+    :ivar pending: something came up meanwhile: call ``settle`` after clearing ``locked``.
+    :ivar trace: called with (time, kind, task name) for each start and end, unless it is None.
+    :ivar black_box: the last things that happened.
+    :ivar record: ``black_box.add``.
+    :ivar spin_ns: wake this much before a release and spin until it.
+    """
+
+    # Slots are the fastest attributes, and there are more than an inline dictionary holds.
+    __slots__ = (
+        'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total', 'failures',
+        'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted', '_stopping',
+        '_stop_reason', '_current', '_level', '_stolen_ns', '_armed_ns', '_spare_ns', '_ready',
+        '_queues', '_bits', '_timers', '_end_ns', '_recursion_limit', '_one_shots', '_resources')
+
+    def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
+        self.clock = clock
+        self.now_ns = clock.now_ns
+        self.spin_ns = spin_ns
+        self.locked = False
+        self.pending = False
+        self.trace: TraceHook | None = None
+        self.running = False
+        self.failures_total = 0
+        self.failures: deque[FailureReport] = deque(maxlen=_FAILURES_KEPT)
+        self.black_box = BlackBox(records)
+        self.record = self.black_box.add
+        self._interrupts = InterruptSources(clock)
+        self._interrupted = False
+        self._stopping = False
+        self._stop_reason = ''
+        self._current: Task | None = None
+        self._level = IDLE_LEVEL
+        self._stolen_ns = 0
+        self._armed_ns = 0
+        self._spare_ns = 0
+        self._ready = 0
+        self._queues: list[deque[Task]] = [deque() for _ in range(_LEVELS)]
+        self._bits = [1 << level for level in range(_LEVELS)]
+        self._timers: list[Timer] = []
+        self._end_ns = NEVER_NS
+        self._recursion_limit = 0
+        self._one_shots = 0
+        self._resources: dict[str, Any] = {}
+
+    def stop(self, reason: str = 'stop') -> None:
+        """
+        End :meth:`run` when the job that runs now has ended; safe in the real-time loop.
+
+        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
+        """
+        self._stopping = True
+        self._stop_reason = reason
+
+    def _make_ready(self, task: Task, now_ns: int) -> None:
+        """Note that an event released a task, also one that is running; locked."""
+        task.releases += 1
+        if task.pending:
+            if task.state is TaskState.ACTIVE:
+                task.coalesced += 1
+            else:
+                task.missed += 1
+            return
+        task.pending = True
+        task.release_ns = now_ns
+        self._queues[task.priority].append(task)
+        self._ready |= self._bits[task.priority]
+        if task.priority > self._level:
+            self.pending = True
+
+    def _withdraw(self, task: Task) -> None:
+        """Take back what would release a task, and count it as missed; locked."""
+        task.missed += len(task.backlog)
+        task.backlog.clear()
+        queue = self._queues[task.priority]
+        if task in queue:
+            queue.remove(task)
+            task.missed += 1
+            if not queue:
+                self._ready &= ~self._bits[task.priority]
+        task.pending = False
+
+    def _schedule(self, at_ns: int, action: Callable[[int], None]) -> Timer:
+        """
+        Call something once at a time; locked, as the action will be.
+
+        :param action: gets the time.
+        :return: what :meth:`_cancel` takes.
+        """
+        self._one_shots += 1
+        timer = (at_ns, _ONE_SHOT_ORDER + self._one_shots, action, 0)
+        heapq.heappush(self._timers, timer)
+        if self._timers[0] is timer:
+            self.pending = True  # the alarm must be set anew
+        return timer
+
+    def _cancel(self, timer: Timer) -> None:
+        """Undo :meth:`_schedule`, unless it has happened; locked."""
+        if timer in self._timers:
+            self._timers.remove(timer)
+            heapq.heapify(self._timers)
+
+    def _note_failure(self, failure: FailureReport) -> None:
+        self.failures_total += 1
+        self.failures.append(failure)
