@@ -20,6 +20,7 @@ import ctypes
 import os
 from typing import Any
 
+SIGEV_SIGNAL = 0
 SIGEV_THREAD_ID = 4
 CLOCK_MONOTONIC = 1
 TIMER_ABSTIME = 1
