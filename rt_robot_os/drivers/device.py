@@ -158,6 +158,14 @@ class Device(ABC):
         """Give the file descriptor that becomes readable with new data, None if there is none."""
         return None
 
+    def diagnosis(self) -> str:
+        """
+        Say what the bytes are that came although no frame was valid; empty when it cannot.
+
+        Asked once each time the device is given up, not in each round of the loop.
+        """
+        return ''
+
     @abstractmethod
     def publications(self) -> tuple[Publication, ...]:
         """Say what the device publishes; does not change while the device lives."""

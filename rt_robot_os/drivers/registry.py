@@ -29,5 +29,6 @@ DRIVERS: Final[PluginRegistry[Device]] = PluginRegistry(
     {
         'nmea': 'rt_robot_os.drivers.nmea:NmeaGps',
         'witmotion': 'rt_robot_os.drivers.witmotion:WitMotion',
+        'xsens': 'rt_robot_os.drivers.xsens:Xsens',
     },
 )

@@ -32,6 +32,7 @@ from typing import TypeVar
 
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.drivers.recognise import recognised
 from rt_robot_os.drivers.transport import SerialPort
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
@@ -40,13 +41,16 @@ from rt_robot_os.units import NS_PER_S
 
 # Start bit, eight data bits, stop bit.
 BITS_PER_BYTE: Final = 10
+# Bytes that show whose they are: some sentences, or some dozen frames.
+_STRANGE: Final = 512
 
 
 class Frame(Protocol):
     """
     What a decoder gives.
 
-    :ivar end: index just after the last byte of the frame in the chunk that completed it.
+    :ivar end: index just after the last byte of the frame in the chunk that completed it; 0 or
+        less when it had arrived before, hidden in what looked like the beginning of a longer one.
     """
 
     @property
@@ -137,6 +141,7 @@ class SerialDevice(Device, Generic[FrameT]):
         self._last_frame_ns = 0
         self._previous_read_ns = 0
         self._ignored_frames = 0
+        self._strange = b''
 
     @abstractmethod
     def handle(self, frame: FrameT, arrival_ns: int) -> int:
@@ -170,6 +175,7 @@ class SerialDevice(Device, Generic[FrameT]):
             raise DeviceError(f'{self.name}: {error}') from error
         self._decoder.reset()
         self._previous_read_ns = 0
+        self._strange = b''
         self.restart()
 
     def close(self) -> None:
@@ -197,7 +203,10 @@ class SerialDevice(Device, Generic[FrameT]):
         samples = 0
         if data:
             size = len(data)
-            for frame in self._decoder.feed(data):
+            frames = self._decoder.feed(data)
+            # Kept for the diagnosis while nothing valid comes.
+            self._strange = b'' if frames else (self._strange + data)[-_STRANGE:]
+            for frame in frames:
                 arrival_ns = now_ns - (size - frame.end) * self._byte_ns
                 if arrival_ns < self._last_frame_ns:
                     arrival_ns = self._last_frame_ns
@@ -218,6 +227,10 @@ class SerialDevice(Device, Generic[FrameT]):
             self._opened().write(data)
         except DeviceError as error:
             raise DeviceError(f'{self.name}: {error}') from error
+
+    def diagnosis(self) -> str:
+        """Say whose bytes those are that came and made no frame."""
+        return recognised(self._strange, self.settings['baud'])
 
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""

@@ -36,9 +36,6 @@ import math
 from typing import Any
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
-
 from rt_robot_os.drivers.decoders import witmotion as wire
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionFrame
@@ -52,6 +49,9 @@ from rt_robot_os.drivers.encoders.witmotion import RATES_HZ
 from rt_robot_os.drivers.encoders.witmotion import REGISTER_OUTPUTS
 from rt_robot_os.drivers.encoders.witmotion import REGISTER_RATE
 from rt_robot_os.drivers.encoders.witmotion import UNLOCK
+from rt_robot_os.drivers.imu import imu_publications
+from rt_robot_os.drivers.imu import imu_settings
+from rt_robot_os.drivers.imu import ImuFiller
 from rt_robot_os.drivers.serial_device import BITS_PER_BYTE
 from rt_robot_os.drivers.serial_device import serial_settings
 from rt_robot_os.drivers.serial_device import SerialDevice
@@ -73,14 +73,6 @@ _COMMAND_SPACING_NS: Final = 100 * NS_PER_MS
 # A quaternion is of length 2^15 counts; one of half of that is no rotation but an empty frame.
 _SHORTEST_QUATERNION: Final = wire.FULL_SCALE / 2
 
-_HONESTY: Final = ('The device reports none: the default is in the order of what data sheets '
-                   'promise, so measure yours.')
-
-
-def _stddev(name: str, default: float, unit: str, of: str) -> Field:
-    return Field(name, float, default, f'Standard deviation of {of}. {_HONESTY}', unit=unit,
-                 minimum=0.0)
-
 
 class WitMotion(SerialDevice[WitMotionFrame]):
     """A WitMotion inertial measurement unit."""
@@ -88,13 +80,9 @@ class WitMotion(SerialDevice[WitMotionFrame]):
     SETTINGS = serial_settings(
         baud=115200, frame_id='imu_link', topic='imu/data', rate_hz=100.0,
         rates_hz=tuple(RATES_HZ),
+    ) + imu_settings(
+        acceleration=0.02, angular_velocity=0.002, roll_pitch=0.01, yaw=0.05, mag_t=5e-7,
     ) + (
-        Field('mag_topic', str, 'imu/mag', 'Topic of the magnetic field; empty publishes none.'),
-        _stddev('acceleration_stddev', 0.02, 'm/s^2', 'each axis of the acceleration'),
-        _stddev('angular_velocity_stddev', 0.002, 'rad/s', 'each axis of the angular velocity'),
-        _stddev('roll_pitch_stddev', 0.01, 'rad', 'roll and pitch'),
-        _stddev('yaw_stddev', 0.05, 'rad', 'yaw, with a magnetometer and no iron near'),
-        _stddev('mag_stddev_t', 5e-7, 'T', 'each axis of the magnetic field'),
         Field('mag_scale_t', float, 1.5e-7,
               'Magnetic field of one count. The frame gives raw counts whose size depends on the '
               'magnetometer built in: 1.5e-7 is an AK8963 at 16 bit, a QMC5883L at 8 gauss has '
@@ -121,25 +109,12 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         self._next_command_ns = 0
         self._quaternion_first = settings['quaternion_order'] == 'wxyz'
         self._mag_scale_t: float = settings['mag_scale_t']
-        self._linear = _diagonal(*3 * (settings['acceleration_stddev'],))
-        self._angular = _diagonal(*3 * (settings['angular_velocity_stddev'],))
-        tilt: float = settings['roll_pitch_stddev']
-        self._attitude = _diagonal(tilt, tilt, settings['yaw_stddev'])
-        self._magnetic = _diagonal(*3 * (settings['mag_stddev_t'],))
-        self._absent = _diagonal(0.0, 0.0, 0.0)
-        self._absent[0] = -1.0
+        self._filler = ImuFiller(settings)
         self._check_speed()
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: Imu, and MagneticField unless its topic is empty."""
-        settings = self.settings
-        fixed = {'header.frame_id': settings['frame_id']}
-        kinds = [(settings['topic'], 'sensor_msgs/msg/Imu')]
-        if settings['mag_topic']:
-            kinds.append((settings['mag_topic'], 'sensor_msgs/msg/MagneticField'))
-        return tuple(
-            Publication(topic, message, fixed, settings['depth'], settings['output_rate_hz'])
-            for topic, message in kinds)
+        return imu_publications(self.settings)
 
     def restart(self) -> None:
         """Learn the set of frames anew, and queue the commands if the device is to be set up."""
@@ -178,29 +153,18 @@ class WitMotion(SerialDevice[WitMotionFrame]):
 
     def _publish_imu(self, complete: ImuSet) -> None:
         publisher = self._publishers[0]
-        msg = publisher.msg
         parts = complete.parts
-        raw = parts.get(wire.ACCELERATION)
-        scale = ACCELERATION_SCALE if raw else 0.0
-        x, y, z, _ = raw or (0, 0, 0, 0)
-        msg.linear_acceleration = (x * scale, y * scale, z * scale)
-        msg.linear_acceleration_covariance[:] = self._linear if raw else self._absent
-        raw = parts.get(wire.ANGULAR_VELOCITY)
-        scale = ANGULAR_VELOCITY_SCALE if raw else 0.0
-        x, y, z, _ = raw or (0, 0, 0, 0)
-        msg.angular_velocity = (x * scale, y * scale, z * scale)
-        msg.angular_velocity_covariance[:] = self._angular if raw else self._absent
-        orientation = self._orientation(parts)
-        msg.orientation = orientation or (0.0, 0.0, 0.0, 1.0)
-        msg.orientation_covariance[:] = self._attitude if orientation else self._absent
+        self._filler.fill(
+            publisher.msg, _scaled(parts.get(wire.ACCELERATION), ACCELERATION_SCALE),
+            _scaled(parts.get(wire.ANGULAR_VELOCITY), ANGULAR_VELOCITY_SCALE),
+            self._orientation(parts))
         publisher.publish(complete.stamp_ns)
 
     def _publish_field(self, values: tuple[int, int, int, int], stamp_ns: int) -> None:
         publisher = self._publishers[1]
         scale = self._mag_scale_t
         x, y, z, _ = values
-        publisher.msg.magnetic_field = (x * scale, y * scale, z * scale)
-        publisher.msg.magnetic_field_covariance[:] = self._magnetic
+        self._filler.fill_field(publisher.msg, (x * scale, y * scale, z * scale))
         publisher.publish(stamp_ns)
 
     def _orientation(
@@ -249,6 +213,7 @@ def quaternion_from_angles(
             cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
 
 
-def _diagonal(first: float, second: float, third: float) -> npt.NDArray[np.float64]:
-    """Give the nine numbers of the covariance of three standard deviations."""
-    return np.diag((first * first, second * second, third * third)).reshape(9)
+def _scaled(
+    raw: tuple[int, int, int, int] | None, scale: float,
+) -> tuple[float, float, float] | None:
+    return None if raw is None else (raw[0] * scale, raw[1] * scale, raw[2] * scale)

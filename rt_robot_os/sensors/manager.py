@@ -177,8 +177,9 @@ class ManagedDevice:
     def _why_nothing(self, came: int) -> str:
         seconds = self._recovery.timeout_ns / NS_PER_S
         if came:
-            return (f'{came} bytes but no valid frame for {seconds:g} s: check the baud rate, and '
-                    'that it is the device that the configuration says')
+            remedy = self.device.diagnosis() or (
+                'check the baud rate, and that it is the device that the configuration says')
+            return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
         return f'silent for {seconds:g} s: check its power, its wiring and its output settings'
 
     def _fault(self, reason: str, kind: str = '') -> None:

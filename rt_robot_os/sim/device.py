@@ -37,6 +37,7 @@ from rt_robot_os.sim.faults import check
 from rt_robot_os.sim.faults import FaultPlan
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import parse_schedule
+from rt_robot_os.sim.line import at_wrong_speed
 from rt_robot_os.sim.line import SerialLine
 from rt_robot_os.sim.options import complete
 from rt_robot_os.sim.pty_port import PtyPort
@@ -124,7 +125,7 @@ class SimulatedDevice(ABC):
         self._grid_ns = 0
         self._index = 0
         self._injected: list[tuple[str, float]] = []
-        self._last_sample = b''
+        self._last_sample: bytes | None = None
         self._samples = 0
         self._skipped = 0
 
@@ -142,6 +143,14 @@ class SimulatedDevice(ABC):
 
     def obey(self, data: bytes) -> None:
         """Take what the driver has sent; the default ignores it."""
+
+    def reply(self, data: bytes) -> bool:
+        """
+        Answer the driver, from within :meth:`obey`; it leaves behind what is on the line already.
+
+        :return: False when the line has no room; then nothing is sent.
+        """
+        return self._line.push(data, self._now_ns)
 
     def start(self, now_ns: int) -> None:
         """
@@ -178,7 +187,8 @@ class SimulatedDevice(ABC):
         else:
             self.port.plug()
         commands = self.port.read()
-        if commands:
+        # Another device in its place does not know what the commands mean.
+        if commands and 'wrong' not in active:
             self.obey(commands)
         self._make_samples(now_ns)
         data = self._line.take(now_ns)
@@ -240,7 +250,7 @@ class SimulatedDevice(ABC):
             active = self._plan.active(due_ns)
             if 'wrong' in active:
                 content = self.foreign()
-            elif 'stuck' in active and self._last_sample:
+            elif 'stuck' in active and self._last_sample is not None:
                 content = self._last_sample
             else:
                 content = self._last_sample = self.sample((due_ns - self._start_ns) / NS_PER_S)
@@ -252,6 +262,8 @@ class SimulatedDevice(ABC):
 
     def _send(self, data: bytes, active: frozenset[str]) -> None:
         chance = self._line_random
+        if 'baud' in active:
+            data = at_wrong_speed(data)
         if 'garbage' in active:
             data = chance.randbytes(len(data))
         if 'corrupt' in active:

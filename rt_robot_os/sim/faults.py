@@ -38,6 +38,7 @@ FAULTS: Final = {
     'unplug': 'the port goes away, and comes back under the same path',
     'stuck': 'repeats its last sample',
     'wrong': 'speaks like another device',
+    'baud': 'is heard at half of its speed, as with a wrong baud rate',
 }
 
 _MAX_S: Final = 1e6

@@ -97,3 +97,30 @@ class SerialLine:
         start_ns, data = self._queue[0]
         upto = min(self._sent + (chunk or self._chunk), len(data))
         return start_ns + upto * self.byte_ns
+
+
+def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
+    """
+    Say what a receiver hears that is set to another speed.
+
+    It waits for a start bit, then samples eight bits in their middle, at its own pace; a stop bit
+    that is none does not keep it from handing the byte over, as on Linux by default.
+
+    :param factor: length of the receiver's bit in bits of the sender; 2 is half of its speed.
+    """
+    level = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
+    size = len(level)
+    heard = bytearray()
+    at = 0
+    while True:
+        while at < size and level[at]:
+            at += 1
+        if at >= size:
+            return bytes(heard)
+        places = [at + int(factor * (i + 1.5)) for i in range(8)]
+        heard.append(sum(1 << i for i, place in enumerate(places)
+                         if place >= size or level[place]))
+        at += int(factor * 9.5)
+        # A new start bit begins with an edge from idle.
+        while at < size and not level[at]:
+            at += 1

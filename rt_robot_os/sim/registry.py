@@ -29,5 +29,6 @@ SIMULATORS: Final[PluginRegistry[SimulatedDevice]] = PluginRegistry(
     {
         'nmea': 'rt_robot_os.sim.nmea:SimulatedNmea',
         'witmotion': 'rt_robot_os.sim.witmotion:SimulatedWitMotion',
+        'xsens': 'rt_robot_os.sim.xsens:SimulatedXsens',
     },
 )

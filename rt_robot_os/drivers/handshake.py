@@ -1,0 +1,102 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Commands that a device has to acknowledge, one after the other, without ever waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.units import NS_PER_MS
+
+
+class Step(NamedTuple):
+    """
+    One command.
+
+    :ivar name: for errors.
+    :ivar data: what is sent.
+    :ivar key: what the driver knows the acknowledgement by.
+    :ivar pause_ns: the device needs this long after the acknowledgement.
+    """
+
+    name: str
+    data: bytes
+    key: int = 0
+    pause_ns: int = 0
+
+
+class Handshake:
+    """
+    A sequence of commands; safe in the real-time loop.
+
+    Each is repeated until it is acknowledged, a few times. The driver asks in its ``write`` what
+    to send, and tells in its ``handle`` that the acknowledgement came.
+    """
+
+    def __init__(self, name: str, steps: Sequence[Step], remedy: str, *,
+                 retry_ns: int = 200 * NS_PER_MS, tries: int = 5) -> None:
+        """
+        Begin with the first command, which is due at once.
+
+        :param name: of the device, for errors.
+        :param remedy: what to do when the device does not answer.
+        :param retry_ns: time that it has for an answer.
+        """
+        self._name = name
+        self._steps = list(steps)
+        self._remedy = remedy
+        self._retry_ns = retry_ns
+        self._limit = tries
+        self._tries = 0
+        self._due_ns = 0
+
+    @property
+    def step(self) -> Step | None:
+        """Give the command that is not acknowledged yet, None when all are."""
+        return self._steps[0] if self._steps else None
+
+    @property
+    def done(self) -> bool:
+        """Say whether all commands are acknowledged."""
+        return not self._steps
+
+    def due(self, now_ns: int) -> bytes | None:
+        """
+        Give what is to be sent now, None when there is nothing.
+
+        :raises DeviceError: the device has not answered any of the tries.
+        """
+        if not self._steps or now_ns < self._due_ns:
+            return None
+        step = self._steps[0]
+        if self._tries >= self._limit:
+            raise DeviceError(f'{self._name}: it does not answer {step.name} ({self._tries} '
+                              f'tries): {self._remedy}')
+        self._tries += 1
+        self._due_ns = now_ns + self._retry_ns
+        return step.data
+
+    def again(self, now_ns: int) -> None:
+        """Repeat the command with the next ``due``: the device asked for it."""
+        self._due_ns = now_ns
+
+    def acknowledged(self, now_ns: int) -> None:
+        """Go on to the next command."""
+        step = self._steps.pop(0)
+        self._tries = 0
+        self._due_ns = now_ns + step.pause_ns

@@ -1,0 +1,65 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Whose bytes are these: for the diagnostics of a device that sends, but nothing valid.
+
+The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
+tell which device it is, as far as a driver here knows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
+from rt_robot_os.drivers.decoders.xbus import XbusDecoder
+
+
+def _is_nmea(data: bytes) -> bool:
+    return bool(NmeaDecoder().feed(data))
+
+
+def _is_witmotion(data: bytes) -> bool:
+    # One in 256 headers has a good sum by chance: ask for two frames that touch.
+    return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
+
+
+def _is_xbus(data: bytes) -> bool:
+    return any(frame.payload for frame in XbusDecoder().feed(data))
+
+
+# What is asked for sure, with the driver's name; the surest first.
+_KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
+    ('NMEA 0183 sentences', 'nmea', _is_nmea),
+    ('Xbus messages', 'xsens', _is_xbus),
+    ('WitMotion frames', 'witmotion', _is_witmotion),
+)
+
+
+def recognised(data: bytes, baud: int) -> str:
+    """
+    Say whose bytes they are, and what to do; empty when that is not known.
+
+    :param data: what came last, some hundred bytes.
+    :param baud: speed of the line.
+    """
+    for what, driver, fits in _KNOWN:
+        if fits(data):
+            speed = f' at {baud} baud' if baud else ''
+            return f'these are {what}{speed}: set type: {driver}, or swap the ports'
+    return ''

@@ -1,0 +1,171 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Each serial device with each fault: the diagnosis says which and what to do, others run on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from dataclasses import field
+import re
+from typing import Any
+
+import pytest
+
+from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.sensors import DeviceState
+from serial_bench import SerialBench
+
+pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A device under test.
+
+    :ivar topic_hz: samples a second on its main topic.
+    :ivar wrong: what the diagnosis says when another device is in its place.
+    :ivar silent: what it says when nothing comes.
+    :ivar baud: what it says when the speed is wrong.
+    """
+
+    topic_hz: float
+    settings: dict[str, Any] = field(default_factory=dict)
+    sim: dict[str, Any] = field(default_factory=dict)
+    topic: str = 'imu/data'
+    wrong: str = 'these are NMEA 0183 sentences at .* baud: set type: nmea, or swap the ports'
+    silent: str = 'silent for 1 s: check its power, its wiring'
+    baud: str = 'no valid frame for 1 s: check the baud rate'
+
+
+CASES = {
+    'witmotion': Case(100),
+    'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
+                 'these are WitMotion frames at .* baud: set type: witmotion'),
+    'xsens': Case(100),
+    'xsens configured': Case(50, {'configure': True, 'output_rate_hz': 50.0}),
+}
+
+
+def test_every_serial_driver_is_here() -> None:
+    assert {name.split()[0] for name in CASES} >= set(DRIVERS.names()) - {'i2c'}
+
+
+@pytest.fixture(params=CASES)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def case(name: str) -> Case:
+    return CASES[name]
+
+
+@pytest.fixture
+def bench(name: str, case: Case, monkeypatch: pytest.MonkeyPatch) -> Iterator[SerialBench]:
+    """Give the device ``dut`` and another one beside it, which is to run on."""
+    made = SerialBench(monkeypatch)
+    made.add('dut', name.split()[0], case.settings, case.sim)
+    made.add('other', 'witmotion', {}, {})
+    yield made
+    made.take('other/imu/data')
+    made.run(0.5)
+    other = made.devices['other']
+    assert (other.state, other.faults) == (DeviceState.ACTIVE, 0)
+    assert made.kernel.task('other').missed == 0
+    assert not made.kernel.failures
+    assert made.take('other/imu/data') == 50
+
+
+def settle(bench: SerialBench) -> None:
+    """Run until all is well, and forget the samples so far."""
+    bench.run(2)
+    dut = bench.devices['dut']
+    assert (dut.state, dut.faults) == (DeviceState.ACTIVE, 0), bench.errors('dut')
+    for topic in bench.readers:
+        bench.take(topic)
+
+
+def inject(bench: SerialBench, fault: str, seconds: float = 2.5) -> str:
+    """Have a fault, and give the one thing that was said about it."""
+    settle(bench)
+    bench.simulated['dut'].inject(fault, seconds)
+    bench.run(seconds - 0.1)
+    dut = bench.devices['dut']
+    assert dut.faults >= 1
+    texts = bench.errors('dut')
+    assert len(texts) >= 1
+    return texts[0]
+
+
+def recovers(bench: SerialBench, case: Case) -> None:
+    bench.run(1.1)
+    for topic in bench.readers:
+        bench.take(topic)
+    bench.run(1)
+    assert bench.devices['dut'].state is DeviceState.ACTIVE
+    assert bench.take(f'dut/{case.topic}') == pytest.approx(case.topic_hz, abs=2)
+
+
+def test_without_a_fault_nothing_is_rejected_or_lost(bench: SerialBench, case: Case) -> None:
+    settle(bench)
+    bench.run(1)
+    assert bench.take(f'dut/{case.topic}') == pytest.approx(case.topic_hz, abs=1)
+    counters = bench.devices['dut'].statistics().device
+    assert (counters.rejected_bytes, counters.rejected_frames, counters.lost_samples,
+            counters.contradicted_samples, counters.dropped_write_bytes) == (0, 0, 0, 0, 0)
+    assert not bench.errors('dut')
+
+
+def test_silence(bench: SerialBench, case: Case) -> None:
+    assert_says(inject(bench, 'silent'), case.silent)
+    recovers(bench, case)
+
+
+def test_wrong_baud_rate(bench: SerialBench, case: Case) -> None:
+    assert_says(inject(bench, 'baud'), case.baud)
+    recovers(bench, case)
+
+
+def test_another_device_in_its_place(bench: SerialBench, case: Case) -> None:
+    assert_says(inject(bench, 'wrong'), case.wrong)
+    recovers(bench, case)
+
+
+def test_unplugged_and_plugged_in_again(bench: SerialBench, case: Case) -> None:
+    assert_says(inject(bench, 'unplug'), 'port dut is gone: check the cable')
+    recovers(bench, case)
+
+
+def test_noise_on_the_line_costs_samples_and_nothing_else(bench: SerialBench, case: Case) -> None:
+    settle(bench)
+    bench.simulated['dut'].inject('corrupt', 2.0)
+    bench.run(2)
+    counters = bench.devices['dut'].statistics().device
+    assert counters.rejected_bytes > 0
+    recovers(bench, case)
+
+
+def test_fragments_make_no_difference(bench: SerialBench, case: Case) -> None:
+    settle(bench)
+    bench.simulated['dut'].inject('short', 1.0)
+    bench.run(1)
+    assert bench.take(f'dut/{case.topic}') == pytest.approx(case.topic_hz, abs=1)
+    assert bench.devices['dut'].statistics().device.rejected_bytes == 0
+
+
+def assert_says(text: str, wanted: str) -> None:
+    assert re.search(wanted, text), text
