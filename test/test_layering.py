@@ -52,6 +52,7 @@ LIBRARIES = {
     'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.bench.peers'),
     'ctypes': (f'{PACKAGE}.linux',),
     'serial': (f'{PACKAGE}.drivers.transport', f'{PACKAGE}.sim'),
+    'smbus2': (f'{PACKAGE}.drivers.i2c_linux',),
 }
 
 # (importer, imported): why an import inside a function may close a cycle

@@ -40,6 +40,9 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 
+# import name -> the extra of setup.py that brings it: what only some robots need
+OPTIONAL = {'smbus2': 'i2c'}
+
 
 def _setup() -> dict[str, ast.expr]:
     """Return the keyword arguments that setup.py gives to setup()."""
@@ -102,7 +105,9 @@ def test_everything_imported_is_an_exec_depend() -> None:
                 imported |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
                 imported.add(node.module.split('.')[0])
-    foreign = imported - set(sys.stdlib_module_names) - {PACKAGE}
+    extras = ast.literal_eval(SETUP['extras_require'])
+    assert all(name in extras[extra] for name, extra in OPTIONAL.items())
+    foreign = imported - set(sys.stdlib_module_names) - {PACKAGE} - set(OPTIONAL)
     assert sorted({KEYS.get(name, name) for name in foreign} - set(_manifest('exec_depend'))) == []
 
 

@@ -146,12 +146,17 @@ class Answers:
         return {'rate_hz': task.rate_hz}
 
     def _set_parameter(self, session: Session, arguments: Arguments) -> Arguments:
-        owner = _text(arguments, 'owner')
+        owner, name = _text(arguments, 'owner'), _text(arguments, 'name')
         for module in self._core.modules:
             if module.name == owner:
-                return {'value': module.change(_text(arguments, 'name'), arguments.get('value'))}
-        raise LinkError(f'no module {owner!r}; there are '
-                        f'{", ".join(m.name for m in self._core.modules) or "none"}')
+                return {'value': module.change(name, arguments.get('value'))}
+        for managed in self._core.sensors.devices:
+            if managed.device.name == owner:
+                return {'value': managed.device.change(name, arguments.get('value'))}
+        names = [m.name for m in self._core.modules]
+        names += [d.device.name for d in self._core.sensors.devices]
+        raise LinkError(f'no module {owner!r} and no such device; there are '
+                        f'{", ".join(names) or "none"}')
 
     def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
         for task in self._core.kernel.tasks:

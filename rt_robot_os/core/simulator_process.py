@@ -25,7 +25,7 @@ from typing import Any
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import die_with_parent
-from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.sim.server import SimServer
 
@@ -36,7 +36,8 @@ def build(devices: dict[str, Any], folder: Path) -> SimServer:
 
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
-    made = [SIMULATORS.load(d['type'])(name, d['sim'], PtyPort(folder / name), d['device']['baud'])
+    place = Place(folder)
+    made = [SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
             for name, d in devices.items()]
     for device in made:
         device.port.plug()

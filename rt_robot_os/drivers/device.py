@@ -31,6 +31,7 @@ from typing import Any
 from typing import ClassVar
 from typing import Protocol
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.schema import Field
 
@@ -108,11 +109,19 @@ class Device(ABC):
 
     :cvar SETTINGS: the keys of the device's section in the configuration.
     :cvar description: one line for lists of drivers.
+    :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
+    :cvar IF_SILENT: what to check when nothing comes.
+    :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
     :ivar name: name of the device in the configuration, used in every error.
+    :ivar changes: live settings that were changed and wait for the next poll.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
     description: ClassVar[str] = ''
+    SHARES_PORT: ClassVar[bool] = False
+    IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
+    IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
+                                 'configuration says')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
@@ -122,6 +131,7 @@ class Device(ABC):
         """
         self.name = name
         self.settings = settings
+        self.changes: dict[str, Any] = {}
         self._publishers: tuple[SamplePublisher, ...] = ()
 
     @abstractmethod
@@ -186,3 +196,32 @@ class Device(ABC):
     @abstractmethod
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""
+
+    def change(self, name: str, value: Any) -> Any:
+        """
+        Change a live setting with the next poll, never in the middle of one.
+
+        :return: the value in its declared type.
+        :raises ConfigError: no such setting, not a live one, or a value out of range.
+        """
+        fields = {f.name: f for f in self.SETTINGS if f.live}
+        if name not in fields:
+            live = ', '.join(fields) or 'none'
+            raise ConfigError([f'{self.name}.{name} cannot be changed while the robot runs; '
+                               f'what can: {live}'])
+        problem = fields[name].problem(value)
+        if problem:
+            raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
+        coerced = fields[name].coerce(value)
+        self.changes[name] = coerced
+        return coerced
+
+    def take_changes(self) -> None:
+        """Take over the changes; called between two polls."""
+        while self.changes:
+            name = next(iter(self.changes))
+            self.settings = {**self.settings, name: self.changes.pop(name)}
+            self.changed(name)
+
+    def changed(self, name: str) -> None:
+        """React to a changed live setting; in the loop."""

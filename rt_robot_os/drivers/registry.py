@@ -27,6 +27,10 @@ DRIVERS: Final[PluginRegistry[Device]] = PluginRegistry(
     Device,  # type: ignore[type-abstract]
     'driver',
     {
+        'bmp280': 'rt_robot_os.drivers.bmp280:Bmp280',
+        'bmp388': 'rt_robot_os.drivers.bmp388:Bmp388',
+        'mpu6050': 'rt_robot_os.drivers.mpu6050:Mpu6050',
+        'ms5611': 'rt_robot_os.drivers.ms5611:Ms5611',
         'nmea': 'rt_robot_os.drivers.nmea:NmeaGps',
         'witmotion': 'rt_robot_os.drivers.witmotion:WitMotion',
         'xsens': 'rt_robot_os.drivers.xsens:Xsens',

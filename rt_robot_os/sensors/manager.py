@@ -86,6 +86,8 @@ class ManagedDevice:
             return
         now_ns = self._kernel.now_ns()
         try:
+            if self.device.changes:
+                self.device.take_changes()
             if command:
                 self.device.write(now_ns)
             samples = self.device.read(now_ns)
@@ -177,10 +179,9 @@ class ManagedDevice:
     def _why_nothing(self, came: int) -> str:
         seconds = self._recovery.timeout_ns / NS_PER_S
         if came:
-            remedy = self.device.diagnosis() or (
-                'check the baud rate, and that it is the device that the configuration says')
+            remedy = self.device.diagnosis() or self.device.IF_GARBAGE
             return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
-        return f'silent for {seconds:g} s: check its power, its wiring and its output settings'
+        return f'silent for {seconds:g} s: {self.device.IF_SILENT}'
 
     def _fault(self, reason: str, kind: str = '') -> None:
         """

@@ -84,8 +84,9 @@ ros2 run rt_robot_os robot --ros-args --params-file my_robot.yaml -p imu.rate_hz
 
 _DEVICE_TEXT: Final = """\
 Each name in `devices` has a section with these keys and those of its driver. With `port: sim` the
-device is simulated: a pseudo-terminal speaks its bytes, as its section `sim` says (below, with
-each driver). With any other port the section `sim` is checked and then left alone.
+device is simulated: a pseudo-terminal or an emulated I2C bus speaks its bytes, as its section
+`sim` says (below, with each driver). With any other port the section `sim` is checked and then
+left alone.
 """
 
 _MODULE_TEXT: Final = """\

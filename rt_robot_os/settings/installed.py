@@ -24,6 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
 import functools
+from pathlib import Path
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
@@ -81,7 +82,8 @@ def _driver(name: str) -> Kind:
         return [TopicUse(each.topic, each.message, True, each.fixed)
                 for each in cls(section, values).publications()]
 
-    return Kind(tuple(cls.SETTINGS), uses, has_safe_state=hasattr(cls, 'safe_state'))
+    return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT,
+                has_safe_state=hasattr(cls, 'safe_state'))
 
 
 def _module_names() -> Sequence[str]:
@@ -110,13 +112,13 @@ def _simulator_names() -> Sequence[str]:
 
 
 def _simulator(name: str) -> Kind:
-    from rt_robot_os.sim.pty_port import PtyPort
+    from rt_robot_os.sim.base import Place
     from rt_robot_os.sim.registry import SIMULATORS
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
         # A port opens nothing before it is plugged.
-        cls(section, values, PtyPort(section), device.get('baud')).check_speed()
+        cls.made_for(section, values, Place(Path()), device).check_speed()
 
     return Kind(tuple(cls.SETTINGS), check=check)
 

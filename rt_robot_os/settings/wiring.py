@@ -150,11 +150,21 @@ class TopicTable:
 
 
 def check_ports(devices: Iterable[Part], problems: Problems) -> None:
-    """Find two devices on one port, also when a link under /dev/serial hides it."""
+    """
+    Find two devices on one port, also when a link under /dev/serial hides it.
+
+    Where a port is a bus, find two devices with one address on it.
+    """
     taken: dict[str, Part] = {}
+    addresses: dict[tuple[str, int], Part] = {}
     for part in devices:
         port = part.section.values.get('port', '')
-        if not port or port == SIM_PORT or part.kind is None or part.kind.shares_port:
+        if not port or part.kind is None:
+            continue
+        if part.kind.shares_port:
+            _check_address(part, os.path.realpath(port), addresses, problems)
+            continue
+        if port == SIM_PORT:
             continue
         real = os.path.realpath(port) if port.startswith('/') else port
         other = taken.setdefault(real, part)
@@ -162,6 +172,17 @@ def check_ports(devices: Iterable[Part], problems: Problems) -> None:
             where = other.section.where('port')
             problems.value(part.section.where('port'), f'{part.name}.port', port,
                            f'is the port of {other.name} ({where}): give each its own')
+
+
+def _check_address(
+    part: Part, port: str, taken: dict[tuple[str, int], Part], problems: Problems,
+) -> None:
+    address = part.section.values.get('address')
+    other = part if address is None else taken.setdefault((port, address), part)
+    if other is not part:
+        where = other.section.where('address')
+        problems.value(part.section.where('address'), f'{part.name}.address', address,
+                       f'is the address of {other.name} on this bus ({where}): give each its own')
 
 
 def check_mirrors(

@@ -22,10 +22,10 @@ CLOCK_MONOTONIC, a test with whatever it likes.
 
 from __future__ import annotations
 
-from abc import ABC
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 import random
 from typing import Any
 from typing import ClassVar
@@ -33,6 +33,8 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import check
 from rt_robot_os.sim.faults import FaultPlan
 from rt_robot_os.sim.faults import FAULTS
@@ -84,9 +86,9 @@ def common_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
     )
 
 
-class SimulatedDevice(ABC):
+class SimulatedDevice(Simulated):
     """
-    One simulated device.
+    One simulated device on a serial line.
 
     :cvar SETTINGS: the settings that it has.
     :cvar BAUD: the usual speed of the device.
@@ -96,6 +98,7 @@ class SimulatedDevice(ABC):
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
     BAUD: ClassVar[int] = 9600
+    port: PtyPort
 
     def __init__(
         self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
@@ -128,6 +131,22 @@ class SimulatedDevice(ABC):
         self._last_sample: bytes | None = None
         self._samples = 0
         self._skipped = 0
+
+    @classmethod
+    def made_for(
+        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+    ) -> SimulatedDevice:
+        """
+        Make the twin of a device; nothing is plugged in yet.
+
+        :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
+        """
+        return cls(name, settings, PtyPort(place.folder / name), device.get('baud'))
+
+    @property
+    def path(self) -> Path:
+        """Give the path that the driver opens."""
+        return self.port.link
 
     @abstractmethod
     def sample(self, time_s: float) -> bytes:

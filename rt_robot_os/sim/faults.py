@@ -22,6 +22,7 @@ A schedule is text such as ``unplug at 5 for 2``: seconds since the start, and h
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 import re
@@ -39,6 +40,19 @@ FAULTS: Final = {
     'stuck': 'repeats its last sample',
     'wrong': 'speaks like another device',
     'baud': 'is heard at half of its speed, as with a wrong baud rate',
+}
+
+# What befalls chips on an I2C bus.
+I2C_FAULTS: Final = {
+    'silent': 'answers, but measures no more',
+    'garbage': 'what is read is random bytes',
+    'corrupt': 'bits flip in what is read',
+    'nack': 'does not acknowledge, and keeps its settings',
+    'unplug': 'has no power: does not acknowledge, and comes back without its settings',
+    'stuck': 'measures the same again and again',
+    'wrong': 'answers like another chip',
+    'hold': 'holds the data line low: no transfer on the whole bus gets through',
+    'vanish': 'the whole bus goes away, as a USB adapter does, and comes back under its path',
 }
 
 _MAX_S: Final = 1e6
@@ -66,12 +80,16 @@ class FaultEvent:
 class FaultPlan:
     """The faults of one device, those of the schedule and those asked for while it runs."""
 
-    def __init__(self, events: Iterable[FaultEvent]) -> None:
+    def __init__(
+        self, events: Iterable[FaultEvent], known: Mapping[str, str] = FAULTS,
+    ) -> None:
         """
         Keep the schedule.
 
         :param events: with times since the start of the device.
+        :param known: the faults that there are.
         """
+        self._known = known
         self._scheduled = tuple(events)
         self._events: list[FaultEvent] = []
 
@@ -88,7 +106,7 @@ class FaultPlan:
         """
         self._events = [e for e in self._events if e.start_ns + e.duration_ns > now_ns]
         self._events = self._events[-_MAX_EVENTS:]
-        self._events.append(FaultEvent(fault, now_ns, check(fault, duration_s)))
+        self._events.append(FaultEvent(fault, now_ns, check(fault, duration_s, self._known)))
 
     def active(self, moment_ns: int) -> frozenset[str]:
         """Give the faults that are active."""
@@ -100,15 +118,16 @@ class FaultPlan:
         return min((edge for edge in edges if edge > after_ns), default=None)
 
 
-def check(fault: str, duration_s: float) -> int:
+def check(fault: str, duration_s: float, known: Mapping[str, str] = FAULTS) -> int:
     """
     Check a fault and how long it lasts.
 
+    :param known: the faults that there are.
     :return: the duration in nanoseconds.
     :raises ConfigError: no such fault, or no such duration.
     """
-    if fault not in FAULTS:
-        raise ConfigError([f'there is no fault {fault!r}: use one of {", ".join(FAULTS)}'])
+    if fault not in known:
+        raise ConfigError([f'there is no fault {fault!r}: use one of {", ".join(known)}'])
     if not 0 < duration_s <= _MAX_S:
         raise ConfigError([
             f'fault {fault} for {duration_s:g} s: the duration must be above 0 and at most '
@@ -116,10 +135,13 @@ def check(fault: str, duration_s: float) -> int:
     return round(duration_s * NS_PER_S)
 
 
-def parse_schedule(texts: Iterable[str]) -> tuple[FaultEvent, ...]:
+def parse_schedule(
+    texts: Iterable[str], known: Mapping[str, str] = FAULTS,
+) -> tuple[FaultEvent, ...]:
     """
     Read a schedule.
 
+    :param known: the faults that there are.
     :param texts: such as ``unplug at 5 for 2``; several in one text are separated by ``;``.
     :raises ConfigError: with every problem found.
     """
@@ -129,7 +151,7 @@ def parse_schedule(texts: Iterable[str]) -> tuple[FaultEvent, ...]:
         if not part:
             continue
         try:
-            events.append(_parse(part))
+            events.append(_parse(part, known))
         except ConfigError as error:
             problems.extend(error.problems)
     if len(events) > _MAX_EVENTS:
@@ -139,7 +161,7 @@ def parse_schedule(texts: Iterable[str]) -> tuple[FaultEvent, ...]:
     return tuple(events)
 
 
-def _parse(part: str) -> FaultEvent:
+def _parse(part: str, known: Mapping[str, str]) -> FaultEvent:
     match = _EVENT(part)
     if match is None:
         raise ConfigError([
@@ -148,7 +170,7 @@ def _parse(part: str) -> FaultEvent:
     if not 0 <= at_s <= _MAX_S:
         raise ConfigError([
             f'fault {part!r}: it must begin at 0 to {_MAX_S:g} seconds after the start'])
-    return FaultEvent(fault, round(at_s * NS_PER_S), check(fault, for_s))
+    return FaultEvent(fault, round(at_s * NS_PER_S), check(fault, for_s, known))
 
 
 def _seconds(text: str, part: str) -> float:

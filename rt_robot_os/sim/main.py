@@ -29,7 +29,8 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
@@ -63,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         server.close()
         return _fail(error)
     for name, device in devices.items():
-        print(f'{name} {device.port.link}', flush=True)
+        print(f'{name} {device.path}', flush=True)
     server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line))
     _run(server, arguments.keep_running)
     return 0
@@ -90,7 +91,7 @@ def player(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def build_devices(arguments: argparse.Namespace) -> dict[str, SimulatedDevice]:
+def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
     """
     Make the simulated devices that the arguments ask for; nothing is plugged in.
 
@@ -110,14 +111,15 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, SimulatedDevice]:
     rates = _per_device(arguments.rate, types, '--rate', problems)
     faults = _faults(arguments.fault, types, problems)
     folder = _folder(arguments.dir, problems)
-    devices: dict[str, SimulatedDevice] = {}
+    place = Place(folder)
+    devices: dict[str, Simulated] = {}
     for name, kind in types.items():
         settings: dict[str, Any] = {'faults': faults[name], 'seed': arguments.seed}
         if name in rates:
             settings['rate_hz'] = rates[name]
         try:
-            baud = int(bauds[name]) if name in bauds else None
-            device = SIMULATORS.load(kind)(name, settings, PtyPort(folder / name), baud)
+            wanted = {'baud': int(bauds[name])} if name in bauds else {}
+            device = SIMULATORS.load(kind).made_for(name, settings, place, wanted)
             device.check_speed()
             devices[name] = device
         except ConfigError as error:
@@ -129,7 +131,8 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, SimulatedDevice]:
 
 def _simulator_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='simulator', description='Simulated devices on ptys, with faults on demand.',
+        prog='simulator', description='Simulated devices, with faults on demand: serial ones '
+        'on ptys, chips on an emulated I2C bus.',
         epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
         f'seconds. Faults: {_FAULT_HELP}.')
     parser.add_argument('devices', nargs='+', metavar='NAME:TYPE',
@@ -211,7 +214,7 @@ def _folder(given: str | None, problems: list[str]) -> Path:
     return Path(runtime or '.') / 'rt_robot_os'
 
 
-def _inject(devices: dict[str, SimulatedDevice], line: str) -> None:
+def _inject(devices: dict[str, Simulated], line: str) -> None:
     """Obey a line of the standard input such as ``imu silent 3``."""
     if not line:
         return

@@ -20,13 +20,17 @@ from __future__ import annotations
 from typing import Final
 
 from rt_robot_os.drivers.plugins import PluginRegistry
-from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.base import Simulated
 
-SIMULATORS: Final[PluginRegistry[SimulatedDevice]] = PluginRegistry(
+SIMULATORS: Final[PluginRegistry[Simulated]] = PluginRegistry(
     'rt_robot_os.simulators',
-    SimulatedDevice,  # type: ignore[type-abstract]
+    Simulated,  # type: ignore[type-abstract]
     'simulated device for the driver',
     {
+        'bmp280': 'rt_robot_os.sim.bmp280:SimulatedBmp280',
+        'bmp388': 'rt_robot_os.sim.bmp388:SimulatedBmp388',
+        'mpu6050': 'rt_robot_os.sim.mpu6050:SimulatedMpu6050',
+        'ms5611': 'rt_robot_os.sim.ms5611:SimulatedMs5611',
         'nmea': 'rt_robot_os.sim.nmea:SimulatedNmea',
         'witmotion': 'rt_robot_os.sim.witmotion:SimulatedWitMotion',
         'xsens': 'rt_robot_os.sim.xsens:SimulatedXsens',

@@ -31,7 +31,7 @@ from typing import Final
 from typing import Protocol
 
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.base import Plug
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -45,7 +45,9 @@ _MAX_LINE: Final = 4096
 class Pumped(Protocol):
     """What the server runs: a simulated device or a player."""
 
-    port: PtyPort
+    @property
+    def port(self) -> Plug:
+        """Give where it is plugged in."""
 
     def pump(self, now_ns: int) -> None:
         """Do everything that is due by now."""

@@ -232,7 +232,7 @@ def test_player(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('arguments, messages', [
     (['imu'], ["device 'imu' is not understood"]),
-    (['imu:lidar'], ["no simulated device for the driver 'lidar': use one of nmea, witmotion"]),
+    (['imu:lidar'], ["no simulated device for the driver 'lidar': use one of "]),
     (['a:nmea', 'a:nmea', '../b:nmea'], ["two devices of the name 'a'", "'../b:nmea'"]),
     (['a:nmea', '--baud', 'fast', '--rate', 'b=1', '--fault', 'x', '--fault', 'a: y at 1 for 1'],
      ["--baud 'fast'", "no device 'b'", "--fault 'x'", "no fault 'y'"]),

@@ -1,0 +1,131 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What every simulated device is to those who run it, be it on a pty or on an emulated bus."""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from typing import ClassVar
+from typing import Protocol
+
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.i2c_port import I2cPort
+
+
+class Plug(Protocol):
+    """Where a device is plugged in: what the server waits on."""
+
+    def fileno(self) -> int:
+        """Give a file descriptor that is readable when the driver wants something."""
+
+    def has_reader(self) -> bool:
+        """Say whether that file descriptor can be waited on."""
+
+    def plug(self) -> None:
+        """
+        Make the path of the port.
+
+        :raises DeviceError: it cannot be made.
+        """
+
+    def unplug(self) -> None:
+        """Take it away."""
+
+
+class Place:
+    """
+    Where the simulated devices of one robot are plugged in.
+
+    :ivar folder: of the paths.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder; nothing is opened."""
+        self.folder = folder
+        self._i2c: I2cPort | None = None
+
+    def i2c(self) -> I2cPort:
+        """Give the one I2C bus that all chips of the robot are on."""
+        if self._i2c is None:
+            self._i2c = I2cPort(self.folder / 'i2c-sim')
+        return self._i2c
+
+
+class Simulated(ABC):
+    """
+    One simulated device.
+
+    :cvar SETTINGS: the settings that it has.
+    :ivar name: for errors.
+    :ivar port: where it is plugged in.
+    """
+
+    SETTINGS: ClassVar[tuple[Field, ...]] = ()
+    name: str
+    port: Any
+
+    @classmethod
+    @abstractmethod
+    def made_for(
+        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+    ) -> Simulated:
+        """
+        Make the twin of a device; nothing is plugged in yet.
+
+        :param settings: some of ``SETTINGS``; the others have their default.
+        :param device: the settings of the driver, as far as they are known.
+        :raises ConfigError: a setting is wrong.
+        """
+
+    @property
+    @abstractmethod
+    def path(self) -> Path:
+        """Give the path that the driver opens."""
+
+    @abstractmethod
+    def check_speed(self) -> None:
+        """
+        Check that the samples fit through the line.
+
+        :raises ConfigError: they do not.
+        """
+
+    @abstractmethod
+    def pump(self, now_ns: int) -> None:
+        """
+        Do everything that is due by now; does not block.
+
+        :raises DeviceError: the port cannot be made again after a fault.
+        """
+
+    @abstractmethod
+    def next_event_ns(self) -> int:
+        """Say when ``pump`` has to be called next."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Unplug the device; may be called twice."""
+
+    @abstractmethod
+    def inject(self, fault: str, duration_s: float) -> None:
+        """
+        Begin a fault with the next ``pump``.
+
+        :raises ConfigError: no such fault, or no such duration.
+        """
