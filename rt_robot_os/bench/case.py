@@ -47,11 +47,17 @@ class Options:
     :ivar seconds: of one measurement.
     :ivar repeats: of each run; other runs lie between them.
     :ivar full: measure the slow variants as well.
+    :ivar quick: leave out what a first look does not need.
+    :ivar hours: of the case `stability`.
+    :ivar out: the folder of the results, for what is written while measuring; or empty.
     """
 
     seconds: float
     repeats: int
     full: bool = False
+    quick: bool = False
+    hours: float = 1 / 60
+    out: str = ''
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,7 @@ class Run:
     :ivar seconds: how long it is expected to take, start included.
     :ivar cpu: that the child is pinned to; ``LAST_CPU`` or ``UNPINNED``.
     :ivar priority: of SCHED_FIFO; 0 for an ordinary process.
+    :ivar once: not repeated: a long run that has its repeats inside.
     """
 
     key: str
@@ -76,6 +83,7 @@ class Run:
     seconds: float
     cpu: int = LAST_CPU
     priority: int = FIFO_PRIORITY
+    once: bool = False
 
 
 @dataclass(frozen=True)
@@ -164,9 +172,11 @@ class Case:
     :ivar title: what it measures, in a line.
     :ivar plan: the runs for these options, in the order of one repeat.
     :ivar evaluate: makes tables and verdicts; knows nothing but the outcomes.
+    :ivar partial: what a case that was interrupted has written so far, or None.
     """
 
     name: str
     title: str
     plan: Callable[[Options], Sequence[Run]]
     evaluate: Callable[[Options, Outcomes], CaseResult]
+    partial: Callable[[Options], Outcomes | None] | None = None

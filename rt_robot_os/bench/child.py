@@ -33,31 +33,39 @@ import numpy as np
 
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.harness import Harness
+from rt_robot_os.bench.harness import Unavailable
 from rt_robot_os.bench.helper import load_function
 from rt_robot_os.bench.result import Status
+from rt_robot_os.bench.surroundings import Surroundings
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import die_with_parent
 
 JOB_FILE = 'job.json'
 RESULT_FILE = 'result.npz'
 _OWN = 'rt_robot_os'
+_REMEDIES = {'horus': 'horus-robotics'}
 _META = 'meta'
 
 
 def _work(job: dict[str, Any], folder: Path) -> Outcome:
     harness = Harness(job['arguments'], job['cpu'], job['priority'], folder)
+    surroundings = Surroundings()
     try:
         measured = load_function(job['worker'])(harness)
     except ImportError as error:
         name = (error.name or '').partition('.')[0]
         if name == _OWN or not name:
             return Outcome(Status.FAILED, f'ImportError: {error}')
-        return Outcome(Status.MISSING, f'{name} is not installed ({error})')
+        remedy = f'; remedy: pip install {_REMEDIES[name]}' if name in _REMEDIES else ''
+        return Outcome(Status.MISSING, f'{name} is not installed ({error}){remedy}')
+    except Unavailable as error:
+        return Outcome(Status.MISSING, str(error))
     except (RtRobotError, OSError, RuntimeError) as error:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
             return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
-    return Outcome(Status.OK, '', measured.samples, measured.figures,
+    figures = {**surroundings.figures(), **measured.figures}
+    return Outcome(Status.OK, '', measured.samples, figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The result as JSON, and the raw samples as compressed NumPy files."""
+"""The result as JSON, and the raw samples as compressed NumPy files; both can be read again."""
 
 from __future__ import annotations
 
@@ -26,10 +26,14 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.bench.case import Options
+from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
+from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.result import CaseResult
+from rt_robot_os.bench.result import Status
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+_META = 'meta'
 
 
 def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options: Options,
@@ -44,7 +48,8 @@ def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options:
     return {
         'program': 'rt_robot_os bench', 'schema': SCHEMA_VERSION, **conditions,
         'interrupted': interrupted,
-        'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full},
+        'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full,
+                    'quick': options.quick, 'hours': options.hours},
         'machine': dict(machine),
         'cases': [result.as_json() for result in results]}
 
@@ -71,10 +76,37 @@ def write_samples(folder: Path, name: str, outcomes: Outcomes) -> None:
     :raises OSError: it cannot be written.
     """
     arrays: dict[str, Any] = {}
+    meta: dict[str, list[dict[str, Any]]] = {}
     for key in outcomes.runs:
+        meta[key] = [{'status': outcome.status.value, 'reason': outcome.reason,
+                      'figures': dict(outcome.figures)} for outcome in outcomes.all(key)]
         for repeat, outcome in enumerate(outcomes.all(key)):
             for sample, values in outcome.samples.items():
                 arrays[f'{key}/{repeat}/{sample}'] = values
-            for figure, value in outcome.figures.items():
-                arrays[f'{key}/{repeat}/{figure}'] = np.array(value)
-    np.savez_compressed(folder / f'{name}.npz', **arrays)
+    arrays[_META] = np.array(json.dumps(meta))
+    unfinished = folder / f'.{name}.npz'
+    np.savez_compressed(unfinished, **arrays)
+    unfinished.replace(folder / f'{name}.npz')
+
+
+def read_samples(folder: Path, name: str, runs: Sequence[Run]) -> Outcomes:
+    """
+    Read what :func:`write_samples` wrote.
+
+    :param runs: of the case; those that are not in the file were not run.
+    :raises OSError: there is no such file.
+    :raises ValueError: it is something else.
+    """
+    outcomes = Outcomes(runs)
+    with np.load(folder / f'{name}.npz') as file:
+        meta = json.loads(str(file[_META]))
+        samples: dict[tuple[str, str], dict[str, Any]] = {}
+        for path in file.files:
+            if path != _META:
+                key, repeat, sample = path.rsplit('/', 2)
+                samples.setdefault((key, repeat), {})[sample] = file[path]
+    for key in outcomes.runs:
+        for repeat, one in enumerate(meta.get(key, ())):
+            outcomes.add(key, Outcome(Status(one['status']), one['reason'],
+                                      samples.get((key, str(repeat)), {}), one['figures']))
+    return outcomes

@@ -30,6 +30,10 @@ from rt_robot_os.linux import realtime
 from rt_robot_os.linux.realtime import RtResult
 
 
+class Unavailable(Exception):
+    """What was to be measured is not on this machine: a line in the table, not an error."""
+
+
 @dataclass(frozen=True)
 class Measured:
     """
@@ -49,16 +53,17 @@ class Harness:
 
     :param arguments: those of its :class:`rt_robot_os.bench.case.Run`.
     :param folder: for files; gone afterwards.
+    :ivar priority: of SCHED_FIFO that was asked for; 0 for none.
     :ivar realtime: what became of each step of the set-up.
     """
 
     def __init__(self, arguments: Mapping[str, Any], cpu: int, priority: int, folder: Path
                  ) -> None:
         self.arguments = arguments
+        self.priority = priority
         self.folder = folder
         self.realtime: list[RtResult] = []
         self._cpu = cpu
-        self._priority = priority
         self._allowed = sorted(os.sched_getaffinity(0))
 
     def prepare(self, freeze: bool = False) -> None:
@@ -75,8 +80,8 @@ class Harness:
         self.realtime.append(realtime.lock_memory())
         if freeze:
             realtime.freeze_garbage()
-        if self._priority:
-            self.realtime.append(realtime.set_fifo(self._priority))
+        if self.priority:
+            self.realtime.append(realtime.set_fifo(self.priority))
 
     @property
     def own_cpu(self) -> int:

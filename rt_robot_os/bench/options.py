@@ -20,6 +20,7 @@ import argparse
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import replace
 from difflib import get_close_matches
 import math
 import os
@@ -29,12 +30,14 @@ from typing import NoReturn
 
 from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.case import Options
+from rt_robot_os.bench.output import DOCUMENT_FILE
+from rt_robot_os.bench.output import PAGE_FILE
 
-DOCUMENT_FILE = 'bench.json'
 _DEFAULT = Options(5.0, 3)
-_QUICK = Options(1.0, 1)
+_QUICK = Options(1.0, 1, quick=True)
 _FULL = Options(20.0, 5, full=True)
 _SECONDS = (0.1, 86_400.0)
+_HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
 
 _EPILOG = """\
@@ -56,6 +59,7 @@ class Request:
 
     :ivar json: where to write the result, or None.
     :ivar out: the folder for the result and the raw samples, or None.
+    :ivar page: the folder of an earlier call to evaluate again, or None.
     """
 
     cases: Sequence[Case]
@@ -63,6 +67,7 @@ class Request:
     json: Path | None
     out: Path | None
     list_only: bool
+    page: Path | None = None
 
 
 class _Parser(argparse.ArgumentParser):
@@ -88,22 +93,35 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
                         help=f'length of each measurement (default {_DEFAULT.seconds:g})')
     parser.add_argument('--repeats', metavar='N', type=_repeats,
                         help=f'times that each is repeated (default {_DEFAULT.repeats})')
+    parser.add_argument('--hours', metavar='H', type=_hours,
+                        help='length of the case stability (default: a minute)')
     parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
     parser.add_argument('--out', metavar='DIR', type=Path,
-                        help=f'write {DOCUMENT_FILE} and all raw samples to a new folder')
+                        help=f'write {PAGE_FILE} (tables and plots), {DOCUMENT_FILE}, '
+                        'benchmarks.md and all raw samples to a new folder')
+    parser.add_argument('--page', metavar='DIR', type=Path,
+                        help='measure nothing; evaluate what --out DIR wrote again')
     parser.add_argument('--list', action='store_true', help='list the cases and end')
     return parser
 
 
 def _seconds(text: str) -> float:
+    return _number(text, 'seconds', _SECONDS)
+
+
+def _hours(text: str) -> float:
+    return _number(text, 'hours', _HOURS)
+
+
+def _number(text: str, of: str, limits: tuple[float, float]) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    low, high = _SECONDS
+    low, high = limits
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(
-            f'{text!r} is not a number of seconds from {low:g} to {high:g}')
+            f'{text!r} is not a number of {of} from {low:g} to {high:g}')
     return value
 
 
@@ -126,14 +144,17 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     given = parser.parse_args(own)
     chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
     base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
-    options = Options(base.seconds if given.seconds is None else given.seconds,
-                      base.repeats if given.repeats is None else given.repeats, base.full)
+    options = replace(
+        base, out='' if given.out is None else str(given.out.absolute()),
+        **{key: value for key in ('seconds', 'repeats', 'hours')
+           if (value := getattr(given, key)) is not None})
     if not given.list:
         if given.json is not None:
             _check_file(parser, given.json)
         if given.out is not None:
             _check_folder(parser, given.out)
-    return Request(chosen or list(cases.values()), options, given.json, given.out, given.list)
+    return Request(chosen or list(cases.values()), options, given.json, given.out, given.list,
+                   given.page)
 
 
 def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:

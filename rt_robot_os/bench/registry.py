@@ -21,10 +21,14 @@ from types import MappingProxyType
 
 from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.cases import delay
+from rt_robot_os.bench.cases import frequency
+from rt_robot_os.bench.cases import load
 from rt_robot_os.bench.cases import micro
 from rt_robot_os.bench.cases import mirror
 from rt_robot_os.bench.cases import preemption
 from rt_robot_os.bench.cases import start
+from rt_robot_os.bench.cases import throughput
+from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    preemption.CASE, delay.CASE, micro.CASE, mirror.CASE, start.START, start.MEMORY)})
+    frequency.CASE, delay.CASE, load.CASE, preemption.CASE, wakeup.CASE, throughput.CASE, micro.CASE, mirror.CASE, start.START, start.MEMORY)})

@@ -24,6 +24,8 @@ from enum import Enum
 import statistics
 from typing import Any
 
+from rt_robot_os.bench.plot import Plot
+
 
 class Status(Enum):
     """What became of a run: measured, its software is not installed, or it went wrong."""
@@ -98,18 +100,26 @@ class Row:
 
     :ivar metrics: by key; None where there were too few samples.
     :ivar reason: why it was not measured; empty when it was.
+    :ivar quoted: the figures are those of a publication; nothing of it ran here.
     """
 
     label: str
     metrics: Mapping[str, Metric | None] = field(default_factory=dict)
     status: Status = Status.OK
     reason: str = ''
+    quoted: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Give plain values."""
         return {'label': self.label, 'status': self.status.value, 'reason': self.reason,
+                'quoted': self.quoted,
                 'metrics': {key: None if metric is None else metric.as_json()
                             for key, metric in self.metrics.items()}}
+
+
+def quoted(label: str, **figures: float) -> Row:
+    """Make a row of the figures that somebody else published."""
+    return Row(label, {key: Metric((value,)) for key, value in figures.items()}, quoted=True)
 
 
 @dataclass(frozen=True)
@@ -143,6 +153,8 @@ class Aim:
     :ivar limit: the number.
     :ivar measured: None when it could not be measured.
     :ivar at_most: the measured one has to be at most the limit; else at least.
+    :ivar why: what the samples say about the reason, in case that it is missed.
+    :ivar paper: the figure of the paper for the same, in words.
     """
 
     text: str
@@ -150,6 +162,13 @@ class Aim:
     measured: Metric | None
     unit: str = ''
     at_most: bool = True
+    why: str = ''
+    paper: str = ''
+
+    @property
+    def reason(self) -> str:
+        """Say why it is missed; empty unless it is."""
+        return self.why if self.verdict is Verdict.MISSED else ''
 
     @property
     def verdict(self) -> Verdict:
@@ -164,7 +183,41 @@ class Aim:
         """Give plain values."""
         return {'aim': self.text, 'limit': self.limit, 'unit': self.unit,
                 'relation': '<=' if self.at_most else '>=', 'verdict': self.verdict.value,
+                'reason': self.reason, 'paper': self.paper,
                 'measured': None if self.measured is None else self.measured.as_json()}
+
+
+@dataclass(frozen=True)
+class Need:
+    """
+    What somebody may want of a system, and which systems give it.
+
+    :ivar text: the need, with the number that is good enough.
+    :ivar limit: that number.
+    :ivar systems: what was measured, by system; None where it was not.
+    :ivar case: the case that measured it.
+    """
+
+    text: str
+    limit: float
+    unit: str
+    systems: Mapping[str, Metric | None]
+    at_most: bool = True
+    case: str = ''
+
+    def gives(self, system: str) -> bool | None:
+        """Tell whether a system gives it; None when that is not known."""
+        metric = self.systems.get(system)
+        if metric is None:
+            return None
+        return metric.median <= self.limit if self.at_most else metric.median >= self.limit
+
+    def as_json(self) -> dict[str, Any]:
+        """Give plain values."""
+        return {'need': self.text, 'limit': self.limit, 'unit': self.unit, 'case': self.case,
+                'relation': '<=' if self.at_most else '>=',
+                'systems': {name: None if metric is None else metric.as_json()
+                            for name, metric in self.systems.items()}}
 
 
 @dataclass(frozen=True)
@@ -175,9 +228,13 @@ class CaseResult:
     title: str
     tables: Sequence[Table]
     aims: Sequence[Aim]
+    plots: Sequence[Plot] = ()
+    needs: Sequence[Need] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Give plain values."""
         return {'name': self.name, 'title': self.title,
                 'tables': [table.as_json() for table in self.tables],
-                'aims': [aim.as_json() for aim in self.aims]}
+                'aims': [aim.as_json() for aim in self.aims],
+                'plots': [plot.as_json() for plot in self.plots],
+                'needs': [need.as_json() for need in self.needs]}

@@ -24,15 +24,20 @@ from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.processes import measure
+from rt_robot_os.bench.progress import Progress
 from rt_robot_os.bench.result import Status
 
-Progress = Callable[[str], None]
 Measure = Callable[[Run], Outcome]
 
 
 def expected_seconds(case: Case, options: Options) -> float:
     """Estimate how long a case takes."""
-    return options.repeats * sum(run.seconds for run in case.plan(options))
+    return sum(run.seconds * repeats(run, options) for run in case.plan(options))
+
+
+def repeats(run: Run, options: Options) -> int:
+    """Tell how often a run is repeated."""
+    return 1 if run.once else options.repeats
 
 
 def run_case(case: Case, options: Options, progress: Progress, measured: Measure = measure
@@ -42,19 +47,23 @@ def run_case(case: Case, options: Options, progress: Progress, measured: Measure
 
     The order is reversed every other time: no run profits from always being after the same one.
 
-    :param progress: told before each run what is done.
+    :param progress: told before each run what is done, and after it.
     :param measured: runs one of them.
     """
     runs = list(case.plan(options))
     outcomes = Outcomes(runs)
     missing: dict[str, Outcome] = {}
+    total = sum(repeats(run, options) for run in runs)
     count = 0
     for repeat in range(options.repeats):
         for run in runs if repeat % 2 == 0 else reversed(runs):
+            if repeat >= repeats(run, options):
+                continue
             count += 1
-            progress(f'{case.name} {count}/{len(runs) * options.repeats}: {run.label}')
+            progress.show(f'{case.name} {count}/{total}: {run.label.strip()}')
             outcome = missing.get(run.key) or measured(run)
             if outcome.status is Status.MISSING:
                 missing[run.key] = outcome
             outcomes.add(run.key, outcome)
+            progress.done(run.seconds)
     return outcomes

@@ -105,3 +105,27 @@ def inside_any(moments: Samples, begins: Samples, ends: Samples) -> NDArrayBool:
     known = index >= 0
     inside: NDArrayBool = known & (moments < ends[np.where(known, index, 0)])
     return inside
+
+
+def frequencies(starts: Samples, every: int, begin_ns: int, end_ns: int, window_ns: int
+                ) -> NDArray[np.float64]:
+    """
+    Give the actual frequency of a periodic call in each window of time.
+
+    It is the number of periods from the last stamp before a window, or else the first in it, to
+    the last one in it, divided by the time between the two. So a missed call makes it lower, a
+    late one at an edge hardly moves it, and no stall falls between two windows.
+
+    :param starts: when every ``every``-th call began, ascending.
+    :param begin_ns: the first window begins here; a last one that is not whole is left out.
+    :return: hertz; 0 for a window without calls.
+    """
+    count = max(1, (end_ns - begin_ns) // window_ns)
+    edges = begin_ns + np.arange(count + 1) * min(window_ns, end_ns - begin_ns)
+    places = np.searchsorted(starts, edges)
+    found = np.zeros(count)
+    for i, (low, high) in enumerate(zip(places[:-1], places[1:])):
+        first, last = max(0, low - 1), high - 1
+        if high > low and last > first:
+            found[i] = 1e9 * every * (last - first) / (starts[last] - starts[first])
+    return found

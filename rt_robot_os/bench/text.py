@@ -25,12 +25,15 @@ from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Column
 from rt_robot_os.bench.result import Metric
+from rt_robot_os.bench.result import Need
 from rt_robot_os.bench.result import Row
 from rt_robot_os.bench.result import Status
 from rt_robot_os.bench.result import Table
 from rt_robot_os.bench.result import Verdict
 
 WIDTH = 100
+# The systems that a need is compared for, in the order of the columns.
+SYSTEMS = ('rt_robot_os', 'best rclpy', 'HORUS', 'threads')
 _GAP = '  '
 _DIGITS = 3
 
@@ -125,6 +128,12 @@ def aim_lines(aims: Sequence[Aim]) -> Iterator[str]:
         spread = '' if aim.measured is None else _range(aim.measured)
         yield (f'{aim.text.ljust(width)}  {limit:>9}  {measured:>9}  '
                f'{aim.verdict.value:<12}  {spread}').rstrip()
+        yield from _wrapped(f'reason: {aim.reason}' if aim.reason else '', '    ')
+        yield from _wrapped(f'paper: {aim.paper}' if aim.paper else '', '    ')
+
+
+def _wrapped(text: str, indent: str) -> Sequence[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + '  ')
 
 
 def case_lines(result: CaseResult) -> Iterator[str]:
@@ -136,6 +145,33 @@ def case_lines(result: CaseResult) -> Iterator[str]:
     if result.aims:
         yield ''
         yield from aim_lines(result.aims)
+
+
+def closing_lines(results: Sequence[CaseResult]) -> Iterator[str]:
+    """Write what all cases together say: which system for which need, and the verdicts."""
+    yield from need_lines([need for result in results for need in result.needs])
+    yield verdict_line(results)
+
+
+def need_lines(needs: Sequence[Need]) -> Iterator[str]:
+    """Write which systems give what somebody may need."""
+    systems = [name for name in SYSTEMS if any(need.systems.get(name) for need in needs)]
+    if not systems:
+        return
+    width = max(len(need.text) for need in needs)
+    yield 'which system for which need'.ljust(width) + ''.join(
+        f'  {name:>11}' for name in systems)
+    for need in needs:
+        cells = [f'  {_fit(need, name):>11}' for name in systems]
+        yield (need.text.ljust(width) + ''.join(cells)).rstrip()
+    yield ''
+
+
+def _fit(need: Need, system: str) -> str:
+    metric = need.systems.get(system)
+    if metric is None:
+        return '-'
+    return f'{number(metric.median)} {"yes" if need.gives(system) else "no ":<3}'
 
 
 def verdict_line(results: Sequence[CaseResult]) -> str:

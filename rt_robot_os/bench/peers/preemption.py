@@ -22,38 +22,26 @@ import time
 from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Measured
 from rt_robot_os.bench.peers.graph import graph
-from rt_robot_os.bench.stamps import Stamps
-from rt_robot_os.bench.workers.compute import compute
+from rt_robot_os.bench.workers.preemption import Work
 
 
 def executor(harness: Harness) -> Measured:
     """
-    Run both as timers of one node.
+    Run all as timers of one node.
 
     The real-time set-up comes first, so that the threads of the middleware inherit it.
     """
     a = harness.arguments
-    total_ns = a['warmup_ns'] + a['measure_ns']
-    fast = Stamps(2 * total_ns // a['period_ns'] + 1000)
-    busy = Stamps(2 * (2 * total_ns // a['busy_period_ns'] + 10))
-
-    def computing() -> None:
-        busy.stamp()
-        compute(a['busy_ns'])
-        busy.stamp()
-
+    work = Work(a)
     harness.prepare()
     if a['switch_interval_s']:
         sys.setswitchinterval(a['switch_interval_s'])
     with graph(a['executor']) as tested:
-        timer = tested.timer(a['period_ns'], fast.stamp)
+        timer = tested.timer(a['period_ns'], work.fast)
         # The timer's grid; asked a few times, as something may come between the two clocks.
         phase_ns = min(time.monotonic_ns() + timer.time_until_next_call() for _ in range(5))
-        tested.timer(a['busy_period_ns'], computing)
-        tested.spin(total_ns)
-    edges = busy.taken()
-    edges = edges[:len(edges) // 2 * 2]
-    return Measured(
-        {'starts': fast.taken(), 'busy_begins': edges[::2], 'busy_ends': edges[1::2]},
-        {'phase_ns': phase_ns, 'begin_ns': phase_ns + a['warmup_ns'],
-         'measure_ns': a['measure_ns']})
+        if a['middle_period_ns']:
+            tested.timer(a['middle_period_ns'], work.middle)
+        tested.timer(a['busy_period_ns'], work.busy)
+        tested.spin(work.total_ns)
+    return work.measured(phase_ns)

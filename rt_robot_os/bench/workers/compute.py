@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+from itertools import repeat
 import time
 from typing import Any
 
@@ -32,6 +33,22 @@ def compute(duration_ns: int) -> None:
     while now_ns() < end_ns:
         for i in range(20):
             value = (value * 31 + i) & 0xFFFF
+
+
+def native_call(duration_ns: int) -> Callable[[], object]:
+    """
+    Make a single native call of about this length, inside which no bytecode ends.
+
+    :return: what makes it.
+    """
+    count = 1 << 16
+    lengths_ns = []
+    for _ in range(9):
+        begin_ns = time.monotonic_ns()
+        sum(repeat(1, count))
+        lengths_ns.append(time.monotonic_ns() - begin_ns)
+    count = max(1, duration_ns * count // max(1, min(lengths_ns)))
+    return lambda: sum(repeat(1, count))
 
 
 def load(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:

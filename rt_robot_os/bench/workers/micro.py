@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 import time
+from typing import Any
 
 import numpy as np
 
@@ -132,12 +134,23 @@ def dispatch(harness: Harness) -> Measured:
     wake-up and a timer as well.
     """
     a = harness.arguments
+    harness.prepare(freeze=True)
+    return Measured({'cpu_ns': _dispatch(a, a['tasks'], a['spread'])})
+
+
+def dispatch_curve(harness: Harness) -> Measured:
+    """Do the same for several numbers of ``tasks``, released together."""
+    a = harness.arguments
+    harness.prepare(freeze=True)
+    return Measured({str(tasks): _dispatch(a, tasks, 0) for tasks in a['tasks']})
+
+
+def _dispatch(a: Mapping[str, Any], tasks: int, spread: int) -> Samples:
     tested = Kernel()
     period_ns = NS_PER_S // a['rate_hz']
-    for i in range(a['tasks']):
+    for i in range(tasks):
         tested.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=a['rate_hz'],
-                        phase_ns=a['spread'] * (i * period_ns // a['tasks']))
-    harness.prepare(freeze=True)
+                        phase_ns=spread * (i * period_ns // tasks))
     tested.run(a['warmup_ns'])
     costs = []
     for _ in range(max(1, a['measure_ns'] // _STRETCH_NS)):
@@ -146,7 +159,7 @@ def dispatch(harness: Harness) -> Measured:
         tested.run(_STRETCH_NS)
         used_ns = time.process_time_ns() - begin_ns
         costs.append(used_ns // (sum(task.runs for task in tested.tasks) - runs))
-    return Measured({'cpu_ns': np.array(costs, np.int64)})
+    return np.array(costs, np.int64)
 
 
 def wake(harness: Harness) -> Measured:

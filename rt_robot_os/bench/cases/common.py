@@ -1,0 +1,100 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What several cases share: ways to take figures out of outcomes, the peers, reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+
+from rt_robot_os.bench.case import Outcome
+from rt_robot_os.bench.case import Outcomes
+from rt_robot_os.bench.result import Metric
+from rt_robot_os.bench.stats import percentile
+from rt_robot_os.bench.surroundings import explain
+
+Of = Callable[[Outcome], 'float | None']
+
+# Of one second's start: interpreter and NumPy; rclpy and its discovery on top.
+START_S = 1.0
+START_PEER_S = 1.8
+
+RCLPY = ('single', 'multi', 'events')
+RCLPY_LABELS: Mapping[str, str] = {
+    'single': 'rclpy SingleThreadedExecutor', 'multi': 'rclpy MultiThreadedExecutor',
+    'events': 'rclpy EventsExecutor'}
+HORUS_LABEL = 'HORUS'
+THREADS_LABEL = 'Python threads'
+KERNEL_LABEL = 'rt_robot_os kernel'
+
+
+def part_of(sample: str, part: float, scale: float = 1e3) -> Of:
+    """Take a percentile of a sample; 1.0 is the maximum."""
+    def of(outcome: Outcome) -> float | None:
+        values = outcome.samples.get(sample)
+        value = None if values is None else percentile(values, part)
+        return None if value is None else value / scale
+
+    return of
+
+
+def tails_of(sample: str, scale: float = 1e3) -> dict[str, Of]:
+    """Take p50, p99, p99.9 and the maximum of a sample."""
+    return {'p50': part_of(sample, 0.5, scale), 'p99': part_of(sample, 0.99, scale),
+            'p999': part_of(sample, 0.999, scale), 'maximum': part_of(sample, 1.0, scale)}
+
+
+def figure(name: str, scale: float = 1.0) -> Of:
+    """Take a single number."""
+    def of(outcome: Outcome) -> float | None:
+        value = outcome.figures.get(name)
+        return None if value is None else value / scale
+
+    return of
+
+
+def best(outcomes: Outcomes, keys: Sequence[str], of: Of, least: bool = True) -> Metric | None:
+    """Give the metric of the run that is best in the median; None without any."""
+    known = [metric for key in keys if key in outcomes.runs
+             and (metric := outcomes.metric(key, of)) is not None]
+    if not known:
+        return None
+    pick = min if least else max
+    return pick(known, key=lambda metric: metric.median)
+
+
+def best_ratio(outcomes: Outcomes, keys: Sequence[str], ours: str, of: Of) -> Metric | None:
+    """Compare with the peer that is best in the median, not with a different one each repeat."""
+    ratios = [ratio for key in keys if key in outcomes.runs
+              if (ratio := outcomes.ratio(key, ours, of)) is not None]
+    return min(ratios, key=lambda ratio: ratio.median, default=None)
+
+
+def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
+            ) -> Mapping[str, Metric | None]:
+    """Take a figure of each system that a need is compared for."""
+    def metric(key: str) -> Metric | None:
+        return outcomes.metric(key, of) if key in outcomes.runs else None
+
+    return {'rt_robot_os': metric(ours), 'best rclpy': best(outcomes, RCLPY, of, least),
+            'HORUS': metric('horus'), 'threads': metric('threads')}
+
+
+def disturbances(outcomes: Outcomes, key: str) -> str:
+    """Say what disturbed a run, as far as its counters tell; the worst of the repeats."""
+    told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
+    return told[-1] if told else ('nothing outside is known to have disturbed it: it is the cost '
+                                  'of the program itself, or of the virtual machine')

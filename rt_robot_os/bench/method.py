@@ -1,0 +1,77 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How it was measured, in words: what a reader needs to trust or to doubt the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+
+PEERS = (
+    'rt_robot_os: tasks of one kernel in one process prepared as the core prepares itself: '
+    'SCHED_FIFO, one CPU, locked memory, garbage collector frozen.',
+    'rclpy SingleThreadedExecutor, MultiThreadedExecutor (4 threads), EventsExecutor: one node, '
+    'a timer for each module on the steady clock, each callback in a mutually exclusive group of '
+    'its own, as the page "Using Callback Groups" of the ROS 2 documentation advises for '
+    'callbacks that shall run beside each other. rmw_fastrtps, a ROS domain of its own, '
+    'publisher and subscriptions in one process. SCHED_FIFO and one CPU as above; rows that say '
+    '"all CPUs" have neither.',
+    'Python threads: one threading.Thread a module, absolute deadlines, each thread with its own '
+    'SCHED_FIFO priority, default switch interval of 5 ms.',
+    'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core and, '
+    'for what computes, compute=True, run by horus.run(rt=True), as its documentation shows.',
+    'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
+    'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
+)
+
+
+def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
+           options: Mapping[str, Any]) -> Sequence[str]:
+    """Describe the method of one call of the program."""
+    cost_ns = conditions['harness_ns_per_sample']
+    lines = [
+        f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a case '
+        'may divide or multiply that), then the next; when all have run, all run again, in the '
+        f'reverse order; {options["repeats"]} times. What disturbs the machine for a while meets '
+        'all of them.',
+        'Figures: the median of the repeats, with the lowest and the highest beside it. Ratios '
+        'are taken repeat by repeat, between runs that lay close together, then their median. '
+        'Percentiles are samples (nearest rank), never between two; a percentile that too few '
+        'samples support is not shown.',
+        'Warm-up: the first 0.2 to 0.6 s of each run are not counted; imports, set-up and '
+        'matching of publishers lie before.',
+        f'The harness: a sample is one clock reading into memory that was allocated before, '
+        f'{cost_ns / 1000:.2f} us on this machine in this run. It is in the figures of all '
+        'systems alike and is not taken off. Costs of single operations are means of blocks of '
+        'calls with the empty loop taken off.',
+        'Latency is counted from the moment on the time grid at which a call was due, by the same '
+        'rule for all systems: a call that comes 20 ms late has 20 ms, and the calls that were '
+        'left out for it are missed.',
+        'Raw samples of every run lie beside this page, one .npz file a case, in arrays '
+        'run/repeat/sample. `bench --page FOLDER` computes every table, plot and verdict from '
+        'them again.',
+    ]
+    if machine['virtual']:
+        lines.append(
+            'A virtual machine: when its host gives the CPU to others, everything in it stands '
+            'still. That makes the tails (p99.9, max) of all systems, of bare C as well; compare '
+            'them with the rows of the floor, and judge by p50, p99 and the ratios.')
+    if len(machine['cores_allowed']) == 1:
+        lines.append('One CPU: what runs beside the measured process disturbs it.')
+    if machine['load_average'][0] > len(machine['cores_allowed']) / 2:
+        lines.append(f'The machine was busy with other work (load average '
+                     f'{machine["load_average"][0]:.1f}) when this began: do not quote.')
+    return lines

@@ -1,0 +1,69 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What else happened while something was measured: how a missed aim finds its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import resource
+
+_PREFIX = 'env '
+
+
+def _stolen_ticks() -> int:
+    """Read the time that the host of a virtual machine gave to others; 0 when untold."""
+    try:
+        words = Path('/proc/stat').read_text().partition('\n')[0].split()
+        return int(words[8])
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+class Surroundings:
+    """Counters of the process and the machine, from making this to :meth:`figures`."""
+
+    def __init__(self) -> None:
+        self._before = self._now()
+
+    @staticmethod
+    def _now() -> dict[str, float]:
+        usage = resource.getrusage(resource.RUSAGE_SELF)
+        return {
+            'stolen_ms': _stolen_ticks() * 1000 / os.sysconf('SC_CLK_TCK'),
+            'switches_forced': usage.ru_nivcsw, 'switches': usage.ru_nvcsw,
+            'faults': usage.ru_minflt, 'faults_disk': usage.ru_majflt,
+            'cpu_ms': (usage.ru_utime + usage.ru_stime) * 1000}
+
+    def figures(self) -> dict[str, float]:
+        """Give what happened, the set-up of the measurement included."""
+        now = self._now()
+        return {_PREFIX + name: now[name] - before for name, before in self._before.items()}
+
+
+def explain(figures: Mapping[str, float]) -> str:
+    """Say in words what disturbed a measurement; empty when nothing is known to have done so."""
+    stolen_ms = figures.get(_PREFIX + 'stolen_ms', 0.0)
+    forced = figures.get(_PREFIX + 'switches_forced', 0.0)
+    faults = figures.get(_PREFIX + 'faults_disk', 0.0)
+    parts = []
+    if stolen_ms >= 10:
+        parts.append(f'the host took {stolen_ms:.0f} ms of CPU time away')
+    if forced >= 10:
+        parts.append(f'other processes interrupted it {forced:.0f} times')
+    if faults >= 1:
+        parts.append(f'{faults:.0f} pages came from disk')
+    return ', '.join(parts)
