@@ -55,7 +55,7 @@ def test_what_ros2_launch_appends_is_left_alone() -> None:
 
 @pytest.mark.parametrize('argv, words', [
     (('preemtion',), ("no case 'preemtion'", 'did you mean preemption?')),
-    (('zzz',), ("no case 'zzz'", 'there are preemption, delay')),
+    (('zzz',), ("no case 'zzz'", 'there are frequency, delay')),
     (('--seconds', 'nan'), ('--seconds', "'nan'", 'from 0.1 to')),
     (('--seconds', '0'), ('--seconds', "'0'")),
     (('--seconds', '-3'), ('--seconds',)),

@@ -23,6 +23,8 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.case import FIFO_PRIORITY
+from rt_robot_os.bench.case import LAST_CPU
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
@@ -93,8 +95,9 @@ def _plan(options: Options) -> Sequence[Run]:
         'measure_ns': round(options.seconds * NS_PER_S)}
     seconds = options.seconds + _WARMUP_NS / NS_PER_S + common.START_S
 
-    def run(key: str, label: str, worker: str, arguments: Mapping[str, Any], **more: int) -> Run:
-        return Run(key, label, worker, {**common_arguments, **arguments}, seconds, **more)
+    def run(key: str, label: str, worker: str, arguments: Mapping[str, Any], cpu: int = LAST_CPU,
+            priority: int = FIFO_PRIORITY) -> Run:
+        return Run(key, label, worker, {**common_arguments, **arguments}, seconds, cpu, priority)
 
     def peer(key: str, label: str, executor: str, arguments: Mapping[str, Any],
              **more: int) -> Run:
