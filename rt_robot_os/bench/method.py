@@ -43,8 +43,8 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
     """Describe the method of one call of the program."""
     cost_ns = conditions['harness_ns_per_sample']
     lines = [
-        f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a case '
-        'may divide or multiply that), then the next; when all have run, all run again, in the '
+        f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a '
+        'case may divide or multiply that), then the next; when all have run, all run again, in the '
         f'reverse order; {options["repeats"]} times. What disturbs the machine for a while meets '
         'all of them.',
         'Figures: the median of the repeats, with the lowest and the highest beside it. Ratios '

@@ -31,4 +31,5 @@ from rt_robot_os.bench.cases import throughput
 from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    frequency.CASE, delay.CASE, load.CASE, preemption.CASE, wakeup.CASE, throughput.CASE, micro.CASE, mirror.CASE, start.START, start.MEMORY)})
+    frequency.CASE, delay.CASE, load.CASE, preemption.CASE, wakeup.CASE, throughput.CASE,
+    micro.CASE, mirror.CASE, start.START, start.MEMORY)})

@@ -77,7 +77,8 @@ def _ratio(size: int) -> common.Of:
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [quoted('paper (FreeRTOS on STM32F4)', bytes=_PAPER_BYTES_S / 1e6)]
     rows += [outcomes.row('rings', {
-        'messages': _per_second('ring', size, 1e-3), 'bytes': _per_second('ring', size, size / 1e6),
+        'messages': _per_second('ring', size, 1e-3),
+        'bytes': _per_second('ring', size, size / 1e6),
         'copy': _per_second('copy', size, size / 1e6), 'ratio': _ratio(size),
     }, f'rt_robot_os, {size_text(size)}') for size in SIZES]
     aims = (Aim('64 KB: time / time of three memcpy', 2.0, outcomes.metric(

@@ -49,8 +49,8 @@ _NOTES = (
     'Period 1 ms, one CPU, SCHED_FIFO 80, nothing else to do. Late: from the point on the grid to',
     'the first line after waking. The kernel: sigwaitinfo, release, statistics, dispatch. spin:',
     'it wakes 100 us early and spins to the release. cpu_dma_latency 0: /dev/cpu_dma_latency held',
-    'at 0, which keeps the CPU out of deep idle states (often without effect in a virtual machine).',
-    'cyclictest (rt-tests) is C; its CPU time is not taken.')
+    'at 0: the CPU does not idle deeply (often without effect in a virtual machine). cyclictest',
+    '(rt-tests) is C; its CPU time is not taken.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
