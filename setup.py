@@ -44,6 +44,7 @@ setup(
     entry_points={
         'console_scripts': [
             'bench = rt_robot_os.cli.bench:main',
+            'black_box = rt_robot_os.cli.black_box:main',
             'core = rt_robot_os.cli.core:main',
             'echo = rt_robot_os.cli.echo:main',
             'player = rt_robot_os.sim.main:player',

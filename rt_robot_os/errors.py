@@ -24,6 +24,7 @@ The one error tree.
     |- TaskError (ValueError)        misuse of the kernel: priority 0, a name taken, ...
     |- DeviceError (OSError)         the outside world: a port that is missing, unplugged, silent
     |- LinkError (OSError)           the other side of the link is gone or talks nonsense
+    |- BlackBoxError (OSError)       a dump of the black box cannot be written or read
     `- KernelError (RuntimeError)    a defect in the kernel itself: please report it
 
 Every message names the object, the value and the remedy.
@@ -68,6 +69,10 @@ class DeviceError(RtRobotError, OSError):
 
 class LinkError(RtRobotError, OSError):
     """The other side of the link is gone, refuses, or sent what is not the protocol."""
+
+
+class BlackBoxError(RtRobotError, OSError):
+    """A dump of the black box cannot be written, or is no whole dump of this version."""
 
 
 class KernelError(RtRobotError, RuntimeError):

@@ -29,6 +29,7 @@ LAYERS = (
     ('errors', 'reports', 'schema', 'units'),
     ('linux',),
     ('kernel',),
+    ('blackbox',),
     ('topics',),
     ('drivers',),
     ('sensors',),

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import asdict
 from enum import Enum
 import json
@@ -24,6 +25,7 @@ import os
 from typing import Any
 from typing import TYPE_CHECKING
 
+from rt_robot_os.blackbox.parts import parts
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.mirror import Policy
@@ -93,10 +95,13 @@ class Answers:
             if do == 'statistics':
                 self._statistics(session, number)
                 return
+            if do == 'black_box':
+                self._black_box(session, number, arguments)
+                return
             answer = self._known.get(str(do))
             if answer is None:
                 raise LinkError(f'unknown request {do!r}; there are '
-                                f'{", ".join(sorted([*self._known, "statistics"]))}')
+                                f'{", ".join(sorted([*self._known, "statistics", "black_box"]))}')
             reply = answer(session, arguments)
         except RtRobotError as error:
             reply = {'error': str(error)}
@@ -166,6 +171,19 @@ class Answers:
     def _stop(self, session: Session, arguments: Arguments) -> Arguments:
         self._core.kernel.stop(str(arguments.get('reason', f'asked by {session.name}')))
         return {}
+
+    # ---- the black box -----------------------------------------------------------------------
+
+    def _black_box(self, session: Session, number: int, arguments: Arguments) -> None:
+        reason = str(arguments.get('reason', f'asked by {session.name}'))[:200]
+        dump = self._core.kernel.black_box_dump(reason)
+
+        def packets() -> Iterator[bytes]:
+            for part in parts(dump, self._core.black_box.facts()):
+                yield encode_json(Kind.REPLY, part, seq=number, more=True)
+            yield encode_json(Kind.REPLY, {}, seq=number)
+
+        session.post_all(packets())
 
     # ---- statistics --------------------------------------------------------------------------
 

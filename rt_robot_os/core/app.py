@@ -17,10 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 import os
 from pathlib import Path
 
 from rt_robot_os.core.answers import Answers
+from rt_robot_os.core.black_box import BlackBoxKeeper
+from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
@@ -52,15 +55,18 @@ class Core:
     :param path: of the link's socket.
     :param ports: the real path of each simulated device's port, by device.
     :param clock: by default CLOCK_MONOTONIC.
+    :param writer: of the black box; None saves it nowhere.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
     def __init__(self, settings: RobotSettings, path: Path, *,
-                 ports: Mapping[str, str] | None = None, clock: Clock | None = None) -> None:
+                 ports: Mapping[str, str] | None = None, clock: Clock | None = None,
+                 writer: BlackBoxWriter | None = None) -> None:
         self.settings = settings
-        self.kernel = Kernel(clock)
+        self.kernel = Kernel(clock, black_box_records=settings.core.black_box_records)
         self.bus = Bus(self.kernel)
         self.reports = Reports()
+        self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
         self.realtime: tuple[RtResult, ...] = ()
         self.sensors = SensorManager(self.kernel, self.bus, self.reports)
         self.modules: list[Module] = []
@@ -130,9 +136,16 @@ class Core:
             for module in self.modules:
                 self._prepare(module)
             self.link.open()
-            return self.kernel.run(duration_ns)
+            return self._run_kernel(duration_ns)
         finally:
             self.close()
+
+    def _run_kernel(self, duration_ns: int | None) -> str:
+        try:
+            return self.kernel.run(duration_ns)
+        except Exception as error:
+            self.black_box.ask(f'the kernel fell: {type(error).__name__}: {error}')
+            raise
 
     def _prepare(self, module: Module) -> None:
         try:
@@ -155,6 +168,9 @@ class Core:
                 self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
         self.sensors.close()
         self.link.close()
+        self._watch()
+        self.black_box.close()
+        self._write_reports()
 
     def write_reports_to(self, fd: int) -> None:
         """
@@ -165,17 +181,23 @@ class Core:
         self._output = fd
 
     def _watch(self) -> None:
-        """Tell people of failed jobs, at the lowest priority."""
+        """Tell people of failed jobs and save the black box, at the lowest priority."""
         total = self.kernel.failures_total
         new = min(total - self._failures_seen, len(self.kernel.failures))
         self._failures_seen = total
         for failure in list(self.kernel.failures)[len(self.kernel.failures) - new:]:
             self._note(Severity.ERROR, failure.task, str(failure))
+            self.black_box.fault(f'task {failure.task!r}: {failure.error}')
+        self.black_box.watch()
+        self._write_reports()
+
+    def _write_reports(self) -> None:
         if self._output is not None:
             self._written, dropped, reports = self.reports.since(self._written)
             lines = [f'{dropped} reports dropped'] * bool(dropped) + [str(r) for r in reports]
             if lines:
-                os.write(self._output, ('\n'.join(lines) + '\n').encode())
+                with suppress(OSError):  # nobody reads them any more
+                    os.write(self._output, ('\n'.join(lines) + '\n').encode())
 
     def _note(self, severity: Severity, source: str, text: str) -> None:
         self.reports.note(Report(self.kernel.now_ns(), severity, source, text))

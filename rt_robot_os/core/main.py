@@ -30,6 +30,7 @@ from types import FrameType
 from typing import Any
 
 from rt_robot_os.core.app import Core
+from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import MonotonicClock
@@ -42,6 +43,8 @@ from rt_robot_os.settings import RobotSettings
 from rt_robot_os.units import NS_PER_S
 
 OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
+# Saves the black box, see rt_robot_os.core.black_box.
+DUMP_SIGNAL = signal.SIGUSR1
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -77,12 +80,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
     simulators = Simulators()
+    writer: BlackBoxWriter | None = None
     try:
         settings, path = _settings(arguments, given)
         ports = simulators.start(settings, runtime_folder() / path.stem)
-        clock = MonotonicClock(_STOP_SIGNALS)
-        core = Core(settings, path, ports=ports, clock=clock)
-        previous = _stop_on_signals(core)
+        clock = MonotonicClock((*_STOP_SIGNALS, DUMP_SIGNAL))
+        writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
+        core = Core(settings, path, ports=ports, clock=clock, writer=writer)
+        previous = _handle_signals(core)
         # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()
         if arguments.settings is None:
@@ -96,15 +101,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return BAD_CONFIGURATION if isinstance(error, ValueError) else FAILED
     finally:
+        if writer is not None:
+            writer.close()
         simulators.stop()
     return OK
 
 
-def _stop_on_signals(core: Core) -> dict[int, Any]:
+def _handle_signals(core: Core) -> dict[int, Any]:
     def stop(signum: int, frame: FrameType | None) -> None:
         core.kernel.stop(signal.Signals(signum).name)
 
-    return {signo: signal.signal(signo, stop) for signo in _STOP_SIGNALS}
+    def dump(signum: int, frame: FrameType | None) -> None:
+        core.black_box.ask(signal.Signals(signum).name)
+
+    previous: dict[int, Any] = {signo: signal.signal(signo, stop) for signo in _STOP_SIGNALS}
+    return {**previous, DUMP_SIGNAL: signal.signal(DUMP_SIGNAL, dump)}
 
 
 if __name__ == '__main__':

@@ -196,6 +196,7 @@ class LinkClient:
                     self.pump(0.02)
                     continue
                 collected.append((head, packet))
+                deadline = time.monotonic() + self._timeout_s
                 if head.channel == 0:  # no more to come
                     return collected
         finally:
@@ -212,6 +213,18 @@ class LinkClient:
         if 'error' in answer:
             raise LinkError(str(answer['error']))
         return answer
+
+    def request_all(self, do: str, **arguments: Any) -> list[dict[str, Any]]:
+        """
+        Ask for something that takes several packets, such as ``black_box``.
+
+        :return: what each of them holds, without the last, which holds nothing.
+        :raises LinkError: as for :meth:`request`.
+        """
+        answers = [decode_json(packet) for _, packet in self._ask(do, **arguments)]
+        if 'error' in answers[-1]:
+            raise LinkError(str(answers[-1]['error']))
+        return answers[:-1]
 
     def statistics(self) -> CoreStatistics:
         """

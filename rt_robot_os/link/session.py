@@ -17,11 +17,13 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import asdict
 from dataclasses import dataclass
 import socket
 from typing import Any
 
+from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import MirrorStatistics
@@ -90,6 +92,7 @@ class Session:
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
         self._outbox_bytes = 0
+        self._stream: Iterator[bytes] | None = None
         self._buffer = buffer
         self._view = memoryview(buffer)
 
@@ -183,12 +186,32 @@ class Session:
         self._outbox_bytes += len(packet)
         self.flush()
 
+    def post_all(self, packets: Iterator[bytes]) -> None:
+        """
+        Send many packets, each made when the client has room for it: none is lost.
+
+        :raises LinkError: those before have not all been sent.
+        """
+        if self._stream is not None:
+            raise LinkError('the answer to a request before is still on its way; wait for it')
+        self._stream = packets
+        self.flush()
+
     def flush(self) -> None:
         """Send what waits, as far as the client takes it."""
         try:
-            while self._outbox:
-                self.connection.send(self._outbox[0])
-                self._outbox_bytes -= len(self._outbox.popleft())
+            while True:
+                while self._outbox:
+                    self.connection.send(self._outbox[0])
+                    self._outbox_bytes -= len(self._outbox.popleft())
+                if self._stream is None:
+                    return
+                packet = next(self._stream, None)
+                if packet is None:
+                    self._stream = None
+                    return
+                self._outbox.append(packet)
+                self._outbox_bytes += len(packet)
         except BlockingIOError:
             return
         except OSError as error:
