@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+import functools
 import os
 from pathlib import Path
 
@@ -25,10 +26,13 @@ from rt_robot_os.core.answers import Answers
 from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.core.tasks import declaration
+from rt_robot_os.core.tasks import safe_state_of
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Clock
+from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link import LinkServer
 from rt_robot_os.linux import realtime
@@ -43,6 +47,7 @@ from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
 UNPINNED = -2
 
@@ -54,7 +59,7 @@ class Core:
     :param settings: checked already.
     :param path: of the link's socket.
     :param ports: the real path of each simulated device's port, by device.
-    :param clock: by default CLOCK_MONOTONIC.
+    :param clock: by default CLOCK_MONOTONIC, with the dispatcher that is set.
     :param writer: of the black box; None saves it nowhere.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
@@ -63,7 +68,11 @@ class Core:
                  ports: Mapping[str, str] | None = None, clock: Clock | None = None,
                  writer: BlackBoxWriter | None = None) -> None:
         self.settings = settings
-        self.kernel = Kernel(clock, black_box_records=settings.core.black_box_records)
+        core = settings.core
+        if clock is None and core.dispatcher == 'cooperative':
+            clock = CooperativeClock()
+        self.kernel = Kernel(clock, spin_ns=round(core.spin_us * NS_PER_US),
+                             black_box_records=core.black_box_records)
         self.bus = Bus(self.kernel)
         self.reports = Reports()
         self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
@@ -95,7 +104,8 @@ class Core:
                 priority=device.priority, interrupt=device.read == 'interrupt',
                 recovery=RecoverySettings(
                     round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),
-                    round(device.retry_max_s * NS_PER_S)))
+                    round(device.retry_max_s * NS_PER_S)),
+                declared=declaration(device.task, self.kernel))
 
     def _add_modules(self) -> None:
         for entry in self.settings.modules:
@@ -103,9 +113,20 @@ class Core:
             module.declare(self.bus, entry.rate_hz)
             self.modules.append(module)
         for entry, module in zip(self.settings.modules, self.modules):
-            task = self.kernel.add_task(entry.name, module.job, priority=entry.priority,
-                                        rate_hz=entry.rate_hz)
+            task = self.kernel.add_task(
+                entry.name, module.job, priority=entry.priority, rate_hz=entry.rate_hz or None,
+                on_restart=functools.partial(self._restart, module),
+                on_safe_state=safe_state_of(module), **declaration(entry.task, self.kernel))
             module.bind(self.bus, task)
+
+    def _restart(self, module: Module) -> None:
+        """Begin anew after a failure; what configure() prepared is still there."""
+        try:
+            module.deactivate()
+        except Exception as error:
+            self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+        module.activate()
+        self._note(Severity.INFO, module.name, 'restarted')
 
     def prepare_process(self) -> None:
         """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""

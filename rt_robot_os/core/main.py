@@ -84,7 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         settings, path = _settings(arguments, given)
         ports = simulators.start(settings, runtime_folder() / path.stem)
-        clock = MonotonicClock((*_STOP_SIGNALS, DUMP_SIGNAL))
+        signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
+        cooperative = settings.core.dispatcher == 'cooperative'
+        clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer)
         previous = _handle_signals(core)

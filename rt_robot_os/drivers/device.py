@@ -26,7 +26,9 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Mapping
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 from typing import ClassVar
 from typing import Protocol
@@ -114,6 +116,10 @@ class Device(ABC):
     :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
     :ivar name: name of the device in the configuration, used in every error.
     :ivar changes: live settings that were changed and wait for the next poll.
+    :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
+
+    A driver with outputs may have a method ``safe_state()``: it brings them to rest, without
+    blocking, when the task's failure policy or the watchdog says so. The port is open then.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
@@ -122,6 +128,7 @@ class Device(ABC):
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
     IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
                                  'configuration says')
+    resources: Mapping[str, AbstractContextManager[object]] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """

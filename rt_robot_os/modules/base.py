@@ -42,6 +42,7 @@ from rt_robot_os.drivers.device import Publication
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.schema import Field
 from rt_robot_os.topics import Bus
@@ -137,10 +138,33 @@ class Module:
         raise NotImplementedError(f'{type(self).__name__} has no step()')
 
     def deactivate(self) -> None:
-        """Leave a safe state behind: called after the kernel stopped, also after a failure."""
+        """
+        Leave a safe state behind: called after the kernel stopped, also after a failure.
+
+        With ``failure: restart`` it is called before each restart, too; activate() follows, and
+        configure() does not.
+        """
+
+    # A module may have a method safe_state(): it brings its outputs to rest, once, when the
+    # failure policy or the watchdog says so; no step follows until somebody re-arms the task.
 
     def changed(self, name: str) -> None:
         """React to a changed live setting; called between two jobs."""
+
+    def resource(self, name: str) -> Resource:
+        """
+        Give what the section names under ``resources``, to be entered with ``with`` in a step.
+
+        :raises ConfigError: the section does not name it.
+        """
+        if self.kernel is None or self.task is None:
+            raise ConfigError([f'module {self.name!r}: resource {name!r} can be had from '
+                               'configure() on, not in __init__'])
+        found = self.kernel.resource(name)
+        if self.task not in found.users:
+            raise ConfigError([f'{self.name}.resources does not name {name!r}, which the module '
+                               f'asks for: add it'])
+        return found
 
     # ---- declarations ------------------------------------------------------------------------
 

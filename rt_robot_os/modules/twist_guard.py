@@ -52,6 +52,12 @@ class TwistGuard(Module):
 
     _arrived_ns = 0
 
+    def safe_state(self) -> None:
+        """Publish a standstill."""
+        message = self.safe.msg
+        message.linear = message.angular = (0.0, 0.0, 0.0)
+        self.safe.publish()
+
     def step(self) -> None:
         """Publish the command in force."""
         command = self.command

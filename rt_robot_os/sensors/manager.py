@@ -26,10 +26,14 @@ and opened again after a pause that doubles up to a limit, and starts over once 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Any
 
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.reports import Report
@@ -43,6 +47,8 @@ from rt_robot_os.units import NS_PER_S
 
 RECOVERY_RATE_HZ = 20.0
 _CHECKS_PER_TIMEOUT = 8
+# What holds for the task that reads on interrupt as well; the grid is the other one's.
+_SHARED = ('budget_ns', 'on_budget', 'restart_ns', 'restart_maximum_ns', 'resources')
 
 
 class ManagedDevice:
@@ -153,6 +159,18 @@ class ManagedDevice:
             self._note(Severity.WARN, f'cannot be read on interrupt, so it is polled: {text}; '
                        'set read: poll')
 
+    def restart(self) -> None:
+        """Have the port closed and opened anew; for the kernel, after a failure."""
+        if self.state is not DeviceState.CLOSED:
+            self.reason = 'restarted'
+            self._retry_at_ns = self._kernel.now_ns()
+            self.state = DeviceState.FAULT
+
+    def safe_state(self) -> None:
+        """Bring the device to its safe state, if its port is open; for the kernel."""
+        if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+            self.device.safe_state()  # type: ignore[attr-defined]
+
     def close(self) -> None:
         """Close the port for good; may be called twice."""
         self.state = DeviceState.CLOSED
@@ -240,13 +258,15 @@ class SensorManager:
 
     def add(self, device: Device, *, rate_hz: float, priority: int,
             recovery: RecoverySettings = RecoverySettings(),
-            interrupt: bool = False) -> ManagedDevice:
+            interrupt: bool = False,
+            declared: Mapping[str, Any] = MappingProxyType({})) -> ManagedDevice:
         """
         Declare the topics of a device and the task that polls it; nothing is opened yet.
 
         :param rate_hz: how often it is polled.
         :param priority: of its polling task, and of the one that reads on interrupt.
         :param interrupt: read it as soon as bytes arrive, too.
+        :param declared: the rest of what its task declares, see ``Kernel.add_task``.
         :raises TaskError: a task of its name exists.
         :raises TopicError: one of its topics is taken by another type.
         """
@@ -255,13 +275,27 @@ class SensorManager:
             self._bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
         device.bind([self._bus.publisher(p.topic) for p in publications])
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
-        managed.task = self._kernel.add_task(device.name, managed.poll, priority=priority,
-                                             rate_hz=rate_hz)
+        device.resources = {each.name: each for each in declared.get('resources', ())}
+        managed.task = self._kernel.add_task(
+            device.name, managed.poll, priority=priority, rate_hz=rate_hz,
+            on_restart=managed.restart,
+            on_safe_state=managed.safe_state if hasattr(device, 'safe_state') else None,
+            **declared)
         if interrupt:
-            managed.arrival = self._kernel.add_task(f'{device.name}/arrival', managed.take,
-                                                    priority=priority)
+            managed.arrival = self._add_arrival(managed, priority, declared)
         self._devices[device.name] = managed
         return managed
+
+    def _add_arrival(self, managed: ManagedDevice, priority: int, declared: Mapping[str, Any]
+                     ) -> Task:
+        failure = declared.get('failure', FailurePolicy.CONTINUE)
+        if failure is FailurePolicy.SAFE_STATE:
+            # Bytes are read by the polling task too, which decides for the device.
+            failure = FailurePolicy.STOP
+        return self._kernel.add_task(
+            f'{managed.device.name}/arrival', managed.take, priority=priority,
+            on_restart=managed.restart, failure=failure,
+            **{key: declared[key] for key in _SHARED if key in declared})
 
     @property
     def devices(self) -> Sequence[ManagedDevice]:

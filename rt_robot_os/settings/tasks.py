@@ -32,6 +32,8 @@ from rt_robot_os.settings.parts import task_of
 from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import Section
+from rt_robot_os.units import NS_PER_US
+from rt_robot_os.units import period_from_rate
 
 SHORTEST_TIMEOUT_S = 0.1
 
@@ -55,26 +57,32 @@ def contradictions(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, st
     elif task.overrun_limit and task.failure == 'continue':
         yield 'overrun_limit', ('nothing follows from it with failure: continue: choose restart, '
                                 'stop or safe_state')
-    if task.on_budget == 'abort' and not task.budget_us:
+    if task.on_budget == 'abort' and not _ns(task.budget_us):
         yield 'on_budget', 'there is no budget: give budget_us or delete it'
     if task.restart_max_s < task.restart_s:
         yield 'restart_max_s', f'must be at least restart_s, {task.restart_s:g} (s)'
 
 
+def _ns(microseconds: float) -> int:
+    return round(microseconds * NS_PER_US)
+
+
 def _contradictory_times(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
-    period_us = 1e6 / rate_hz if rate_hz else 0.0
-    period = f'the period, {period_us:g} us at {rate_hz:g} Hz'
-    if task.budget_us and task.on_budget == 'abort':
-        if period_us and task.budget_us > period_us:
+    # As the kernel will compare them: rounded.
+    period_ns = period_from_rate(rate_hz) if rate_hz else 0
+    budget_ns, deadline_ns = _ns(task.budget_us), _ns(task.deadline_us)
+    period = f'the period, {period_ns / NS_PER_US:g} us at {rate_hz:g} Hz'
+    if budget_ns and task.on_budget == 'abort':
+        if period_ns and budget_ns > period_ns:
             yield 'budget_us', (f'is above {period}: a job is not aborted before its next release '
                                 'is lost: make it smaller')
-        if task.deadline_us and task.deadline_us < task.budget_us:
+        if deadline_ns and deadline_ns < budget_ns:
             yield 'deadline_us', (f'is below budget_us, {task.budget_us:g} (us): a job may miss '
                                   'it within its budget: make the budget smaller')
-        if task.execution_us > task.budget_us:
+        if _ns(task.execution_us) > budget_ns:
             yield 'execution_us', (f'is above budget_us, {task.budget_us:g} (us): such a job is '
                                    'aborted: make the budget larger')
-    if period_us and task.deadline_us > period_us and task.overrun != 'catch_up':
+    if period_ns and deadline_ns > period_ns and task.overrun not in ('catch_up', 'rephase'):
         yield 'deadline_us', (f'is above {period}: with overrun: {task.overrun} such a job loses '
                               'its next release: make it smaller, or choose overrun: catch_up')
 
@@ -86,10 +94,10 @@ def _without_rate(task: TaskSettings) -> Iterator[tuple[str, str]]:
         yield 'overrun', 'needs a rate_hz: what its inputs release never overruns'
     if task.overrun_limit:
         yield 'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'
-    if task.logical_execution:
-        yield 'logical_execution', ('needs a rate_hz: inputs and outputs have no instants '
-                                    'without one')
-    if task.critical and not task.deadline_us:
+    if task.logical_execution and not _ns(task.deadline_us):
+        yield 'logical_execution', ('without a rate_hz it needs a deadline_us: outputs have no '
+                                    'instant without one')
+    if task.critical and not _ns(task.deadline_us):
         yield 'critical', ('without a rate_hz it needs a deadline_us: nobody could say when it '
                            'is late')
 

@@ -27,9 +27,11 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import DeadlineMiss
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
+from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import runtime_folder
@@ -57,6 +59,11 @@ def test_statistics_of_a_task_survive_the_link(
     task.runs, task.missed, task.releases = runs, missed, runs + missed
     task.coalesced, task.failures, task.gap_maximum_ns = missed // 2, runs // 3, runs
     task.blocked_maximum_ns = task.execution_total_ns = missed
+    task.state = list(TaskState)[runs % 4]
+    task.overruns = task.aborted = task.budget_exceeded = task.response_maximum_ns = runs
+    task.deadline_missed = missed
+    if missed:
+        task.last_miss = DeadlineMiss(missed, runs, period_ns, ('imu', name)[:runs % 3])
     for histogram, durations in ((task.latency, latency), (task.execution, execution),
                                  (task.jitter, jitter)):
         for duration_ns in durations:

@@ -141,7 +141,7 @@ def test_what_looks_odd_but_works_is_allowed(lines: list[str], load_text: Loader
     (['overrun_limit: 5', 'failure: stop'], 'overrun_limit',
      '5: needs a rate_hz: what its inputs release never overruns'),
     (['logical_execution: true'], 'logical_execution',
-     'true: needs a rate_hz: inputs and outputs have no instants without one'),
+     'true: without a rate_hz it needs a deadline_us: outputs have no instant without one'),
     (['critical: true'], 'critical',
      'true: without a rate_hz it needs a deadline_us: nobody could say when it is late'),
 ])

@@ -1,0 +1,58 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""From what the configuration declares of a task to what the kernel takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import FailurePolicy
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import OverrunPolicy
+from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import TaskState
+from rt_robot_os.settings import TaskSettings
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
+
+
+def declaration(task: TaskSettings, kernel: Kernel) -> dict[str, Any]:
+    """Give the keywords of :meth:`rt_robot_os.kernel.Kernel.add_task`."""
+    return {
+        'phase_ns': round(task.phase_us * NS_PER_US),
+        'deadline_ns': round(task.deadline_us * NS_PER_US),
+        'budget_ns': round(task.budget_us * NS_PER_US),
+        'on_budget': BudgetPolicy(task.on_budget),
+        'overrun': OverrunPolicy(task.overrun), 'catch_up': task.catch_up,
+        'overrun_limit': task.overrun_limit, 'overrun_leak': task.overrun_leak,
+        'failure': FailurePolicy(task.failure),
+        'restart_ns': round(task.restart_s * NS_PER_S),
+        'restart_maximum_ns': round(task.restart_max_s * NS_PER_S),
+        'critical': task.critical, 'logical': task.logical_execution,
+        'resources': tuple(kernel.resource(name) for name in task.resources)}
+
+
+def safe_state_of(part: object) -> Callable[[], object] | None:
+    """Give the method that brings a device or a module to its safe state, if it has one."""
+    method = getattr(part, 'safe_state', None)
+    return method if callable(method) else None
+
+
+def held(kernel: Kernel) -> list[Task]:
+    """Give the tasks that make no jobs until somebody re-arms them."""
+    return [t for t in kernel.tasks if t.state in (TaskState.SAFE, TaskState.STOPPED)]
