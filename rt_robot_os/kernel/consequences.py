@@ -37,8 +37,8 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
 REMOVED = -1
-# Time for ``finally`` clauses between the first TaskAborted and the second; after that the task
-# is known to resist, and a strike between two of its own handlers is only a matter of tries.
+# Time for ``finally`` clauses between the first TaskAborted and the second, at least; after that
+# the task is known to resist, and a strike between two of its handlers is a matter of tries.
 GRACE_NS = NS_PER_MS
 STRIKE_AGAIN_NS = 20 * NS_PER_US
 _SUSPECTS_EVERY_NS = 10 * NS_PER_MS
@@ -144,7 +144,9 @@ class Consequences(KernelState):
                 task.struck = task.follow = True
                 task.strikes += 1
                 self.record((ABORT, task, now_ns, used_ns))
-            task.limit_ns = used_ns + (GRACE_NS if task.strikes == 1 else STRIKE_AGAIN_NS)
+            first = task.strikes == 1
+            task.limit_ns = used_ns + (
+                max(GRACE_NS, task.budget_ns) if first else STRIKE_AGAIN_NS)
         return now_ns + task.limit_ns - used_ns
 
     def _strike(self, task: Task) -> None:
@@ -230,18 +232,18 @@ class Consequences(KernelState):
         elif policy is FailurePolicy.RESTART:
             task.state = TaskState.BACKOFF
             spec = task.spec
-            if now_ns - task.failed_ns > spec.restart_maximum_ns:
+            if now_ns - task.resume_ns > spec.restart_maximum_ns:
                 task.restart_ns = spec.restart_ns
-            task.failed_ns = now_ns
-            self._schedule(now_ns + task.restart_ns,
-                           functools.partial(self._end_backoff, task, now_ns))
+            task.resume_ns = now_ns + task.restart_ns
+            self._schedule(task.resume_ns,
+                           functools.partial(self._end_backoff, task, task.resume_ns))
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED
         task.pending = True
 
-    def _end_backoff(self, task: Task, failed_ns: int, now_ns: int) -> None:
-        if task.state is TaskState.BACKOFF and task.failed_ns == failed_ns:
+    def _end_backoff(self, task: Task, resume_ns: int, now_ns: int) -> None:
+        if task.state is TaskState.BACKOFF and task.resume_ns == resume_ns:
             self._resume(task, now_ns)
 
     def _resume(self, task: Task, now_ns: int) -> None:

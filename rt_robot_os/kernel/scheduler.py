@@ -256,7 +256,7 @@ class Scheduler(Consequences):
             release_ns = task.release_ns  # an event may release it again while it runs
             self._current, self._level = task, level
             alarm_ns = timers[0][0] if not self.spin_ns else self._early_ns(level)
-            if task.limit_ns:
+            if task.aborts:
                 task.limit_ns = task.budget_ns
                 alarm_ns = min(alarm_ns, now_ns() + task.budget_ns)
             if alarm_ns != self._armed_ns:
@@ -277,6 +277,7 @@ class Scheduler(Consequences):
                     task.function()
                     self.locked = True
                 except BaseException as error:
+                    task.limit_ns = 0  # what comes now is not its own
                     outcome = ABORTED if isinstance(error, TaskAborted) else FAILED
                     failure = describe(task.name, now_ns(), error)  # preemptible as well
                     self.locked = True
@@ -299,7 +300,7 @@ class Scheduler(Consequences):
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             task.busy = False
-            if failure is not None or task.follow:
+            if failure is not None or task.follow or task.held:
                 task.failures += outcome == FAILED
                 self._follow(task, failure, end_ns)
             # The second condition finds an alarm whose handler had no room left on the stack.

@@ -110,18 +110,22 @@ class Task:
     :ivar pending: it waits for its turn, or is held (``state``).
     :ivar busy: a job of it is on the stack.
     :ivar follow: something is to be looked at when the job that runs now has ended.
-    :ivar limit_ns: computing time at which the job is struck; 0 means never.
+    :ivar aborts: a job that exceeds the budget is struck.
+    :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
+    :ivar strikes: times that it was; the last one waits to be delivered while ``struck``.
+    :ivar held: resources that it is inside of.
     """
 
     __slots__ = (
-        'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns', 'interval_ns',
-        'deadline_ns', 'budget_ns', 'limit_ns', 'pending', 'busy', 'follow', 'held', 'strikes',
-        'struck', 'backlog', 'rephasing', 'state', 'wanted', 'bucket', 'bucket_runs',
-        'restart_ns', 'failed_ns', 'on_restart', 'on_safe_state', 'successors', 'release_ns',
-        'start_ns', 'releases', 'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
-        'budget_exceeded', 'deadline_missed', 'last_miss', 'latency', 'execution', 'jitter',
-        'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns', 'execution_total_ns',
-        '_rearm')
+        'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns',
+        'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending',
+        'busy', 'follow', 'held', 'strikes', 'struck', 'backlog', 'rephasing', 'state',
+        'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart',
+        'on_safe_state', 'successors', 'release_ns', 'start_ns', 'releases', 'runs',
+        'missed', 'coalesced', 'failures', 'overruns', 'aborted', 'budget_exceeded',
+        'deadline_missed', 'last_miss', 'latency', 'execution', 'jitter',
+        'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns',
+        'execution_total_ns', '_rearm')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
                  on_restart: Callable[[], object] | None = None,
@@ -152,7 +156,8 @@ class Task:
         self.pending = False
         self.busy = False
         self.follow = bool(self.successors)
-        self.limit_ns = self.budget_ns if self.spec.on_budget is BudgetPolicy.ABORT else 0
+        self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
+        self.limit_ns = 0
         self.held = 0
         self.strikes = 0
         self.struck = False
@@ -163,7 +168,7 @@ class Task:
         self.bucket = 0
         self.bucket_runs = 0
         self.restart_ns = self.spec.restart_ns
-        self.failed_ns = 0
+        self.resume_ns = 0
         self.release_ns = 0
         self.start_ns = -1
         self.interval_ns = self.period_ns
