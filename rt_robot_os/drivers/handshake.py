@@ -64,6 +64,7 @@ class Handshake:
         self._limit = tries
         self._tries = 0
         self._due_ns = 0
+        self._answer = ''
 
     @property
     def step(self) -> Step | None:
@@ -85,18 +86,25 @@ class Handshake:
             return None
         step = self._steps[0]
         if self._tries >= self._limit:
-            raise DeviceError(f'{self._name}: it does not answer {step.name} ({self._tries} '
-                              f'tries): {self._remedy}')
+            how = f'does not do {step.name} ({self._answer}; ' if self._answer else (
+                f'does not answer {step.name} (')
+            raise DeviceError(f'{self._name}: it {how}{self._tries} tries): {self._remedy}')
         self._tries += 1
         self._due_ns = now_ns + self._retry_ns
         return step.data
 
-    def again(self, now_ns: int) -> None:
-        """Repeat the command with the next ``due``: the device asked for it."""
+    def again(self, now_ns: int, answer: str) -> None:
+        """
+        Repeat the command with the next ``due``.
+
+        :param answer: what the device said, for the error when it never does it.
+        """
+        self._answer = answer
         self._due_ns = now_ns
 
     def acknowledged(self, now_ns: int) -> None:
         """Go on to the next command."""
         step = self._steps.pop(0)
         self._tries = 0
+        self._answer = ''
         self._due_ns = now_ns + step.pause_ns

@@ -53,6 +53,8 @@ class Case:
 
 
 CASES = {
+    'bno055': Case(100),
+    'bno055 that overruns': Case(100, sim={'overrun_every': 7}),
     'witmotion': Case(100),
     'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
                  'these are WitMotion frames at .* baud: set type: witmotion'),
