@@ -55,6 +55,8 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import period_from_rate
 
 _READ, _WRITE = 0, 1
+# A wrong chip id counts when it is read twice: once may be noise.
+_SURE: Final = 2
 _MODES: Final = {'ndof': encode.MODE_NDOF, 'imu': encode.MODE_IMU}
 # The data sheet's times for changing the mode, with some room.
 _TO_CONFIG_NS: Final = 30 * NS_PER_MS
@@ -102,6 +104,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         self._asked_ns = 0
         self._due_ns = 0
         self._again = False
+        self._chip_id = self._wrong_ids = 0
         self._lost = 0
         self._refused = 0
 
@@ -134,14 +137,23 @@ class Bno055(SerialDevice[Bno055Frame]):
         ), _REMEDY)
         self._asked_ns = self._due_ns = 0
         self._again = False
+        self._wrong_ids = 0
+
+    def is_set_up(self) -> bool:
+        """Say whether the set-up is done."""
+        return self._setup.done
 
     def write(self, now_ns: int) -> None:
         """
         Send what is due: a step of the set-up, or the request for the next sample.
 
-        :raises DeviceError: the port is gone, or the device does not answer.
+        :raises DeviceError: the port is gone, the device does not answer or is no BNO055.
         """
-        if not self._setup.done:
+        if self._wrong_ids >= _SURE:
+            raise DeviceError(
+                f'{self.name}: chip id 0x{self._chip_id:02x} is not that of a BNO055 '
+                f'(0x{encode.CHIP_ID:02x}): check what is connected')
+        if not self._setup.ready(now_ns):
             data = self._setup.due(now_ns)
             if data is not None:
                 self.send(data)
@@ -166,17 +178,14 @@ class Bno055(SerialDevice[Bno055Frame]):
         """
         Ask again when an answer has just come: the next ``write`` may be late for the grid.
 
-        :raises DeviceError: the port is gone, or the device does not answer.
+        :raises DeviceError: the port is gone.
         """
-        self.write(now_ns)
+        if self._setup.done:
+            self.write(now_ns)
         return 0
 
     def handle(self, frame: Bno055Frame, arrival_ns: int) -> int:
-        """
-        Use one answer; in the loop.
-
-        :raises DeviceError: it is no BNO055.
-        """
+        """Use one answer; in the loop."""
         step = self._setup.step
         if step is not None:
             self._go_on(step, frame, arrival_ns)
@@ -199,11 +208,11 @@ class Bno055(SerialDevice[Bno055Frame]):
 
     def _go_on(self, step: Step, frame: Bno055Frame, arrival_ns: int) -> None:
         if step.key == _READ and len(frame.data) == 1:
-            if frame.data[0] != encode.CHIP_ID:
-                raise DeviceError(
-                    f'{self.name}: chip id 0x{frame.data[0]:02x} is not that of a BNO055 '
-                    f'(0x{encode.CHIP_ID:02x}): check what is connected')
-            self._setup.acknowledged(arrival_ns)
+            self._chip_id = frame.data[0]
+            if self._chip_id == encode.CHIP_ID:
+                self._setup.acknowledged(arrival_ns)
+            else:
+                self._wrong_ids += 1
         elif step.key == _WRITE and frame.status == wire.WRITE_SUCCESS:
             self._setup.acknowledged(arrival_ns)
         elif frame.status > wire.WRITE_SUCCESS:

@@ -76,6 +76,10 @@ class Handshake:
         """Say whether all commands are acknowledged."""
         return not self._steps
 
+    def ready(self, now_ns: int) -> bool:
+        """Say whether all commands are acknowledged, and the pause after the last is over."""
+        return not self._steps and now_ns >= self._due_ns
+
     def due(self, now_ns: int) -> bytes | None:
         """
         Give what is to be sent now, None when there is nothing.

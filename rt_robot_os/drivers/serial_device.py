@@ -139,6 +139,7 @@ class SerialDevice(Device, Generic[FrameT]):
         self._dropped_write_bytes = 0
         self._samples = 0
         self._last_frame_ns = 0
+        self._alive_ns = 0
         self._previous_read_ns = 0
         self._ignored_frames = 0
         self._strange = b''
@@ -153,6 +154,10 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def restart(self) -> None:
         """Forget what belongs to the stream so far: the port has just been opened."""
+
+    def is_set_up(self) -> bool:
+        """Say whether the device does its work; what it says before is no sign that it will."""
+        return True
 
     def idle(self, now_ns: int) -> int:
         """
@@ -212,6 +217,8 @@ class SerialDevice(Device, Generic[FrameT]):
                     arrival_ns = self._last_frame_ns
                 samples += self.handle(frame, arrival_ns)
                 self._last_frame_ns = arrival_ns
+            if frames and self.is_set_up():
+                self._alive_ns = self._last_frame_ns
         samples += self.idle(now_ns)
         self._previous_read_ns = now_ns
         self._samples += samples
@@ -245,7 +252,7 @@ class SerialDevice(Device, Generic[FrameT]):
             rejected_bytes=self._decoder.rejected_bytes,
             rejected_frames=self._decoder.rejected_frames,
             ignored_frames=self._ignored_frames,
-            last_frame_ns=self._last_frame_ns,
+            last_frame_ns=self._alive_ns,
             lost_samples=lost_samples,
             contradicted_samples=contradicted,
             dropped_write_bytes=self._dropped_write_bytes

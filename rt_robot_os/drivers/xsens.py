@@ -122,6 +122,10 @@ class Xsens(SerialDevice[XbusFrame]):
         ] if self._outputs else []
         self._setup = Handshake(self.name, steps, _REMEDY)
 
+    def is_set_up(self) -> bool:
+        """Say whether the set-up is done."""
+        return self._setup.done
+
     def write(self, now_ns: int) -> None:
         """
         Send the command of the set-up that is due, if any.

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
 from typing import Any
 
@@ -96,63 +97,101 @@ def test_topics_may_be_left_out() -> None:
         assert publishers[1].publication.message == 'sensor_msgs/msg/MagneticField'
 
 
-def drive(chunks: list[bytes], times: range, **changes: Any) -> tuple[Any, list[tuple[int, bytes]]]:
-    """Write and read at each time; give the device and what it sent when."""
-    sent: list[tuple[int, bytes]] = []
-    with scripted(Bno055, chunks, **changes) as (device, _):
+def drive(
+    answers: Callable[[int, bytes], bytes], times: range, **changes: Any,
+) -> tuple[Any, list[tuple[int, str]]]:
+    """
+    Write and read at each time; what is asked is answered before the next time.
+
+    :return: the device, and what it sent when, in hex.
+    """
+    sent: list[tuple[int, str]] = []
+    with scripted(Bno055, [], **changes) as (device, _):
         port: Any = device._port
         for now in times:
             device.write(now)
             device.read(now + 1)
-            sent += [(now, data) for data in port.written]
+            for data in port.written:
+                sent.append((now // MS, data.hex()))
+                port._left.append(answers(len(sent), data))
             port.written.clear()
         return device, sent
 
 
+def obey(number: int, request: bytes) -> bytes:
+    """Answer as the device does."""
+    if request[1] == encode.WRITE:
+        return DONE
+    return CHIP if request[2] == 0 else answer(number)
+
+
 def test_the_set_up_is_one_step_at_a_time_with_the_pauses_of_the_data_sheet() -> None:
-    _, sent = drive([CHIP, *[DONE] * 30], range(0, 200 * MS, 5 * MS), mode='imu')
-    assert [data.hex() for _, data in sent[:7]] == [
+    _, sent = drive(obey, range(0, 300 * MS, 5 * MS), mode='imu')
+    assert [data for _, data in sent[:8]] == [
         'aa010001', 'aa003d0100', 'aa00070100', 'aa003b0180', 'aa003e0100', 'aa003f0100',
-        'aa003d0108']
+        'aa003d0108', 'aa01082e']
     times = [at for at, _ in sent]
-    assert times[2] - times[1] >= 19 * MS  # to configuration mode
-    assert times[7] - times[6] >= 7 * MS  # and back
-    assert sent[7][1].hex() == 'aa01082e'
+    assert times[2] - times[1] >= 19  # to configuration mode
+    assert times[7] - times[6] >= 7  # and back
+    assert {b - a for a, b in zip(times[7:], times[8:])} == {10}
 
 
 def test_at_most_one_request_is_under_way() -> None:
-    device, sent = drive([SETUP], range(5 * MS, 205 * MS, 5 * MS))
-    # Nothing answers: each is given up after its time, and counted.
-    assert [data.hex() for _, data in sent] == ['aa01082e'] * len(sent)
-    assert all(b - a >= 50 * MS for (a, _), (b, _) in zip(sent, sent[1:]))
-    assert device.statistics().lost_samples == len(sent) - 1 > 1
+    def mute(number: int, request: bytes) -> bytes:
+        return b'' if number > 7 else obey(number, request)
+
+    device, sent = drive(mute, range(0, 500 * MS, 5 * MS))
+    # Each is given up after its time, and counted.
+    asked = [at for at, data in sent if data == 'aa01082e']
+    assert len(asked) > 3
+    assert all(b - a >= 50 for a, b in zip(asked, asked[1:]))
+    assert device.statistics().lost_samples == len(asked) - 1
 
 
 def test_an_overrun_is_asked_again_at_once_and_the_grid_stays() -> None:
-    overrun = encode.status_answer(7)
-    chunks = [SETUP, b'', overrun, answer(1), b'', answer(2), b'', answer(3)]
-    device, sent = drive(chunks, range(5 * MS, 45 * MS, 5 * MS))
-    assert [at // MS for at, _ in sent] == [5, 15, 20, 25, 35]
+    def overrun(number: int, request: bytes) -> bytes:
+        return encode.status_answer(7) if number == 9 else obey(number, request)
+
+    device, sent = drive(overrun, range(0, 200 * MS, 5 * MS))
+    times = [at for at, data in sent if data == 'aa01082e']
+    assert [b - a for a, b in zip(times, times[1:])][:5] == [10, 5, 5, 10, 10]
     assert device.statistics().lost_samples == 0
 
 
+def test_an_overrun_while_it_is_set_up_is_asked_again() -> None:
+    def overrun(number: int, request: bytes) -> bytes:
+        return encode.status_answer(7) if number in (1, 3, 4) else obey(number, request)
+
+    _, sent = drive(overrun, range(0, 300 * MS, 5 * MS))
+    assert [data for _, data in sent[:5]] == [
+        'aa010001', 'aa010001', 'aa003d0100', 'aa003d0100', 'aa003d0100']
+    assert 'aa01082e' in [data for _, data in sent]
+
+
 def test_another_refusal_is_counted_and_asked_again_in_time() -> None:
-    device, sent = drive([SETUP, encode.status_answer(2), answer(1)], range(5 * MS, 25 * MS, 5 * MS))
+    def refuse(number: int, request: bytes) -> bytes:
+        return encode.status_answer(2) if number == 9 else obey(number, request)
+
+    device, sent = drive(refuse, range(0, 200 * MS, 5 * MS))
+    times = [at for at, data in sent if data == 'aa01082e']
+    assert {b - a for a, b in zip(times, times[1:])} == {10}
     assert device.statistics().contradicted_samples == 1
-    assert len(sent) == 2
 
 
 def test_a_wrong_chip_id_is_told() -> None:
     with pytest.raises(DeviceError, match='dut: chip id 0x55 is not that of a BNO055 .0xa0.'):
-        drive([encode.data_answer(b'\x55')], range(1))
+        drive(lambda number, request: encode.data_answer(b'\x55'), range(0, 500 * MS, 10 * MS))
 
 
 def test_a_device_that_refuses_is_told_with_what_it_said() -> None:
+    def refuse(number: int, request: bytes) -> bytes:
+        return CHIP if number == 1 else encode.status_answer(3)
+
     with pytest.raises(DeviceError, match='dut: it does not do configuration mode .write failed, '
                                           '0x03; 5 tries.: check both wires'):
-        drive([CHIP, *[encode.status_answer(3)] * 9], range(0, 5000 * MS, 10 * MS))
+        drive(refuse, range(0, 5000 * MS, 10 * MS))
 
 
 def test_a_device_that_does_not_answer_is_told() -> None:
     with pytest.raises(DeviceError, match='dut: it does not answer the question for its chip id'):
-        drive([], range(0, 5000 * MS, 10 * MS))
+        drive(lambda number, request: b'', range(0, 5000 * MS, 10 * MS))

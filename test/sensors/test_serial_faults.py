@@ -54,7 +54,7 @@ class Case:
 
 CASES = {
     'bno055': Case(100),
-    'bno055 that overruns': Case(100, sim={'overrun_every': 7}),
+    'bno055 that overruns': Case(50, {'output_rate_hz': 50.0}, {'overrun_every': 7}),
     'witmotion': Case(100),
     'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
                  'these are WitMotion frames at .* baud: set type: witmotion'),
@@ -173,3 +173,32 @@ def test_fragments_make_no_difference(bench: SerialBench, case: Case) -> None:
 
 def assert_says(text: str, wanted: str) -> None:
     assert re.search(wanted, text), text
+
+
+def test_a_wrong_chip_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    dut = bench.add('dut', 'bno055', {}, {'chip_id': 0x55})
+    bench.add('other', 'witmotion', {}, {})
+    bench.run(3)
+    assert dut.state is not DeviceState.ACTIVE
+    assert dut.faults > 3
+    assert bench.errors('dut') == [
+        'chip id 0x55 is not that of a BNO055 (0xa0): check what is connected']
+    assert bench.devices['other'].state is DeviceState.ACTIVE
+
+
+def test_a_product_that_has_less_is_told_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    fast = {'configure': True, 'output_rate_hz': 200.0, 'baud': 460800}
+    bench.add('slow', 'xsens', fast, {'product': 'MTi-3'})
+    bench.add('plain', 'xsens', fast, {'product': 'MTi-100'})
+    bench.add('full', 'xsens', fast, {})
+    bench.run(3)
+    assert bench.errors('slow') == [
+        'asked for orientation at 200 Hz it gives 100 Hz: set output_rate_hz: 100']
+    assert bench.errors('plain') == [
+        'this product gives no orientation: set orientation: false']
+    assert bench.errors('full') == []
+    bench.take('full/imu/data')
+    bench.run(1)
+    assert bench.take('full/imu/data') == pytest.approx(200, abs=1)
