@@ -47,6 +47,7 @@ setup(
             'black_box = rt_robot_os.cli.black_box:main',
             'core = rt_robot_os.cli.core:main',
             'echo = rt_robot_os.cli.echo:main',
+            'plan = rt_robot_os.cli.plan:main',
             'player = rt_robot_os.sim.main:player',
             'robot = rt_robot_os.cli.robot:main',
             'simulator = rt_robot_os.sim.main:main',

@@ -36,6 +36,7 @@ LAYERS = (
     ('modules',),
     ('link',),
     ('settings',),
+    ('plan',),
     ('core',),
     ('ros',),
     ('bench',),
