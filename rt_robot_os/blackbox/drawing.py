@@ -54,7 +54,7 @@ def save(chart: Chart, path: Path) -> None:
                             '--perfetto` do without') from error
     settings = {'font.size': 10.0, 'font.family': 'sans-serif', 'svg.fonttype': 'none',
                 'svg.hashsalt': 'black box', 'axes.unicode_minus': False,
-                'hatch.linewidth': 0.6, 'path.simplify': False}
+                'hatch.linewidth': 0.6, 'path.simplify': False, 'text.parse_math': False}
     with matplotlib.rc_context(settings):
         height = _FRAME_INCHES + _ROW_INCHES * len(chart.rows)
         figure: Any = figure_class(figsize=(_WIDTH_INCHES, height), layout='constrained')
@@ -75,7 +75,9 @@ def _draw(axes: Any, chart: Chart) -> None:
         _notes(axes, row, number + 0.12, chart)
     for at_ms, text in chart.marks:
         axes.axvline(at_ms, color=_INK, linewidth=0.8, linestyle=':')
-        axes.text(at_ms, 0.02, f' {text}', fontsize=8, va='top', clip_on=True)
+        near_end = at_ms > chart.to_ms - 0.2 * (chart.to_ms - chart.from_ms)
+        axes.text(at_ms, 0.02, f' {text} ', fontsize=8, va='top', clip_on=True,
+                  ha='right' if near_end else 'left')
     if chart.from_ms <= 0.0 <= chart.to_ms:
         axes.axvline(0.0, color=_INK, linewidth=1.2)
     axes.set_yticks([number + 0.55 for number in range(len(chart.rows))],
@@ -92,7 +94,7 @@ def _draw(axes: Any, chart: Chart) -> None:
 
 
 def _shortened(text: str, length: int) -> str:
-    line = ' '.join(text.replace('$', r'\$').split())
+    line = ' '.join(text.split())
     return line if len(line) <= length else f'{line[:length - 3]}...'
 
 
@@ -113,12 +115,13 @@ def _row(axes: Any, row: Row, top: float) -> None:
     for times, (marker, colour, size, height) in zip(
             (row.releases, row.publications, row.interrupts, row.overruns), _MARKS):
         axes.plot(times, [base - height] * len(times), linestyle='none', marker=marker,
-                  color=colour, markersize=size, clip_on=True)
+                  color=colour, markersize=size, clip_on=True,
+                  markeredgecolor='white' if marker == 'X' else colour, markeredgewidth=0.7)
 
 
 # Marker, colour, size, height above the line that the boxes stand on.
 _MARKS = (('^', _INK, 4.5, -0.06), ('|', '#56218A', 7.0, 0.50), ('v', '#CC79A7', 5.0, 0.48),
-          ('x', _LATE, 6.0, 0.06))
+          ('X', _INK, 6.5, 0.20))
 
 
 def _notes(axes: Any, row: Row, top: float, chart: Chart) -> None:

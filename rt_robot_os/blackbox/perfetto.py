@@ -69,9 +69,8 @@ class _Document:
     def document(self, facts: Mapping[str, str | int]) -> dict[str, Any]:
         history = self._history
         events = [*self._jobs(), *self._moments(), *self._holds(), *self._blocked()]
-        # A slice that encloses another comes first, and arrows after the slices they belong to.
-        order = {'X': 0, 'i': 1, 's': 2, 't': 2, 'f': 2}
-        events.sort(key=lambda e: (e['ts'], order[e['ph']], -e.get('dur', 0)))
+        # At the same time they stay in this order: an arrow belongs to the slice just before it.
+        events.sort(key=lambda event: float(event['ts']))
         return {
             'traceEvents': [*self._metadata(), *events], 'displayTimeUnit': 'ns',
             'otherData': {
@@ -131,17 +130,16 @@ class _Document:
             args['blocked_by'] = ', '.join(
                 f'{tasks[task].name} {time_ns / NS_PER_US:.1f} us'
                 for task, time_ns in waits.most_common())
-        parts = job.slices or ((job.start_ns, job.start_ns),)
-        for part, (from_ns, to_ns) in enumerate(parts, 1):
-            shown = {**args, 'slice': f'{part} of {len(parts)}'} if len(parts) > 1 else args
-            yield self._slice(name, 'job', track, from_ns, to_ns, shown)
         # A point for the arrow to begin at; the next one must not overlap it.
         room_ns = _RELEASE_NS if next_ns is None else min(_RELEASE_NS, next_ns - job.release_ns)
         releases = self._named(_RELEASES, 'releases')
         yield self._slice(name, 'release', releases, job.release_ns, job.release_ns + room_ns,
                           {'priority': self._history.tasks[job.task].priority})
         yield self._arrow('s', number, releases, job.release_ns)
-        for part, (from_ns, _) in enumerate(parts, 1):
+        parts = job.slices or ((job.start_ns, job.start_ns),)
+        for part, (from_ns, to_ns) in enumerate(parts, 1):
+            shown = {**args, 'slice': f'{part} of {len(parts)}'} if len(parts) > 1 else args
+            yield self._slice(name, 'job', track, from_ns, to_ns, shown)
             yield self._arrow('f' if part == len(parts) else 't', number, track, from_ns)
 
     def _arrow(self, phase: str, number: int, track: int, at_ns: int) -> Event:
