@@ -27,12 +27,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 from rt_robot_os.blackbox.kinds import is_record
 from rt_robot_os.blackbox.kinds import KINDS
 from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import BlackBoxDump
+from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import TaskFacts
 
 FORMAT = 'rt_robot_os black box'
@@ -45,22 +50,51 @@ _TASKS_MAXIMUM = 10_000
 Part = dict[str, Any]
 
 
-def parts(dump: BlackBoxDump, facts: Mapping[str, str | int] | None = None) -> Iterator[Part]:
+def parts(whole: BlackBoxDump, facts: Mapping[str, str | int] | None = None) -> Iterator[Part]:
     """
     Divide a dump into parts.
 
     :param facts: what else a reader may want to know, such as the robot's name.
     """
-    yield {'format': FORMAT, 'version': VERSION, 'reason': dump.reason, 'at_ns': dump.at_ns,
-           'start_ns': dump.start_ns, 'full': dump.full, 'kinds': list(KINDS),
+    yield from _parts(whole, whole.records, len(whole.records), facts)
+
+
+def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | None = None
+               ) -> Iterator[Part]:
+    """
+    Divide the black box of a running kernel into parts; not above its lowest priorities.
+
+    Its records are copied by one native call, about 5 us a thousand; the rest can be preempted. A
+    whole :class:`BlackBoxDump` is not made: giving back its 8192 tuples is one native call of
+    500 us, so they are made, and the old ones given up, one by one.
+    """
+    kept = kernel.black_box.records
+    records = list(reversed(kept))
+    head = dump(BlackBox(1), kernel.tasks, reason, kernel.now_ns(), kernel.start_ns)
+    head = replace(head, full=len(records) == kept.maxlen)
+    numbers: dict[Any, int] = {task: number for number, task in enumerate(kernel.tasks)}
+
+    def numbered() -> Iterator[tuple[Any, ...]]:
+        while records:
+            record = records.pop()
+            yield (record[0], numbers.get(record[1], -1), *record[2:])
+
+    return _parts(head, numbered(), len(records), facts)
+
+
+def _parts(head: BlackBoxDump, records: Iterable[tuple[Any, ...]], count: int,
+           facts: Mapping[str, str | int] | None) -> Iterator[Part]:
+    yield {'format': FORMAT, 'version': VERSION, 'reason': head.reason, 'at_ns': head.at_ns,
+           'start_ns': head.start_ns, 'full': head.full, 'kinds': list(KINDS),
            'facts': dict(facts or {})}
     step = RECORDS_PER_PART
-    for at in range(0, len(dump.tasks), step):
-        yield {'tasks': [[t.name, t.priority, t.period_ns] for t in dump.tasks[at:at + step]]}
-    yield {'running': dump.running}
-    for at in range(0, len(dump.records), step):
-        yield {'records': dump.records[at:at + step]}
-    yield {'end': len(dump.records)}
+    for at in range(0, len(head.tasks), step):
+        yield {'tasks': [[t.name, t.priority, t.period_ns] for t in head.tasks[at:at + step]]}
+    yield {'running': head.running}
+    rest = iter(records)
+    while some := tuple(islice(rest, step)):
+        yield {'records': some}
+    yield {'end': count}
 
 
 class DamagedError(BlackBoxError):

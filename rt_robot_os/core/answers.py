@@ -25,7 +25,7 @@ import os
 from typing import Any
 from typing import TYPE_CHECKING
 
-from rt_robot_os.blackbox.parts import parts
+from rt_robot_os.blackbox.parts import live_parts
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.mirror import Policy
@@ -176,10 +176,10 @@ class Answers:
 
     def _black_box(self, session: Session, number: int, arguments: Arguments) -> None:
         reason = str(arguments.get('reason', f'asked by {session.name}'))[:200]
-        dump = self._core.kernel.black_box_dump(reason)
+        live = live_parts(self._core.kernel, reason, self._core.black_box.facts())
 
         def packets() -> Iterator[bytes]:
-            for part in parts(dump, self._core.black_box.facts()):
+            for part in live:
                 yield encode_json(Kind.REPLY, part, seq=number, more=True)
             yield encode_json(Kind.REPLY, {}, seq=number)
 

@@ -27,7 +27,7 @@ import subprocess
 import sys
 
 from rt_robot_os.blackbox.folder import default_folder
-from rt_robot_os.blackbox.parts import parts
+from rt_robot_os.blackbox.parts import live_parts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
@@ -127,11 +127,10 @@ class BlackBoxKeeper:
         if self.held_back:
             reason = f'{reason} (and {self.held_back} faults before, soon after the last dump)'
             self.held_back = 0
-        dump = self._kernel.black_box_dump(reason)
         connection = self._writer.socket
         try:
             connection.settimeout(_PATIENCE_S)
-            for part in parts(dump, self.facts()):
+            for part in live_parts(self._kernel, reason, self.facts()):
                 connection.send(marshal.dumps(part))
             self._waiting += 1
         except (OSError, ValueError) as error:  # the latter of a text that is no plain one
