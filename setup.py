@@ -46,6 +46,7 @@ setup(
             'bench = rt_robot_os.cli.bench:main',
             'black_box = rt_robot_os.cli.black_box:main',
             'core = rt_robot_os.cli.core:main',
+            'doctor = rt_robot_os.cli.doctor:main',
             'echo = rt_robot_os.cli.echo:main',
             'plan = rt_robot_os.cli.plan:main',
             'player = rt_robot_os.sim.main:player',

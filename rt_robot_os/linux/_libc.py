@@ -49,6 +49,27 @@ class SigEvent(ctypes.Structure):
     ]
 
 
+class Timex(ctypes.Structure):
+    """``struct timex`` of Linux."""
+
+    _fields_ = [
+        ('modes', ctypes.c_uint),
+        ('offset', ctypes.c_long),
+        ('freq', ctypes.c_long),
+        ('maxerror', ctypes.c_long),
+        ('esterror', ctypes.c_long),
+        ('status', ctypes.c_int),
+        ('constant', ctypes.c_long),
+        ('precision', ctypes.c_long),
+        ('tolerance', ctypes.c_long),
+        ('time', ctypes.c_long * 2),
+        ('tick', ctypes.c_long),
+        ('statistics', ctypes.c_long * 8),
+        ('tai', ctypes.c_int),
+        ('padding', ctypes.c_int * 11),
+    ]
+
+
 def _raise_errno(result: int, function: Any, arguments: tuple[Any, ...]) -> int:
     if result < 0:
         code = ctypes.get_errno()
@@ -69,6 +90,7 @@ timer_create = _declare(_quick, 'timer_create', ctypes.c_int, ctypes.POINTER(Sig
 timer_delete = _declare(_quick, 'timer_delete', ctypes.c_void_p)
 mlockall = _declare(_blocking, 'mlockall', ctypes.c_int)
 munlockall = _declare(_blocking, 'munlockall')
+adjtimex = _declare(_quick, 'adjtimex', ctypes.POINTER(Timex))
 prctl = _declare(_quick, 'prctl', ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong,
                  ctypes.c_ulong)
 

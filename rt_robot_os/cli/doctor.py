@@ -1,0 +1,30 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program `doctor`: is this machine ready for real time, and what to do about it."""
+
+from __future__ import annotations
+
+import sys
+
+from rt_robot_os.doctor.program import run
+
+
+def main() -> int:
+    """Examine this machine; the exit code is 0 ready, 1 usable, 2 not usable, 3 failed."""
+    return run(sys.argv[1:])
+
+
+if __name__ == '__main__':
+    sys.exit(main())
