@@ -38,6 +38,7 @@ LAYERS = (
     ('settings',),
     ('plan',),
     ('core',),
+    ('doctor',),
     ('ros',),
     ('bench',),
     ('cli',),

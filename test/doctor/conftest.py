@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Let the tests of this folder import the recorded machines."""
+"""Let the tests of this folder import the recorded machines, and unpack them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 import sys
 
@@ -23,3 +24,26 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 pytest.register_assert_rewrite('recorded')
+
+from recorded import Recorded  # noqa: E402
+from recorded import unpack  # noqa: E402
+
+Machine = Callable[..., Recorded]
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    """Unpack a machine, with files changed (None: taken away) and other facts."""
+
+    def make(name: str, files: dict[str, str | None] | None = None, **facts: object) -> Recorded:
+        system = unpack(name, tmp_path / str(len(list(tmp_path.iterdir()))))
+        for path, content in (files or {}).items():
+            place = system.path(path)
+            if content is None:
+                place.unlink()
+                continue
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_text(content)
+        return Recorded(system.root, {**system.facts, **facts})
+
+    return make

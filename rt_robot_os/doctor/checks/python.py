@@ -136,8 +136,8 @@ def threads(system: System) -> Iterator[Finding]:
 
 CHECKS = (
     Check('python.version', 'Python version', 'the package is tested with these', version),
-    Check('python.build', 'Python build', 'each job takes two to ten times as long in a debug build',
-          build),
+    Check('python.build', 'Python build',
+          'each job takes two to ten times as long in a debug build', build),
     Check('python.observers', 'debugging tools',
           'every call and line of the core would be looked at by another function', observers),
     Check('python.switch_interval', 'switch interval',

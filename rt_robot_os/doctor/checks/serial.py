@@ -151,8 +151,8 @@ def latency(system: System) -> Iterator[Finding]:
 CHECKS = (
     Check('serial.permission', 'port permission',
           'a device whose port may not be opened stays in FAULT', permission),
-    Check('serial.grabbers', 'other port users', 'two programs on one port each get half of the bytes',
-          grabbers),
+    Check('serial.grabbers', 'other port users',
+          'two programs on one port each get half of the bytes', grabbers),
     Check('serial.latency', 'FTDI latency timer',
           'short frames wait this long in the adapter, and the core sees them in bunches',
           latency),
