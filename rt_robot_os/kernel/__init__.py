@@ -24,6 +24,9 @@ from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import VirtualClock
 from rt_robot_os.kernel.cooperative import CooperativeClock
+from rt_robot_os.kernel.coroutine import Event
+from rt_robot_os.kernel.coroutine import Ticks
+from rt_robot_os.kernel.coroutine import Wait
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.histogram import bucket_limits
@@ -49,10 +52,10 @@ from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
 
 __all__ = [
-    'BlackBox', 'BlackBoxDump', 'BUCKETS', 'bucket', 'bucket_limits', 'BudgetPolicy', 'Clock',
-    'CooperativeClock', 'DeadlineMiss', 'FailurePolicy', 'FailureReport', 'Histogram', 'Kernel',
-    'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot', 'OverrunPolicy', 'Resource',
-    'ResourceStatistics', 'SourceStatistics', 'summarise', 'Summary', 'Task', 'TaskAborted',
-    'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics', 'TraceEvent', 'TraceLog',
-    'VirtualClock',
+    'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy', 'Clock',
+    'CooperativeClock', 'DeadlineMiss', 'Event', 'FailurePolicy', 'FailureReport', 'Histogram',
+    'Kernel', 'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot', 'OverrunPolicy',
+    'Resource', 'ResourceStatistics', 'SourceStatistics', 'summarise', 'Summary', 'Task',
+    'TaskAborted', 'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics', 'Ticks', 'TraceEvent',
+    'TraceLog', 'VirtualClock', 'Wait',
 ]

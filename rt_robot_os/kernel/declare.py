@@ -33,13 +33,13 @@ from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.task import TaskSpec
 
 if TYPE_CHECKING:
-    from rt_robot_os.kernel.kernel import Kernel
+    from rt_robot_os.kernel.declarations import Declarations
 
 _KEYWORDS = frozenset(field.name for field in fields(TaskSpec)) - {'name', 'period_ns'}
 
 
 def make_task(
-    kernel: Kernel, name: str, function: Callable[[], object], index: int, *, priority: int,
+    kernel: Declarations, name: str, function: Callable[[], object], index: int, *, priority: int,
     rate_hz: float | None, on_restart: Callable[[], object] | None,
     on_safe_state: Callable[[], object] | None, declared: Mapping[str, Any],
 ) -> Task:
@@ -67,6 +67,26 @@ def make_task(
                         'about the safe state; give it, or choose failure stop')
     return Task(spec, function, index, on_restart=on_restart, on_safe_state=on_safe_state,
                 rearm=kernel.rearm)
+
+
+def check_async(name: str, function: Any, declared: Mapping[str, Any]) -> Mapping[str, Any]:
+    """
+    Check what only matters for coroutines.
+
+    :return: the declarations.
+    :raises TaskError: the function is no coroutine function, or a declaration is for others.
+    """
+    if not inspect.iscoroutinefunction(function):
+        raise TaskError(f'task {name!r}: {function!r} is no coroutine function; write it with '
+                        '`async def`, or add it with add_task')
+    for key in ('rate_hz', 'logical', 'after'):
+        if declared.get(key):
+            raise TaskError(f'task {name!r}: {key} is not for coroutines, which await what '
+                            'releases them; await kernel.every(hz).next() for a rate')
+    if declared.get('failure') is FailurePolicy.CONTINUE:
+        raise TaskError(f'task {name!r}: a coroutine that failed cannot continue; choose failure '
+                        'restart, stop or safe_state')
+    return declared
 
 
 def check_chains(tasks: Sequence[Task]) -> None:

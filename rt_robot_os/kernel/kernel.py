@@ -16,17 +16,15 @@
 """
 The kernel: tasks are declared, then run; see :mod:`rt_robot_os.kernel.scheduler` for the how.
 
-What is here happens before, after and between the ticks: declaration, start, idling, stop and
-statistics.
+What is here happens before, after and between the ticks: start, idling, stop, statistics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Sequence
+import functools
 import heapq
 import sys
-from typing import Any
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.black_box import BlackBoxDump
@@ -35,27 +33,20 @@ from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.declarations import Declarations
 from rt_robot_os.kernel.declare import check_chains
-from rt_robot_os.kernel.declare import make_task
 from rt_robot_os.kernel.failure import describe
-from rt_robot_os.kernel.one_shot import OneShot
-from rt_robot_os.kernel.policy import FailurePolicy
-from rt_robot_os.kernel.resource import Resource
-from rt_robot_os.kernel.scheduler import Scheduler
 from rt_robot_os.kernel.state import IDLE_LEVEL
 from rt_robot_os.kernel.state import Timer
 from rt_robot_os.kernel.statistics import KernelStatistics
-from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
 SPIN_MAXIMUM_NS = NS_PER_MS
-SEPARATION_NS = 100 * NS_PER_US
 
 
-class Kernel(Scheduler):
+class Kernel(Declarations):
     """
     A preemptive fixed-priority kernel.
 
@@ -70,7 +61,7 @@ class Kernel(Scheduler):
         release in nanoseconds, unless it is None.
     """
 
-    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken')
+    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_broken')
 
     def __init__(self, clock: Clock | None = None, *, spin_ns: int = 0,
                  black_box_records: int = RECORDS_DEFAULT) -> None:
@@ -81,122 +72,7 @@ class Kernel(Scheduler):
         self.on_idle: Callable[[int], None] | None = None
         self.start_ns = 0
         self.wakeups = 0
-        self._tasks: list[Task] = []
-        self._by_name: dict[str, Task] = {}
         self._broken = False
-
-    # ---- declaration -------------------------------------------------------------------------
-
-    def add_task(self, name: str, function: Callable[[], object], *, priority: int,
-                 rate_hz: float | None = None, resources: Sequence[Resource] = (),
-                 after: Sequence[Task] = (), on_restart: Callable[[], object] | None = None,
-                 on_safe_state: Callable[[], object] | None = None, **declared: Any) -> Task:
-        """
-        Declare a task; before :meth:`run`.
-
-        :param name: unique in this kernel.
-        :param function: called without arguments for each job; runs to its end. Of a coroutine
-            function each segment between two awaits is a job.
-        :param priority: 1..99, higher runs first; equals run in order of release, then of
-            declaration.
-        :param rate_hz: above 0; None for a task that only events release.
-        :param resources: what it may enter.
-        :param after: tasks whose ended jobs release it.
-        :param on_restart: run as its next job when it is restarted or re-armed.
-        :param on_safe_state: run as its last job when it goes to its safe state.
-        :param declared: the rest of :class:`~rt_robot_os.kernel.TaskSpec`: ``phase_ns``,
-            ``deadline_ns``, ``budget_ns``, ``overrun``, ``failure``, ...
-        :raises TaskError: the name is taken, values are out of range or contradict each other
-            (all of them are named), or the kernel runs.
-        """
-        if self.running:
-            raise TaskError(f'task {name!r}: the kernel is running; add all tasks before run()')
-        if name in self._by_name:
-            raise TaskError(f'task {name!r} exists already; names are unique')
-        task = make_task(self, name, function, len(self._tasks), priority=priority,
-                         rate_hz=rate_hz, on_restart=on_restart, on_safe_state=on_safe_state,
-                         declared=declared)
-        for resource in resources:
-            resource.declare(task)
-        for before in after:
-            before.successors = (*before.successors, task)
-        self._tasks.append(task)
-        self._by_name[name] = task
-        return task
-
-    def resource(self, name: str) -> Resource:
-        """Make a resource, or find the one that has this name; see :class:`Resource`."""
-        if name not in self._resources:
-            self._resources[name] = Resource(self, name)
-        found: Resource = self._resources[name]
-        return found
-
-    def timer(self, task: Task) -> OneShot:
-        """Make a timer that releases a task once each time it is started."""
-        return OneShot(self, task)
-
-    def add_interrupt(self, fd: int, task: Task, *, separation_ns: int = SEPARATION_NS,
-                      name: str = '') -> None:
-        """
-        Release a task whenever a file descriptor becomes readable.
-
-        The task reads until nothing is left: several arrivals may make one release. May be called
-        before :meth:`run` and by a task.
-
-        :param separation_ns: shortest time between two releases: what comes sooner waits until
-            then, and is counted. Without it a flood could take the whole CPU.
-        :param name: of the source, for the statistics.
-        :raises OSError: the descriptor cannot do that.
-        """
-        self._interrupts.add(fd, task, separation_ns, name)
-        if self.running:
-            self._interrupted = True  # it may be readable already
-            self.settle()
-
-    def remove_interrupt(self, fd: int) -> None:
-        """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
-        self._interrupts.remove(fd)
-
-    @property
-    def tasks(self) -> Sequence[Task]:
-        """All tasks in the order of their declaration."""
-        return tuple(self._tasks)
-
-    def task(self, name: str) -> Task:
-        """
-        Find a task.
-
-        :raises TaskError: there is none of that name.
-        """
-        try:
-            return self._by_name[name]
-        except KeyError:
-            known = ', '.join(self._by_name) or 'none'
-            raise TaskError(f'no task {name!r}; there are: {known}') from None
-
-    # ---- holding -----------------------------------------------------------------------------
-
-    def hold(self, task: Task, policy: FailurePolicy, reason: str) -> None:
-        """
-        Apply a failure policy from outside, as a watchdog or an emergency stop does.
-
-        A job that runs or waits ends first. Safe in the real-time loop.
-
-        :param reason: for the report.
-        """
-        locked, self.locked = self.locked, True
-        self._demand(task, policy, reason, self.now_ns())
-        self.locked = locked
-        if not locked and (self.pending or self._ready >> self._level + 1):
-            self.settle()
-
-    def rearm(self, task: Task) -> None:
-        """Let a held task make jobs again, beginning with its ``on_restart``; as Task.rearm."""
-        locked, self.locked = self.locked, True
-        self._resume(task, self.now_ns())
-        self.locked = locked
-        if not locked and (self.pending or self._ready >> self._level + 1):
-            self.settle()
 
     # ---- running -----------------------------------------------------------------------------
 
@@ -226,6 +102,7 @@ class Kernel(Scheduler):
             self.clock.detach()
             self._abandon()
             self.running = False
+            self._close_coroutines()
             self.locked = self.pending = False
             self._level, self._current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
@@ -250,7 +127,12 @@ class Kernel(Scheduler):
         heapq.heapify(self._timers)
         for task in self._tasks:
             task.rest()
-            if task.period_ns:
+            if task.coroutine is not None:
+                task.coroutine.close()
+                task.coroutine.finished = False
+                self._schedule(start_ns + task.spec.phase_ns,
+                               functools.partial(self._make_ready, task))
+            elif task.period_ns and task.logical is None:
                 timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, task.period_ns)
                 heapq.heappush(self._timers, timer)
         self._interrupts.arm()
@@ -265,6 +147,15 @@ class Kernel(Scheduler):
             self._withdraw(task)
             task.missed += task.rephasing
         self._timers.clear()
+
+    def _close_coroutines(self) -> None:
+        """Let them clean up; what that raises is contained like what a job raises."""
+        for task in self._tasks:
+            if task.coroutine is not None:
+                try:
+                    task.coroutine.close()
+                except Exception as error:
+                    self._note_failure(describe(task.name, self.now_ns(), error))
 
     def _loop(self) -> None:
         clock = self.clock

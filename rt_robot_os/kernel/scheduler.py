@@ -27,10 +27,6 @@ itself in :attr:`Scheduler.pending`; whoever clears the flag looks at the note a
 else can come in between. Whoever serves a note clears it first and reads the clock then: an alarm
 that came before is due by that time, and one that comes later leaves a new note. The other way
 round an alarm would be lost in between.
-
-There are two alarms. To set one costs a system call and, on most machines, an access to the timer
-hardware: microseconds that the next job would wait for. So the second is set for the release after
-the next when a job has ended, and before one begins there is nothing left to do but to swap them.
 """
 
 from __future__ import annotations
@@ -40,14 +36,13 @@ import heapq
 import sys
 
 from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.kernel.alarms import Alarms
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import OK
-from rt_robot_os.kernel.clock import NEVER_NS
-from rt_robot_os.kernel.consequences import Consequences
 from rt_robot_os.kernel.consequences import REMOVED
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
@@ -63,7 +58,7 @@ _RECURSION_ROOM = 200
 _set_recursion_limit = sys.setrecursionlimit
 
 
-class Scheduler(Consequences):
+class Scheduler(Alarms):
     """Release and dispatch: what runs in every tick. :class:`Kernel` adds the rest."""
 
     __slots__ = ()
@@ -134,51 +129,6 @@ class Scheduler(Consequences):
         self._arm_ahead(alarm_ns)
         self._current, self._level = current, level
         self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
-
-    # ---- alarms ------------------------------------------------------------------------------
-
-    def _arm(self, alarm_ns: int) -> None:
-        """Let the alarm come at a time, which is another than before."""
-        if alarm_ns == self._spare_ns:
-            self.clock.swap()
-            self._spare_ns = 0
-        else:
-            self.clock.arm(alarm_ns)
-        self._armed_ns = alarm_ns
-
-    def _arm_ahead(self, alarm_ns: int) -> None:
-        """Set the alarm, and the other for what comes after, if that is cheap to say."""
-        if alarm_ns != self._armed_ns:
-            self._arm(alarm_ns)
-        first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
-        due_ns = first[0]
-        spare_ns = due_ns + first[3] if first[3] else NEVER_NS
-        if due_ns < second < spare_ns:
-            spare_ns = second
-        if due_ns < third < spare_ns:
-            spare_ns = third
-        spare_ns -= self.spin_ns
-        if alarm_ns < due_ns - self.spin_ns:  # the end of a budget comes first
-            spare_ns = due_ns - self.spin_ns
-        if spare_ns != self._spare_ns:
-            self._spare_ns = spare_ns
-            self.clock.arm_spare(spare_ns)
-
-    def _early_ns(self, level: int) -> int:
-        """Give the time of the alarm before the first release, early if that is worth spinning."""
-        due_ns, _, task, period_ns = self._timers[0]
-        if period_ns and task.priority > level:
-            return due_ns - self.spin_ns
-        return due_ns
-
-    def _spin(self, now_ns: int, level: int) -> int:
-        """Spin to the first release, if it is near and above a level."""
-        due_ns = self._timers[0][0]
-        if now_ns < due_ns and self._early_ns(level) <= now_ns:
-            read_ns = self.now_ns
-            while now_ns < due_ns:
-                now_ns = read_ns()
-        return now_ns
 
     # ---- releases ----------------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import NEVER_NS
@@ -36,6 +37,10 @@ from rt_robot_os.kernel.statistics import TaskStatistics
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.coroutine import AsyncBody
+    from rt_robot_os.kernel.logical import Logical
 
 RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0
@@ -114,6 +119,8 @@ class Task:
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
     :ivar strikes: times that it was; the last one waits to be delivered while ``struck``.
     :ivar held: resources that it is inside of.
+    :ivar logical: what publishes its outputs at the deadline, if that was declared.
+    :ivar coroutine: what it is made of when it is written as one.
     """
 
     __slots__ = (
@@ -121,10 +128,10 @@ class Task:
         'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending',
         'busy', 'follow', 'held', 'strikes', 'struck', 'backlog', 'rephasing', 'state',
         'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart',
-        'on_safe_state', 'successors', 'release_ns', 'start_ns', 'releases', 'runs',
-        'missed', 'coalesced', 'failures', 'overruns', 'aborted', 'budget_exceeded',
-        'deadline_missed', 'last_miss', 'latency', 'execution', 'jitter',
-        'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns',
+        'on_safe_state', 'successors', 'logical', 'coroutine', 'release_ns', 'start_ns',
+        'releases', 'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
+        'budget_exceeded', 'deadline_missed', 'last_miss', 'latency', 'execution',
+        'jitter', 'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns',
         'execution_total_ns', '_rearm')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
@@ -142,6 +149,8 @@ class Task:
         self.on_restart = on_restart
         self.on_safe_state = on_safe_state
         self.successors: Sequence[Task] = ()
+        self.logical: Logical | None = None
+        self.coroutine: AsyncBody | None = None
         self.latency = Histogram()
         self.execution = Histogram()
         self.jitter = Histogram()

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 import re
 from typing import Any
 
@@ -24,10 +25,15 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.topics.layout import Layout
+from rt_robot_os.topics.logical import LogicalPublisher
+from rt_robot_os.topics.logical import LogicalSubscription
 from rt_robot_os.topics.publisher import Publisher
+from rt_robot_os.topics.subscription import NewestSubscription
 from rt_robot_os.topics.subscription import Subscription
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
+from rt_robot_os.topics.trigger import AllOf
+from rt_robot_os.topics.trigger import Every
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
@@ -94,16 +100,21 @@ class Bus:
         """All topics in the order of their declaration."""
         return tuple(self._topics.values())
 
-    def publisher(self, name: str) -> Publisher:
+    def publisher(self, name: str, task: Task | None = None) -> Publisher:
         """
         Make a publisher; not for the real-time loop.
 
+        :param task: whose it is, if it has logical execution time: then what it publishes comes
+            out at its deadline.
         :raises TopicError: there is no such topic.
         """
+        if task is not None and task.logical is not None:
+            return LogicalPublisher(self.topic(name), task.logical)
         return Publisher(self.topic(name))
 
     def subscribe(self, name: str, subscriber: str, *, initial: bool = False,
-                  task: Task | None = None, buffer: memoryview | None = None) -> Subscription:
+                  task: Task | None = None, buffer: memoryview | None = None,
+                  newest: bool = False) -> Subscription:
         """
         Make a subscription; not for the real-time loop.
 
@@ -113,18 +124,43 @@ class Bus:
         :param task: released by each publication.
         :param buffer: where samples are copied to, of the layout's ``max_size`` bytes; by default
             one of its own.
+        :param newest: ``take`` gives only the newest sample; those before it count as skipped.
         :raises TopicError: no such topic, or it has ``max_subscribers`` already.
         """
+        topic = self._with_room(name, subscriber)
+        kind: type[Subscription] = NewestSubscription if newest else Subscription
+        subscription = kind(topic, subscriber, initial=initial, buffer=buffer, task=task)
+        return self._add(subscription, task)
+
+    def subscribe_logically(self, name: str, task: Task, *, initial: bool = False
+                            ) -> Subscription:
+        """
+        Make a subscription for a task with logical execution time; not for the real-time loop.
+
+        It ends with what was published before the release of the job that reads.
+
+        :raises TopicError: no such topic, too many subscribers, or another kind of task.
+        """
+        if task.logical is None:
+            raise TopicError(f'topic {name!r}: task {task.name!r} has no logical execution time; '
+                             'declare it with logical=True')
+        topic = self._with_room(name, task.name)
+        return self._add(LogicalSubscription(topic, task.name, task.logical, initial), None)
+
+    def _add(self, subscription: Subscription, task: Task | None) -> Subscription:
+        topic = subscription.topic
+        topic.subscribers.append(subscription)
+        if task is not None:
+            topic.wake_on_publish(task)
+        return subscription
+
+    def _with_room(self, name: str, subscriber: str) -> Topic:
         topic = self.topic(name)
         if len(topic.subscribers) >= topic.max_subscribers:
             raise TopicError(f'topic {name!r}: {subscriber!r} would be subscriber number '
                              f'{len(topic.subscribers) + 1}; raise max_subscribers '
                              f'({topic.max_subscribers})')
-        subscription = Subscription(topic, subscriber, initial=initial, buffer=buffer, task=task)
-        topic.subscribers.append(subscription)
-        if task is not None:
-            topic.wake_on_publish(task)
-        return subscription
+        return topic
 
     def unsubscribe(self, subscription: Subscription) -> None:
         """
@@ -137,6 +173,25 @@ class Bus:
             topic.subscribers.remove(subscription)
             if subscription.task is not None:
                 topic.wake_no_more(subscription.task)
+
+    def release_every(self, name: str, task: Task, number: int) -> None:
+        """
+        Release a task with each n-th publication on a topic, beginning with the n-th from now.
+
+        :raises TopicError: no such topic, or a number below 1.
+        """
+        self.topic(name).triggers.append(Every(task, number))
+
+    def release_on_all(self, names: Sequence[str], task: Task) -> None:
+        """
+        Release a task when each of some topics has had a publication since its last release.
+
+        :raises TopicError: no such topic, one is given twice, or none.
+        """
+        topics = [self.topic(name) for name in names]
+        trigger = AllOf(task, topics)
+        for topic in topics:
+            topic.triggers.append(trigger)
 
     def statistics(self) -> tuple[TopicStatistics, ...]:
         """Take the statistics of all topics; not for the real-time loop."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.topics.topic import Topic
 
 
@@ -59,16 +60,19 @@ class Publisher:
             self._publish(self._buffer[:self.topic.layout.length(self._buffer)], stamp_ns)
             return
         kernel, topic = self._kernel, self.topic
-        now_ns = stamp_ns or kernel.now_ns()
+        now_ns = kernel.now_ns()
         kernel.locked = True
         head = topic.head
         index = head & self._mask
         self._slots[index][:] = self._buffer
-        self._stamps[index] = now_ns
+        self._stamps[index] = stamp_ns or now_ns
         topic.head = head + 1
         self.published += 1
+        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
         if topic.wakes:
-            kernel.wake(topic.wakes, kernel.now_ns() if stamp_ns else now_ns)
+            kernel.wake(topic.wakes, now_ns)
+        if topic.triggers:
+            topic.pull(now_ns)
         kernel.locked = False
         if kernel.pending:
             kernel.settle()
@@ -102,7 +106,10 @@ class Publisher:
         self._stamps[index] = stamp_ns or now_ns
         topic.head = head + 1
         self.published += 1
+        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
         kernel.wake(topic.wakes, now_ns)
+        if topic.triggers:
+            topic.pull(now_ns)
         kernel.locked = False
         if kernel.pending:
             kernel.settle()

@@ -18,11 +18,17 @@ from __future__ import annotations
 
 from enum import Enum
 from typing import Any
+from typing import TYPE_CHECKING
 
 from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import Wait
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import SubscriberStatisticsSource
 from rt_robot_os.topics.topic import Topic
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.coroutine import AsyncBody
+    from rt_robot_os.topics.trigger import Trigger
 
 
 class ReadStatus(Enum):
@@ -50,8 +56,8 @@ class Subscription(SubscriberStatisticsSource):
     """
 
     __slots__ = ('topic', 'name', 'task', 'msg', 'buffer', 'stamp_ns', 'seq', 'length', 'lost',
-                 'skipped', 'reads', '_fresh', '_next', '_depth', '_mask', '_slots', '_stamps',
-                 '_has_tail')
+                 'skipped', 'reads', 'triggers', '_fresh', '_next', '_depth', '_mask', '_slots',
+                 '_stamps', '_has_tail')
 
     def __init__(self, topic: Topic, name: str, *, initial: bool = False,
                  buffer: memoryview | None = None, task: Task | None = None) -> None:
@@ -64,6 +70,7 @@ class Subscription(SubscriberStatisticsSource):
         self.seq = -1
         self.length = topic.layout.size
         self.lost = self.skipped = self.reads = 0
+        self.triggers: list[Trigger] = []
         self._fresh = False
         self._next = max(0, topic.head - 1) if initial else topic.head
         self._depth = topic.depth
@@ -117,6 +124,14 @@ class Subscription(SubscriberStatisticsSource):
             self._next += behind
         return self.take()
 
+    def next(self) -> Wait:  # noqa: A003
+        """
+        Give something to await in a task that is a coroutine: over when :meth:`take` succeeded.
+
+        ``await`` gives the subscription itself, with the oldest unread sample in :attr:`msg`.
+        """
+        return _NextSample(self)
+
     def _copy_tail(self, index: int) -> None:
         length = self.topic.lengths[index]
         self.buffer[:length] = self._slots[index][:length]
@@ -156,3 +171,41 @@ class Subscription(SubscriberStatisticsSource):
         """Take the statistics; what was overwritten since the last read counts as lost."""
         overwritten = max(0, self.topic.head - self._next - self._depth)
         return SubscriberStatistics(self.name, self.reads, self.lost + overwritten, self.skipped)
+
+
+class NewestSubscription(Subscription):
+    """A subscription whose reader wants nothing but the newest sample, however it reads."""
+
+    __slots__ = ()
+
+    def take(self) -> bool:
+        """Copy the newest sample; safe in the real-time loop."""
+        behind = self.topic.head - self._next - 1
+        if behind > 0:
+            self.skipped += behind
+            self._next += behind
+        return super().take()
+
+
+class _NextSample(Wait):
+    """The next sample of a subscription."""
+
+    __slots__ = ('_subscription', '_taken')
+
+    def __init__(self, subscription: Subscription) -> None:
+        self._subscription = subscription
+        self._taken = False
+
+    def begin(self, body: AsyncBody) -> None:
+        self._subscription.topic.wake_on_publish(body.task)
+
+    def over(self) -> bool:
+        if not self._taken:
+            self._taken = self._subscription.take()
+        return self._taken
+
+    def end(self, body: AsyncBody) -> None:
+        self._subscription.topic.wake_no_more(body.task)
+
+    def result(self) -> Subscription:
+        return self._subscription

@@ -41,6 +41,7 @@ from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.topics.layout import Layout
+    from rt_robot_os.topics.trigger import Trigger
 
 DEPTH_MAXIMUM = 1 << 16
 STALE_PERIODS = 10
@@ -94,8 +95,8 @@ class Topic:
     """
 
     __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
-                 'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'subscribers',
-                 'has_tail', '_storage', '_wanted')
+                 'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
+                 'subscribers', 'has_tail', '_storage', '_wanted')
 
     def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = 16,
                  rate_hz: float = 0.0, max_subscribers: int = 64) -> None:
@@ -119,6 +120,7 @@ class Topic:
         self.lengths = [layout.size] * depth
         self.has_tail = layout.max_size != layout.size
         self.wakes: list[Task] = []
+        self.triggers: list[Trigger] = []
         self._wanted: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
 
@@ -141,6 +143,10 @@ class Topic:
             self._wanted[task] = count - 1
         elif count:
             self.wakes.remove(task)
+
+    def pull(self, now_ns: int) -> None:
+        """Release the tasks whose triggers say so; within a publication."""
+        self.kernel.wake([t.task for t in self.triggers if t.published(self)], now_ns)
 
     def statistics(self) -> TopicStatistics:
         """Take the statistics; not for the real-time loop."""

@@ -34,6 +34,7 @@ from kernel_tools import MS
 from kernel_tools import US
 import pytest
 
+from rt_robot_os.kernel import alarms
 from rt_robot_os.kernel import consequences
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
@@ -116,7 +117,7 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
-        consequences, kernel_module, scheduler_module, state))
+        alarms, consequences, kernel_module, scheduler_module, state))
     tracer = AtStep(files, step, clock.fire)
     sys.settrace(tracer)
     try:

@@ -1,0 +1,258 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Tasks written as coroutines: each segment between two awaits is a job that runs to its end.
+
+Nothing is ever waited for on the stack: ``await`` ends the job, and what was awaited releases the
+next one at the task's priority. Only what the kernel can release a task by can be awaited.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+from collections.abc import Callable
+from collections.abc import Coroutine
+from collections.abc import Generator
+from typing import Any
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.one_shot import OneShot
+from rt_robot_os.kernel.task import Task
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.scheduler import Scheduler
+
+AsyncFunction = Callable[[], Coroutine[Any, Any, None]]
+
+
+class Wait(ABC):
+    """Something that a task written as a coroutine can await."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def begin(self, body: AsyncBody) -> None:
+        """Arrange that the task is released when :meth:`over` may have become true."""
+
+    @abstractmethod
+    def over(self) -> bool:
+        """Whether the task can go on."""
+
+    def end(self, body: AsyncBody) -> None:
+        """Undo :meth:`begin`."""
+
+    def result(self) -> Any:
+        """Give what ``await`` gives."""
+        return None
+
+    def __await__(self) -> Generator[Wait, Any, Any]:
+        """Hand itself to the kernel, and give the result when it is over."""
+        return (yield self)
+
+
+class Until(Wait):
+    """A point in time of the kernel's clock."""
+
+    __slots__ = ('time_ns', '_body')
+
+    def __init__(self, time_ns: int) -> None:
+        self.time_ns = time_ns
+        self._body: AsyncBody | None = None
+
+    def begin(self, body: AsyncBody) -> None:
+        """Start the task's timer."""
+        self._body = body
+        body.timer.start_at(self.time_ns)
+
+    def over(self) -> bool:
+        """Whether the time has come."""
+        return self._body is not None and self._body.kernel.now_ns() >= self.time_ns
+
+    def end(self, body: AsyncBody) -> None:
+        """Stop the timer."""
+        body.timer.cancel()
+
+
+class Event:
+    """
+    A flag that tasks can await; safe in the real-time loop.
+
+    :param kernel: of the tasks.
+    """
+
+    __slots__ = ('_kernel', '_set', '_waiting')
+
+    def __init__(self, kernel: Scheduler) -> None:
+        self._kernel = kernel
+        self._set = False
+        self._waiting: list[Task] = []
+
+    @property
+    def is_set(self) -> bool:
+        """Whether it is set."""
+        return self._set
+
+    def set(self) -> None:  # noqa: A003
+        """Set it: whoever awaits it goes on, above the caller's priority before this returns."""
+        self._set = True
+        for task in tuple(self._waiting):
+            self._kernel.release(task)
+
+    def clear(self) -> None:
+        """Let those wait who await it from now on."""
+        self._set = False
+
+    def wait(self) -> Wait:
+        """Give something to await: over when the event is set."""
+        return _EventWait(self)
+
+
+class _EventWait(Wait):
+
+    __slots__ = ('_event',)
+
+    def __init__(self, event: Event) -> None:
+        self._event = event
+
+    def begin(self, body: AsyncBody) -> None:
+        self._event._waiting.append(body.task)
+
+    def over(self) -> bool:
+        return self._event.is_set
+
+    def end(self, body: AsyncBody) -> None:
+        if body.task in self._event._waiting:
+            self._event._waiting.remove(body.task)
+
+
+class AsyncBody:
+    """
+    The function of a task that is written as a coroutine.
+
+    :param function: gives a new coroutine for each start.
+    :ivar finished: the coroutine returned; the task makes no more jobs.
+    """
+
+    __slots__ = ('kernel', 'task', 'timer', 'finished', '_function', '_coroutine', '_wait')
+
+    task: Task
+    timer: OneShot
+
+    def __init__(self, kernel: Scheduler, function: AsyncFunction) -> None:
+        self.kernel = kernel
+        self.finished = False
+        self._function = function
+        self._coroutine: Coroutine[Any, Any, None] | None = None
+        self._wait: Wait | None = None
+
+    def bind(self, task: Task) -> None:
+        """Tell it which task it is."""
+        self.task = task
+        self.timer = OneShot(self.kernel, task)
+
+    def start(self) -> None:
+        """Begin anew, as after a failure, and run the first segment."""
+        self.close()
+        self.finished = False
+        self._coroutine = self._function()
+        self._run(None)
+
+    def segment(self) -> None:
+        """Go on if what was awaited is over; the function of the task."""
+        wait = self._wait
+        if self._coroutine is None:
+            if not self.finished:
+                self.start()
+        elif wait is not None and wait.over():
+            wait.end(self)
+            self._wait = None
+            self._run(wait.result())
+
+    def close(self) -> None:
+        """Drop the coroutine; its ``finally`` clauses run."""
+        wait, self._wait = self._wait, None
+        if wait is not None:
+            wait.end(self)
+        coroutine, self._coroutine = self._coroutine, None
+        if coroutine is not None:
+            coroutine.close()
+
+    def _run(self, value: Any) -> None:
+        coroutine = self._coroutine
+        try:
+            while coroutine is not None:
+                awaited = coroutine.send(value)
+                problem = self._problem(awaited)
+                if problem is not None:
+                    awaited = coroutine.throw(problem)
+                    problem = self._problem(awaited)
+                    if problem is not None:
+                        raise problem
+                awaited.begin(self)
+                if not awaited.over():
+                    self._wait = awaited
+                    return
+                awaited.end(self)
+                value = awaited.result()
+        except StopIteration:
+            self._coroutine = None
+            self.finished = True
+        except BaseException:
+            self._coroutine = None
+            if coroutine is not None:
+                coroutine.close()
+            raise
+
+    def _problem(self, awaited: Any) -> TaskError | None:
+        if not isinstance(awaited, Wait):
+            return TaskError(
+                f'task {self.task.name!r} awaited {awaited!r}: only what releases tasks can be '
+                'awaited: subscription.next(), kernel.sleep(ns), ticks of kernel.every(hz), '
+                'event.wait(). asyncio needs a process of its own')
+        if self.task.held:
+            return TaskError(f'task {self.task.name!r} awaits inside a resource: nobody could '
+                             'enter it meanwhile; leave it before')
+        return None
+
+
+class Ticks:
+    """
+    An absolute grid of times: ``await ticks.next()``; never drifts.
+
+    What is already past is skipped and counted.
+
+    :ivar missed: grid points that had passed when they were awaited.
+    """
+
+    __slots__ = ('period_ns', 'missed', '_kernel', '_next_ns')
+
+    def __init__(self, kernel: Scheduler, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.missed = 0
+        self._kernel = kernel
+        self._next_ns = kernel.now_ns()
+
+    def next(self) -> Wait:  # noqa: A003
+        """Give something to await: over at the next point of the grid."""
+        now_ns = self._kernel.now_ns()
+        self._next_ns += self.period_ns
+        if self._next_ns < now_ns:
+            missed = (now_ns - self._next_ns) // self.period_ns + 1
+            self.missed += missed
+            self._next_ns += missed * self.period_ns
+        return Until(self._next_ns)

@@ -1,0 +1,129 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The two ends of a topic for tasks with logical execution time, see the kernel's module."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rt_robot_os.topics.publisher import Publisher
+from rt_robot_os.topics.subscription import Subscription
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel.logical import Logical
+    from rt_robot_os.topics.topic import Topic
+
+
+class _Kept:
+    """One message that waits for the deadline."""
+
+    __slots__ = ('data', 'length', 'stamp_ns')
+
+    def __init__(self, size: int) -> None:
+        self.data = memoryview(bytearray(size))
+        self.length = 0
+        self.stamp_ns = 0
+
+
+class LogicalPublisher(Publisher):
+    """
+    Keep what a job publishes until its deadline.
+
+    :ivar discarded: messages that were not published, because the job was late or published more
+        than the topic holds.
+    """
+
+    __slots__ = ('discarded', '_kept', '_count')
+
+    def __init__(self, topic: Topic, logical: Logical) -> None:
+        super().__init__(topic)
+        self.discarded = 0
+        # Laid out beforehand: nothing is allocated in the loop.
+        self._kept = [_Kept(topic.layout.max_size) for _ in range(topic.depth)]
+        self._count = 0
+        logical.outputs.append(self._end)
+
+    def publish(self, stamp_ns: int = 0) -> None:
+        """
+        Let the message as it stands be published at the deadline; safe in the real-time loop.
+
+        :param stamp_ns: moment of the data; 0 means the deadline.
+        """
+        self._keep(memoryview(self._buffer)[:self.topic.layout.length(self._buffer)]
+                   if self._has_tail else memoryview(self._buffer), stamp_ns)
+
+    def _publish(self, data: memoryview, stamp_ns: int) -> None:
+        self._keep(data, stamp_ns)
+
+    def _keep(self, data: memoryview, stamp_ns: int) -> None:
+        if self._count == len(self._kept):
+            self.discarded += 1
+            return
+        kept = self._kept[self._count]
+        kept.data[:len(data)] = data
+        kept.length, kept.stamp_ns = len(data), stamp_ns
+        self._count += 1
+
+    def _end(self, in_time: bool) -> None:
+        count, self._count = self._count, 0
+        if not in_time:
+            self.discarded += count
+            return
+        for kept in self._kept[:count]:
+            super()._publish(kept.data[:kept.length], kept.stamp_ns)
+
+
+class LogicalSubscription(Subscription):
+    """
+    Read what had been published when the job was released, and nothing that came later.
+
+    The topic has to be deep enough for what is published within a deadline: what is overwritten
+    meanwhile is lost, and counted, as for every other reader.
+    """
+
+    __slots__ = ('_limit',)
+
+    def __init__(self, topic: Topic, name: str, logical: Logical, initial: bool) -> None:
+        super().__init__(topic, name, initial=initial)
+        self._limit = self._next
+        logical.inputs.append(self._fix)
+
+    def take(self) -> bool:
+        """Copy the oldest unread sample that is older than the job; as Subscription.take."""
+        limit = self._limit
+        if self.topic.head - limit >= self._depth and self._next < limit:
+            self.lost += limit - self._next
+            self._next = limit
+        if self._next >= limit:
+            self._fresh = False
+            return False
+        return super().take()
+
+    def latest(self) -> bool:
+        """Copy the newest sample that is older than the job; as Subscription.latest."""
+        behind = self._limit - self._next - 1
+        if behind > 0:
+            self.skipped += behind
+            self._next += behind
+        return self.take()
+
+    @property
+    def unread(self) -> int:
+        """How many samples older than the job wait."""
+        return max(0, self._limit - max(self._next, self.topic.head - self._depth))
+
+    def _fix(self) -> None:
+        self._limit = self.topic.head
