@@ -45,7 +45,8 @@ class Logical:
     :ivar outputs: called at each deadline with True to publish, with False to discard.
     """
 
-    __slots__ = ('task', 'late', 'inputs', 'outputs', 'helpers', '_kernel', '_publisher', '_overdue')
+    __slots__ = ('task', 'late', 'inputs', 'outputs', 'helpers', '_kernel', '_publisher',
+                 '_overdue')
 
     def __init__(self, kernel: Scheduler, task: Task, levels: tuple[int, int]) -> None:
         self.task = task

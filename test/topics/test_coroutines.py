@@ -35,6 +35,8 @@ from rt_robot_os.kernel import TraceLog
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 
+pytest.importorskip('std_msgs.msg', reason='needs the ROS 2 message packages')
+
 US, MS, S = 1_000, 1_000_000, 1_000_000_000
 
 

@@ -28,6 +28,8 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 
+pytest.importorskip('std_msgs.msg', reason='needs the ROS 2 message packages')
+
 US, MS = 1_000, 1_000_000
 
 

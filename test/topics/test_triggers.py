@@ -24,6 +24,8 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 
+pytest.importorskip('std_msgs.msg', reason='needs the ROS 2 message packages')
+
 MS = 1_000_000
 
 
