@@ -26,8 +26,11 @@ from typing import Any
 from typing import TYPE_CHECKING
 
 from rt_robot_os.blackbox.parts import live_parts
+from rt_robot_os.core.tasks import held
+from rt_robot_os.core.tasks import resource_names
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.kernel import TaskState
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
@@ -36,6 +39,7 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.session import Session
+from rt_robot_os.reports import Severity
 
 if TYPE_CHECKING:
     from rt_robot_os.core.app import Core
@@ -76,7 +80,7 @@ class Answers:
             'hello': self._hello, 'mirror': self._mirror, 'unmirror': self._unmirror,
             'advertise': self._advertise, 'set_rate': self._set_rate,
             'set_parameter': self._set_parameter, 'reset_statistics': self._reset_statistics,
-            'stop': self._stop,
+            'rearm': self._rearm, 'stop': self._stop,
         }
 
     def __call__(self, session: Session, packet: bytes) -> None:
@@ -163,6 +167,18 @@ class Answers:
         raise LinkError(f'no module {owner!r} and no such device; there are '
                         f'{", ".join(names) or "none"}')
 
+    def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
+        """Let a task that is held make jobs again, or all of them."""
+        kernel = self._core.kernel
+        name = arguments.get('task', '')
+        tasks = [kernel.task(_text(arguments, 'task'))] if name else held(kernel)
+        names = [task.name for task in tasks if task.state is not TaskState.ACTIVE]
+        for task in tasks:
+            kernel.rearm(task)
+        if names:
+            self._core.note(Severity.INFO, 'core', f'{session.name} re-armed {", ".join(names)}')
+        return {'tasks': names}
+
     def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
         for task in self._core.kernel.tasks:
             task.reset_statistics()
@@ -202,10 +218,14 @@ class Answers:
             post('device', asdict(device))
         for client in core.link.statistics():
             post('client', client.as_json())
+        for name in resource_names(core.settings):
+            post('resource', asdict(core.kernel.resource(name).statistics()))
+        watchdog = core.watchdog
         post('core', {
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'accepted': core.link.accepted, 'refused': core.link.refused,
             'realtime': [asdict(result) for result in core.realtime]})
         session.post(encode_json(Kind.REPLY, {}, seq=number))

@@ -26,8 +26,10 @@ from rt_robot_os.core.answers import Answers
 from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.tasks import safe_state_of
+from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
@@ -36,6 +38,8 @@ from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link import LinkServer
 from rt_robot_os.linux import realtime
+from rt_robot_os.linux.cpu_latency import HeldCpuLatency
+from rt_robot_os.linux.cpu_latency import hold_cpu_latency
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.registry import module_class
@@ -83,6 +87,7 @@ class Core:
         self._failures_seen = 0
         self._output: int | None = None
         self._written = 0
+        self._cpu_latency: HeldCpuLatency | None = None
         for topic in settings.topics:
             self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
                              depth=topic.depth, rate_hz=topic.rate_hz)
@@ -93,6 +98,12 @@ class Core:
             service_priority=settings.core.link_priority,
             command_priority=settings.core.command_priority)
         self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=10.0)
+        self.guard = ProcessGuard(settings.watchdog)
+        self.watchdog: Watchdog | None = None
+        if settings.watchdog.timeout_s:
+            self.watchdog = Watchdog(self.kernel, settings.watchdog, self.reports,
+                                     self.guard.manager.watchdog_ns)
+            self.watchdog.on_fault = self.black_box.fault
 
     def _add_devices(self, ports: Mapping[str, str]) -> None:
         for device in self.settings.devices:
@@ -124,9 +135,9 @@ class Core:
         try:
             module.deactivate()
         except Exception as error:
-            self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+            self.note(Severity.ERROR, module.name, f'deactivate failed: {error}')
         module.activate()
-        self._note(Severity.INFO, module.name, 'restarted')
+        self.note(Severity.INFO, module.name, 'restarted')
 
     def prepare_process(self) -> None:
         """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
@@ -136,13 +147,17 @@ class Core:
             results.append(realtime.set_affinity(wanted.cpu))
         if wanted.lock_memory:
             results.append(realtime.lock_memory())
+        if wanted.cpu_latency_us >= 0:
+            result, self._cpu_latency = hold_cpu_latency(wanted.cpu_latency_us)
+            results.append(result)
+        results += self.guard.equip(self.watchdog)
         results.append(realtime.freeze_garbage())
         # Last, so that the slow steps before do not hold up others at this priority.
         if wanted.scheduler_priority:
             results.append(realtime.set_fifo(wanted.scheduler_priority))
         self.realtime = tuple(results)
         for result in results:
-            self._note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
+            self.note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
 
     def run(self, duration_ns: int | None = None) -> str:
         """
@@ -181,17 +196,29 @@ class Core:
 
     def close(self) -> None:
         """Leave a safe state and close everything; may be called twice."""
+        if self.watchdog is not None:
+            self.watchdog.leave()
+        self.guard.leave()
         while self._active:
             module = self._active.pop()
             try:
                 module.deactivate()
             except Exception as error:
-                self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+                self.note(Severity.ERROR, module.name, f'deactivate failed: {error}')
         self.sensors.close()
-        self.link.close()
+        self.guard.release()
         self._watch()
+        self.link.close()
         self.black_box.close()
         self._write_reports()
+        if self._cpu_latency is not None:
+            self._cpu_latency.close()
+        self.guard.close(stop=not self.tripped)
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the watchdog ended it: its process ends with the exit code that is set."""
+        return self.watchdog is not None and bool(self.watchdog.tripped)
 
     def write_reports_to(self, fd: int) -> None:
         """
@@ -207,9 +234,10 @@ class Core:
         new = min(total - self._failures_seen, len(self.kernel.failures))
         self._failures_seen = total
         for failure in list(self.kernel.failures)[len(self.kernel.failures) - new:]:
-            self._note(Severity.ERROR, failure.task, str(failure))
+            self.note(Severity.ERROR, failure.task, str(failure))
             self.black_box.fault(f'task {failure.task!r}: {failure.error}')
         self.black_box.watch()
+        self.guard.ready()
         self._write_reports()
 
     def _write_reports(self) -> None:
@@ -220,5 +248,6 @@ class Core:
                 with suppress(OSError):  # nobody reads them any more
                     os.write(self._output, ('\n'.join(lines) + '\n').encode())
 
-    def _note(self, severity: Severity, source: str, text: str) -> None:
+    def note(self, severity: Severity, source: str, text: str) -> None:
+        """Tell people something; safe in the real-time loop."""
         self.reports.note(Report(self.kernel.now_ns(), severity, source, text))

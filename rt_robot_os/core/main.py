@@ -99,6 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         finally:
             for signo, handler in previous.items():
                 signal.signal(signo, handler)
+        if core.tripped:
+            return settings.watchdog.exit_code
     except (RtRobotError, OSError) as error:
         print(error, file=sys.stderr)
         return BAD_CONFIGURATION if isinstance(error, ValueError) else FAILED

@@ -26,6 +26,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
+from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import TaskSettings
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
@@ -56,3 +57,9 @@ def safe_state_of(part: object) -> Callable[[], object] | None:
 def held(kernel: Kernel) -> list[Task]:
     """Give the tasks that make no jobs until somebody re-arms them."""
     return [t for t in kernel.tasks if t.state in (TaskState.SAFE, TaskState.STOPPED)]
+
+
+def resource_names(settings: RobotSettings) -> tuple[str, ...]:
+    """Give the names of what tasks share, in the order of the file."""
+    tasks = [*(each.task for each in settings.devices), *(each.task for each in settings.modules)]
+    return tuple(dict.fromkeys(name for task in tasks for name in task.resources))

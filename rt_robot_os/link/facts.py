@@ -39,10 +39,15 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class CoreStatistics:
-    """What a core says of itself, as :meth:`LinkClient.statistics` gives it."""
+    """
+    What a core says of itself, as :meth:`LinkClient.statistics` gives it.
+
+    :ivar resources: what tasks share, each as in ``kernel.ResourceStatistics``.
+    """
 
     core: dict[str, Any]
     tasks: tuple[TaskStatistics, ...]
     topics: tuple[dict[str, Any], ...]
     devices: tuple[dict[str, Any], ...]
     clients: tuple[dict[str, Any], ...]
+    resources: tuple[dict[str, Any], ...] = ()

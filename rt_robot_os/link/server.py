@@ -119,7 +119,12 @@ class LinkServer:
         self._kernel.add_interrupt(listener.fileno(), self._accepting)
 
     def close(self) -> None:
-        """Say goodbye to all clients and remove the socket; may be called twice."""
+        """
+        Say goodbye to all clients and remove the socket; may be called twice.
+
+        They get the last reports, as far as they take them at once.
+        """
+        self._report()
         for session in self._sessions:
             self._kernel.remove_interrupt(session.connection.fileno())
             session.close()

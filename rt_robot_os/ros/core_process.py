@@ -94,6 +94,15 @@ class CoreProcess:
         self._path.unlink(missing_ok=True)
         return False
 
+    def ended_within(self, timeout_s: float) -> bool:
+        """Give it a moment to end by itself; whether it did."""
+        if self._process is not None:
+            try:
+                self._process.wait(timeout_s)
+            except subprocess.TimeoutExpired:
+                return False
+        return not self.alive()
+
     def kill(self) -> None:
         """End a core that hangs."""
         self._end((signal.SIGKILL,))

@@ -22,6 +22,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
 
+from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.stamps import StampMapper
@@ -47,10 +48,12 @@ class Diagnostics:
     Judge the statistics, comparing them with the ones before.
 
     :param name: of the robot; each status is called ``name: what``.
+    :param rearm: the service that lets held tasks run again.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, rearm: str = '/robot/rearm') -> None:
         self._name = name
+        self._rearm = rearm
         self._before: CoreStatistics | None = None
         self._last: list[DiagnosticStatus] = []
 
@@ -66,6 +69,7 @@ class Diagnostics:
             self._core(now),
             *(self._device(d) for d in now.devices),
             *(self._task(t, before) for t in now.tasks),
+            *(self._resource(r) for r in now.resources),
             *(self._topic(t, now, before) for t in now.topics),
             *(self._client(c, before) for c in now.clients),
             *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
@@ -84,10 +88,14 @@ class Diagnostics:
         level = WARN if lacking else OK
         message = ('not in force: ' + ', '.join(r['step'] for r in lacking)) if lacking else (
             'running')
+        watchdog = now.core['watchdog']
+        if watchdog not in ('off', 'healthy'):
+            level, message = ERROR, f'watchdog: {watchdog}'
         values = {r['step']: 'in force' if r['ok'] else r['reason'] for r in now.core['realtime']}
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
-                   'clients_refused': now.core['refused'], 'pid': now.core['pid']}
+                   'clients_refused': now.core['refused'], 'pid': now.core['pid'],
+                   'watchdog': watchdog}
         return _status(f'{self._name}: core', level, message, values)
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
@@ -100,17 +108,17 @@ class Diagnostics:
 
     def _task(self, task: TaskStatistics, before: CoreStatistics | None) -> DiagnosticStatus:
         old = next((t for t in before.tasks if t.name == task.name), None) if before else None
-        missed = task.missed - (old.missed if old else 0)
-        failures = task.failures - (old.failures if old else 0)
-        level, message = OK, 'on time'
-        if missed:
-            level, message = WARN, f'{missed} releases missed'
-        if failures:
-            level, message = ERROR, f'{failures} jobs failed'
+        level, message = self._trouble(task, old)
+        miss = task.last_miss
         return _status(f'{self._name}: task {task.name}', level, message, {
             'priority': task.priority, 'rate_hz': NS_PER_S / task.period_ns if task.period_ns
             else 0.0, 'releases': task.releases, 'runs': task.runs, 'missed': task.missed,
             'coalesced': task.coalesced, 'failures': task.failures,
+            'state': task.state.value, 'overruns': task.overruns, 'aborted': task.aborted,
+            'budget_exceeded': task.budget_exceeded, 'deadline_missed': task.deadline_missed,
+            'last_miss_us': miss.late_ns / 1000 if miss is not None else 0.0,
+            'last_miss_ran_instead': ', '.join(miss.ran_instead) if miss is not None else '',
+            'response_max_us': task.response_maximum_ns / 1000,
             'latency_p50_us': task.latency.p50_ns / 1000,
             'latency_p99_us': task.latency.p99_ns / 1000,
             'latency_max_us': task.latency.maximum_ns / 1000,
@@ -119,6 +127,38 @@ class Diagnostics:
             'jitter_p99_us': task.jitter.p99_ns / 1000,
             'gap_max_us': task.gap_maximum_ns / 1000,
             'blocked_others_max_us': task.blocked_maximum_ns / 1000})
+
+    def _trouble(self, task: TaskStatistics, old: TaskStatistics | None) -> tuple[bytes, str]:
+        """Say the worst of what is wrong with a task, or came since the last time."""
+        if task.state in (TaskState.SAFE, TaskState.STOPPED):
+            what = 'in its safe state' if task.state is TaskState.SAFE else 'stopped'
+            return ERROR, (f'{what}; the log says why. Let it run again: ros2 service call '
+                           f'{self._rearm} std_srvs/srv/Trigger')
+        if task.state is TaskState.BACKOFF:
+            return ERROR, 'failed; it restarts by itself after a pause'
+        for level, key, text in (
+                (ERROR, 'failures', '{} jobs failed'),
+                (ERROR, 'aborted', '{} jobs used up their budget and were aborted'),
+                (WARN, 'deadline_missed', '{} deadlines missed'),
+                (WARN, 'missed', '{} releases missed'),
+                (WARN, 'budget_exceeded', '{} jobs used more than their budget')):
+            new = getattr(task, key) - (getattr(old, key) if old else 0)
+            if new > 0:
+                return level, text.format(new) + self._instead(task, key)
+        return OK, 'on time'
+
+    @staticmethod
+    def _instead(task: TaskStatistics, key: str) -> str:
+        miss = task.last_miss
+        if key != 'deadline_missed' or miss is None:
+            return ''
+        others = f'; ran instead: {", ".join(miss.ran_instead)}' if miss.ran_instead else ''
+        return f', the last by {miss.late_ns / 1000:.0f} us{others}'
+
+    def _resource(self, resource: dict[str, Any]) -> DiagnosticStatus:
+        return _status(f'{self._name}: resource {resource["name"]}', OK, 'shared', {
+            'users': ', '.join(resource['users']), 'ceiling': resource['ceiling'],
+            'entries': resource['entries'], 'held_max_us': resource['held_maximum_ns'] / 1000})
 
     def _topic(self, topic: dict[str, Any], now: CoreStatistics,
                before: CoreStatistics | None) -> DiagnosticStatus:

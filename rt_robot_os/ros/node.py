@@ -40,6 +40,7 @@ from rt_robot_os.settings import check_change
 from rt_robot_os.settings import parameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from std_srvs.srv import Trigger
 
 _START_TIMEOUT_S = 10.0
 
@@ -63,7 +64,8 @@ class RobotNode(LifecycleNode):
         self._mapper = StampMapper()
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
-        self._diagnostics = Diagnostics(self.robot)
+        rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
+        self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._status_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
         self._robot_parameters = NodeParameters(
@@ -80,7 +82,9 @@ class RobotNode(LifecycleNode):
             self.path, process, self._mapper, self._log, name=self.robot,
             on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
             heartbeat_s=self.settings.core.heartbeat_s,
-            statistics_period_s=1.0 / self.settings.diagnostics_rate_hz)
+            statistics_period_s=1.0 / self.settings.diagnostics_rate_hz,
+            watchdog_code=(self.settings.watchdog.exit_code if self.settings.watchdog.timeout_s
+                           else 0))
         self._supervisor.start()
         connected = self._supervisor.wait(_START_TIMEOUT_S)
         if self.fatal:
@@ -142,6 +146,19 @@ class RobotNode(LifecycleNode):
         if self._mirrors is not None:
             self._mirrors.destroy()
             self._mirrors = None
+
+    def _on_rearm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let every task that is held run again."""
+        client = self._client()
+        try:
+            if client is None:
+                raise LinkError('no core is connected')
+            names = client.request('rearm')['tasks']
+            response.success = True
+            response.message = f're-armed: {", ".join(names)}' if names else 'no task was held'
+        except LinkError as error:
+            response.message = str(error)
+        return response
 
     # ---- diagnostics -------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import signal
 import threading
 import time
 from typing import Any
@@ -38,9 +39,15 @@ _LONG_LIFE_S = 30.0
 _DEAD_AFTER_BEATS = 3
 _START_TIMEOUT_S = 15.0
 _ANSWER_MINIMUM_S = 0.5
+# A core that its watchdog ends says goodbye before it is gone, and its exit code says why.
+_GOODBYE_S = 1.0
 
 Log = Callable[[int, str], None]
 INFO, WARN, ERROR = int(Severity.INFO), int(Severity.WARN), int(Severity.ERROR)
+
+
+class _Killed(LinkError):
+    """We have ended the core ourselves."""
 
 
 class Supervisor:
@@ -53,13 +60,14 @@ class Supervisor:
     :param log: called with (severity as in ROS 2, text) from any thread.
     :param heartbeat_s: silence after which the core is reported; after three times that a core
         of our own is killed and started anew.
+    :param watchdog_code: exit code of a core whose watchdog ended it; 0 when it has none.
     :ivar fatal: why no core can run with this configuration; empty otherwise.
     """
 
     def __init__(self, path: Path, process: CoreProcess | None, mapper: StampMapper, log: Log, *,
                  name: str, on_connect: Callable[[LinkClient], None],
                  on_disconnect: Callable[[], None], heartbeat_s: float,
-                 statistics_period_s: float) -> None:
+                 statistics_period_s: float, watchdog_code: int = 0) -> None:
         self.process = process
         self.fatal = ''
         self.client: LinkClient | None = None
@@ -75,6 +83,7 @@ class Supervisor:
         self._on_disconnect = on_disconnect
         self._heartbeat_s = heartbeat_s
         self._statistics_period_s = statistics_period_s
+        self._watchdog_code = watchdog_code
         self._stopping = threading.Event()
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run, name='rt_robot_os link', daemon=True)
@@ -129,8 +138,11 @@ class Supervisor:
             self._stay(client)
             return ''
         except LinkError as error:
-            if process is not None and not self._stopping.is_set():
-                process.stop()  # it ends, or does not answer any more
+            if process is None or self._stopping.is_set() or isinstance(error, _Killed):
+                return str(error)
+            if process.ended_within(_GOODBYE_S):
+                return self._how_ended(process.exit_code)
+            process.stop()  # it does not answer any more
             return str(error)
         except Exception as error:
             # Whatever it was, without this thread there would be no supervision at all.
@@ -186,7 +198,7 @@ class Supervisor:
             silent_s = time.monotonic() - client.last_beat_ns / 1e9
             if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None:
                 self.process.kill()
-                raise LinkError(f'the core did not beat for {silent_s:.1f} s and was killed')
+                raise _Killed(f'the core did not beat for {silent_s:.1f} s and was killed')
             if silent_s > self._heartbeat_s and not warned:
                 self._log(WARN, f'no heart-beat of the core for {silent_s:.1f} s')
             warned = silent_s > self._heartbeat_s
@@ -207,9 +219,28 @@ class Supervisor:
             self.fatal = 'the core refused its configuration; see its message above'
             self._log(ERROR, self.fatal)
             return self.fatal
-        return f'the core ended with code {code}'
+        return self._how_ended(code)
+
+    def _how_ended(self, code: int | None) -> str:
+        if self._watchdog_code and code == self._watchdog_code:
+            return (f'the core ended with code {code}: a critical task stood still; see the '
+                    'report of its watchdog above')
+        if code is None or code >= 0:
+            return f'the core ended with code {code}'
+        name = _signal_name(-code)
+        if self._watchdog_code and -code in (signal.SIGABRT, signal.SIGKILL):
+            return (f'the core was ended by {name}: its watchdog did not come to run, so some '
+                    'native call may not have returned; the traceback above says which')
+        return f'the core was ended by {name}'
 
     def _report(self, content: dict[str, Any]) -> None:
         if content.get('dropped'):
             self._log(WARN, f'{content["dropped"]} reports of the core were dropped')
         self._log(int(content['severity']), f'{content["source"]}: {content["text"]}')
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f'signal {number}'

@@ -80,3 +80,21 @@ class Woken(Module):
     def step(self) -> None:
         while self.command.take():
             pass
+
+
+class Hanging(Module):
+    """Call something native that never returns, or compute in Python without end."""
+
+    SETTINGS = (Field('native', bool, True, 'where it hangs'),)
+    steps = 0
+
+    def step(self) -> None:
+        self.steps += 1
+        if self.steps == 20:
+            self.hang()
+
+    def hang(self) -> None:
+        if self.settings['native']:
+            sum(range(10 ** 12))
+        while True:
+            pass

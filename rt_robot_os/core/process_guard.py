@@ -1,0 +1,115 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Who watches the core's process from outside: Linux, the machine, the service manager."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import faulthandler
+import math
+import os
+from pathlib import Path
+
+from rt_robot_os.core.watchdog import TIMEOUTS_UNTIL_DEATH
+from rt_robot_os.core.watchdog import Watchdog
+from rt_robot_os.linux.deadman import DeadMan
+from rt_robot_os.linux.machine_watchdog import MachineWatchdog
+from rt_robot_os.linux.machine_watchdog import open_machine_watchdog
+from rt_robot_os.linux.realtime import RtResult
+from rt_robot_os.linux.service_manager import ServiceManager
+from rt_robot_os.settings import WatchdogSettings
+
+
+class ProcessGuard:
+    """
+    What a watchdog moves and feeds; nothing is open before :meth:`equip`.
+
+    :param environment: where a service manager leaves its address.
+    """
+
+    def __init__(self, settings: WatchdogSettings,
+                 environment: Mapping[str, str] = os.environ) -> None:
+        self.manager = ServiceManager(environment)
+        self.machine: MachineWatchdog | None = None
+        self._settings = settings
+        self._handle: DeadMan | None = None
+        self._told = False
+
+    def equip(self, watchdog: Watchdog | None) -> list[RtResult]:
+        """
+        Open everything that the watchdog shall move and feed.
+
+        :return: what became of each step.
+        """
+        if watchdog is None:
+            if not self.manager.watchdog_ns:
+                return []
+            seconds = self.manager.watchdog_ns / 1e9
+            return [RtResult(False, 'food for the service manager', 'it waits for a sign of life '
+                             f'every {seconds:g} s. Remedy: set watchdog.timeout_s')]
+        results = [self._take_handle(watchdog)]
+        if self._settings.device:
+            result, self.machine = open_machine_watchdog(
+                Path(self._settings.device),
+                max(1, math.ceil(TIMEOUTS_UNTIL_DEATH * self._settings.timeout_s)))
+            results.append(result)
+        if self.machine is not None:
+            watchdog.feeders.append(self.machine.feed)
+        if self.manager.watchdog_ns:
+            watchdog.feeders.append(self._feed_manager)
+        return results
+
+    def _take_handle(self, watchdog: Watchdog) -> RtResult:
+        step = 'end of a process that hangs'
+        try:
+            watchdog.handle = self._handle = DeadMan()
+        except OSError as error:
+            return RtResult(False, step, f'{error.strerror}. Remedy: raise the limit of pending '
+                            'signals (ulimit -i)')
+        # Where the hanging call was is written to standard error by a handler in C.
+        faulthandler.enable()
+        return RtResult(True, step)
+
+    def _feed_manager(self) -> None:
+        self.manager.tell('WATCHDOG=1')
+
+    def ready(self) -> None:
+        """Tell the service manager, once, that everything runs."""
+        if not self._told:
+            self._told = True
+            self.manager.tell('READY=1')
+
+    def leave(self) -> None:
+        """Tell the service manager that the end has begun."""
+        self.manager.tell('STOPPING=1')
+
+    def release(self) -> None:
+        """Let the process live: what follows is bounded in time."""
+        if self._handle is not None:
+            self._handle.release()
+
+    def close(self, stop: bool = True) -> None:
+        """
+        Let go of everything; may be called twice.
+
+        :param stop: stop the machine's watchdog; otherwise the machine starts anew unless the next
+            core opens it in time.
+        """
+        if self._handle is not None:
+            self._handle.close()
+        if self.machine is not None:
+            self.machine.close(stop)
+        self.manager.close()

@@ -1,0 +1,175 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The watchdog: what happens when a critical task stands still, or everything does.
+
+A task above all others looks at the critical ones. While they are healthy it feeds whoever waits
+for that: the machine's own watchdog, the service manager. When one stays unhealthy for the
+timeout, the action that is set follows. The task itself is watched by a timer of Linux that it
+pushes ahead: where no Python runs any more, in a native call that never returns, the process ends
+by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+from typing import Protocol
+
+from rt_robot_os.core.pulse import Pulse
+from rt_robot_os.kernel import FailurePolicy
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import TaskState
+from rt_robot_os.reports import Report
+from rt_robot_os.reports import Reports
+from rt_robot_os.reports import Severity
+from rt_robot_os.settings import WatchdogSettings
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+PRIORITY = 99
+CHECKS_PER_TIMEOUT = 8
+TIMEOUTS_UNTIL_DEATH = 2
+_SHORTEST_INTERVAL_NS = NS_PER_MS
+
+
+class Handle(Protocol):
+    """What ends the process unless it is pushed: :class:`rt_robot_os.linux.deadman.DeadMan`."""
+
+    def push(self, deadline_ns: int) -> None: ...
+
+    def release(self) -> None: ...
+
+
+class Watchdog:
+    """
+    Watch the critical tasks of a kernel; made after all other tasks.
+
+    :param manager_ns: how long a service manager waits for food; 0 when there is none.
+    :ivar handle: ends a process that hangs; None in tests, and under a virtual clock.
+    :ivar feeders: called with each check that finds all well.
+    :ivar on_fault: told the reason of each action, such as to save the black box.
+    :ivar reason: why the last check found a task not healthy; empty when it found none.
+    :ivar tripped: why the core shall end with the exit code; empty otherwise.
+    """
+
+    def __init__(self, kernel: Kernel, settings: WatchdogSettings, reports: Reports,
+                 manager_ns: int = 0) -> None:
+        self.handle: Handle | None = None
+        self.feeders: list[Callable[[], object]] = []
+        self.on_fault: Callable[[str], object] | None = None
+        self.reason = self.tripped = ''
+        self._kernel = kernel
+        self._settings = settings
+        self._reports = reports
+        self._timeout_ns = round(settings.timeout_s * NS_PER_S)
+        interval_ns = self._timeout_ns // CHECKS_PER_TIMEOUT
+        if manager_ns:
+            interval_ns = min(interval_ns, manager_ns // 4)
+        self.interval_ns = max(interval_ns, _SHORTEST_INTERVAL_NS)
+        self._critical = [task for task in kernel.tasks if task.spec.critical]
+        self._pulses: Sequence[Pulse] = ()
+        self._since_ns = 0
+        self._acted_ns = 0
+        self.task = kernel.add_task('core/watchdog', self.check, priority=PRIORITY,
+                                    rate_hz=NS_PER_S / self.interval_ns)
+
+    @property
+    def healthy(self) -> bool:
+        """Whether the last check found nothing."""
+        return not self.reason
+
+    def check(self) -> None:
+        """Look at all critical tasks and do what follows; the function of the task."""
+        now_ns = self._kernel.now_ns()
+        if not self._pulses:
+            self._pulses = [Pulse(task, self._kernel.start_ns) for task in self._critical]
+        reason = ''
+        for pulse in self._pulses:
+            reason = pulse.look(now_ns) or reason
+        self.reason = reason
+        if reason:
+            self._unhealthy(reason, now_ns)
+        else:
+            self._recover()
+        if self.healthy or self._is_safe():
+            for feed in self.feeders:
+                feed()
+        ends = self.tripped or (reason and self._settings.action == 'exit')
+        if self.handle is not None and not ends:
+            self.handle.push(now_ns + TIMEOUTS_UNTIL_DEATH * self._timeout_ns)
+
+    def leave(self) -> None:
+        """Let go of the process that ends in order; after a trip it keeps its last deadline."""
+        if self.handle is not None and not self.tripped:
+            self.handle.release()
+
+    # ---- what follows ------------------------------------------------------------------------
+
+    def _recover(self) -> None:
+        if self._acted_ns:
+            self._note(Severity.INFO, 'all critical tasks are healthy again')
+        self._since_ns = self._acted_ns = 0
+
+    def _unhealthy(self, reason: str, now_ns: int) -> None:
+        self._since_ns = self._since_ns or now_ns
+        if self.tripped or now_ns - self._since_ns < self._timeout_ns:
+            return
+        if not self._acted_ns:
+            self._acted_ns = now_ns
+            self._act(reason, now_ns)
+        elif (self._settings.action == 'safe_state' and not self._is_safe()
+                and now_ns - self._acted_ns >= self._timeout_ns):
+            names = ', '.join(t.name for t in self._with_safe_state() if not _rests(t))
+            self._trip(f'{names} did not reach the safe state: a job does not end', now_ns)
+
+    def _act(self, reason: str, now_ns: int) -> None:
+        if self.on_fault is not None:
+            self.on_fault(f'watchdog: {reason}')
+        action = self._settings.action
+        if action == 'exit':
+            self._trip(reason, now_ns)
+            return
+        self._note(Severity.ERROR, reason)
+        if action == 'safe_state':
+            for task in self._with_safe_state():
+                self._kernel.hold(task, FailurePolicy.SAFE_STATE, f'the watchdog: {reason}')
+
+    def _trip(self, reason: str, now_ns: int) -> None:
+        """End the core: in order if that works within the timeout, otherwise by the handle."""
+        self.tripped = reason
+        self._note(Severity.FATAL, f'{reason}: the core ends with exit code '
+                   f'{self._settings.exit_code}')
+        if self.handle is not None:
+            self.handle.push(now_ns + self._timeout_ns)
+        self._kernel.stop(f'watchdog: {reason}')
+
+    def _with_safe_state(self) -> list[Task]:
+        return [task for task in self._kernel.tasks if task.on_safe_state is not None]
+
+    def _is_safe(self) -> bool:
+        """Whether the action was taken and every task with a safe state rests in it."""
+        return (self._acted_ns > 0 and self._settings.action == 'safe_state'
+                and all(_rests(task) for task in self._with_safe_state()))
+
+    def _note(self, severity: Severity, text: str) -> None:
+        self._reports.note(Report(self._kernel.now_ns(), severity, 'watchdog', text))
+
+
+def _rests(task: Task) -> bool:
+    # Until its safe state was run the function of the task is that.
+    return task.state is TaskState.SAFE and task.function is task.body and not task.busy
