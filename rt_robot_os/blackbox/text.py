@@ -38,6 +38,8 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
 BEFORE_FAULT_NS = 50 * NS_PER_MS
+# Less is the way from an alarm to its handler, not somebody's fault; the kernel's own limit.
+BLOCKED_NS = 50 * NS_PER_US
 _FAULTS = (Outcome.FAILED, Outcome.ABORTED)
 
 
@@ -67,9 +69,9 @@ def _head(history: History, facts: dict[str, str | int]) -> str:
     known = ', '.join(f'{key} {value}' for key, value in facts.items())
     if known:
         lines.append(f'  {known}')
-    lines.append(f'  {duration(history.to_ns - history.from_ns)} until '
-                 f'{duration(dump.at_ns - dump.start_ns)} after the start of the core: '
-                 f'{len(dump.records)} records, {len(history.jobs)} jobs'
+    lines.append(f'  {len(dump.records)} records, {len(history.jobs)} jobs in '
+                 f'{duration(history.to_ns - history.from_ns)}, until '
+                 f'{duration(dump.at_ns - dump.start_ns)} after the start'
                  f'{", older ones overwritten" if dump.full else ""}')
     if history.unknown:
         lines.append('  left out, not known to this release: ' + ', '.join(
@@ -104,7 +106,7 @@ def _sums(history: History) -> list[_Sum]:
         one.used_ns += job.execution_ns
         one.late += job.late_ns > 0
         one.faults += job.outcome in _FAULTS
-        for task, time_ns in history.blocked_by(job).items():
+        for task, time_ns in _blockers_of(history, job):
             one.blocked[task] = max(one.blocked[task], time_ns)
     return sums
 
@@ -172,12 +174,17 @@ def _lines(history: History, jobs: Iterable[Job], moments: Iterable[Moment],
 
 def _wait(history: History, job: Job) -> str:
     text = f', {duration(job.latency_ns)} after its release'
-    waits = history.blocked_by(job)
+    waits = _blockers_of(history, job)
     if waits:
         text += ' (blocked by ' + ', '.join(
-            f'{history.tasks[task].name} {duration(time_ns)}'
-            for task, time_ns in waits.most_common()) + ')'
+            f'{history.tasks[task].name} {duration(time_ns)}' for task, time_ns in waits) + ')'
     return text
+
+
+def _blockers_of(history: History, job: Job) -> list[tuple[int, int]]:
+    """Give the lower tasks that a job waited for, and how long, who blocked longest first."""
+    return [(task, time_ns) for task, time_ns in history.blocked_by(job).most_common()
+            if time_ns >= BLOCKED_NS]
 
 
 def _end(job: Job) -> str:
@@ -198,7 +205,8 @@ def _moment(history: History, moment: Moment) -> str:
     if moment.kind == INTERRUPT:
         return f'interrupt {moment.text} releases {who}'
     if moment.kind == OVERRUN:
-        return f'{who} OVERRUN, {moment.value} released before the last job ended'
+        releases = 'release' if moment.value == 1 else 'releases'
+        return f'{who} OVERRUN: {moment.value} {releases} found the job before unfinished'
     if moment.kind == ABORT:
         return f'{who} ABORTED after {duration(moment.value)} of computing'
     if moment.kind == MISS:
@@ -236,19 +244,21 @@ def _before_fault(history: History) -> str:
         of_task = [job for job in jobs if job.task == task]
         lines.append(f'  {history.tasks[task].name}: {duration(time_ns)} of CPU in '
                      f'{len(of_task)} jobs')
-    lines += ['  ' + line for line in _remarkable(history, jobs, from_ns, at_ns)]
+    lines += [f'  {_at(history, ns)}  {text}'
+              for ns, text in sorted(_remarkable(history, jobs, from_ns, at_ns))]
     return '\n'.join(lines)
 
 
-def _remarkable(history: History, jobs: Sequence[Job], from_ns: int, at_ns: int) -> Iterator[str]:
+def _remarkable(history: History, jobs: Sequence[Job], from_ns: int, at_ns: int
+                ) -> Iterator[tuple[int, str]]:
     chosen = [job for job in jobs if job.outcome in _FAULTS or job.late_ns
-              or sum(history.blocked_by(job).values()) > 50 * NS_PER_US]
+              or sum(history.blocked_by(job).values()) >= 2 * BLOCKED_NS]
     for job in chosen[-20:]:
-        yield (f'{_at(history, job.end_ns)}  {history.tasks[job.task].name} '
-               f'{_end(job)}; started{_wait(history, job)[1:]}')
+        yield job.end_ns, (f'{history.tasks[job.task].name} {_end(job)}; '
+                           f'started{_wait(history, job)[1:]}')
     for moment in history.moments:
         if from_ns <= moment.at_ns <= at_ns and moment.kind in (OVERRUN, ABORT):
-            yield f'{_at(history, moment.at_ns)}  {_moment(history, moment)}'
+            yield moment.at_ns, _moment(history, moment)
 
 
 def _table(rows: Sequence[Sequence[str]], align: str) -> Iterator[str]:

@@ -35,6 +35,12 @@ def test_show(capsys: pytest.CaptureFixture[str]) -> None:
     assert 'vision is ABORTED' in shown and 'last 5 of' in shown
 
 
+def test_the_page_shows_what_the_program_writes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['show', str(EXAMPLE), '--last', '8']) == 0
+    page = Path(__file__).resolve().parents[2] / 'docs' / 'black_box.md'
+    assert f'```text\n{capsys.readouterr().out}```\n' in page.read_text()
+
+
 def test_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / 'out.json'
     assert main(['export', str(EXAMPLE), '--perfetto', str(out)]) == 0

@@ -123,7 +123,7 @@ def test_the_text_tells_every_kind_of_record() -> None:
         (ABORT, PLANNER, 5 * MS, 6 * MS), (CEILING, CONTROL, 5 * MS, 7 * MS, 'map'),
         (MISS, CONTROL, 8 * MS, 1 * MS), (MARK, -1, 9 * MS, 'hello'), (77, 1, 2, 3)]))
     for expected in ('imu publishes imu/data #7', 'no task publishes cmd #1',
-                     'interrupt uart releases control', 'imu OVERRUN, 2 released',
+                     'interrupt uart releases control', 'imu OVERRUN: 2 releases found',
                      'planner ABORTED after 6.0 ms', 'control leaves map after 2.0 ms',
                      'control MISSED its deadline by 1.0 ms', 'mark: hello', '1 x kind 77'):
         assert expected in text
