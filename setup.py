@@ -33,7 +33,7 @@ setup(
         ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'i2c': ['smbus2'], 'test': ['hypothesis', 'pytest']},
+    extras_require={'i2c': ['smbus2'], 'plot': ['matplotlib'], 'test': ['hypothesis', 'pytest']},
     python_requires='>=3.10',
     zip_safe=False,
     author='The rt_robot_os authors',
