@@ -26,12 +26,17 @@ from collections.abc import Callable
 from typing import Final
 
 from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
 from rt_robot_os.drivers.decoders.xbus import XbusDecoder
 
 
 def _is_nmea(data: bytes) -> bool:
     return bool(NmeaDecoder().feed(data))
+
+
+def _is_ubx(data: bytes) -> bool:
+    return any(frame.kind for frame in UbxDecoder().feed(data))
 
 
 def _is_witmotion(data: bytes) -> bool:
@@ -45,6 +50,7 @@ def _is_xbus(data: bytes) -> bool:
 
 # What is asked for sure, with the driver's name; the surest first.
 _KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
+    ('UBX messages', 'ublox', _is_ubx),
     ('NMEA 0183 sentences', 'nmea', _is_nmea),
     ('Xbus messages', 'xsens', _is_xbus),
     ('WitMotion frames', 'witmotion', _is_witmotion),

@@ -33,6 +33,7 @@ DRIVERS: Final[PluginRegistry[Device]] = PluginRegistry(
         'mpu6050': 'rt_robot_os.drivers.mpu6050:Mpu6050',
         'ms5611': 'rt_robot_os.drivers.ms5611:Ms5611',
         'nmea': 'rt_robot_os.drivers.nmea:NmeaGps',
+        'ublox': 'rt_robot_os.drivers.ublox:Ublox',
         'witmotion': 'rt_robot_os.drivers.witmotion:WitMotion',
         'xsens': 'rt_robot_os.drivers.xsens:Xsens',
     },

@@ -33,6 +33,7 @@ SIMULATORS: Final[PluginRegistry[Simulated]] = PluginRegistry(
         'mpu6050': 'rt_robot_os.sim.mpu6050:SimulatedMpu6050',
         'ms5611': 'rt_robot_os.sim.ms5611:SimulatedMs5611',
         'nmea': 'rt_robot_os.sim.nmea:SimulatedNmea',
+        'ublox': 'rt_robot_os.sim.ublox:SimulatedUblox',
         'witmotion': 'rt_robot_os.sim.witmotion:SimulatedWitMotion',
         'xsens': 'rt_robot_os.sim.xsens:SimulatedXsens',
     },

@@ -50,6 +50,8 @@ _FIELDS: dict[str, dict[str, Any]] = {
         'position_covariance': 9, 'position_covariance_type': None,
     },
     'sensor_msgs/msg/TimeReference': {'time_ref': ('sec', 'nanosec')},
+    'geometry_msgs/msg/TwistWithCovarianceStamped': {
+        'twist': {'twist': {'linear': _VECTOR, 'angular': _VECTOR}, 'covariance': 36}},
 }
 
 
@@ -59,8 +61,9 @@ class FakeMessage:
     def __init__(self, fields: dict[str, Any]) -> None:
         values: dict[str, Any] = {}
         for name, shape in fields.items():
-            if isinstance(shape, tuple):
-                values[name] = FakeMessage(dict.fromkeys(shape))
+            if isinstance(shape, tuple | dict):
+                values[name] = FakeMessage(
+                    shape if isinstance(shape, dict) else dict.fromkeys(shape))
             else:
                 values[name] = None if shape is None else np.full(shape, np.nan)
         self.__dict__.update(values)

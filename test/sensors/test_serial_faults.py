@@ -58,6 +58,11 @@ CASES = {
     'witmotion': Case(100),
     'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
                  'these are WitMotion frames at .* baud: set type: witmotion'),
+    'ublox': Case(5, {'output_rate_hz': 5.0}, {'rate_hz': 5.0}, 'gps/fix',
+                  'these are WitMotion frames at .* baud: set type: witmotion'),
+    'ublox configured': Case(
+        10, {'configure': True, 'output_rate_hz': 10.0, 'baud': 115200}, {'mixed': True},
+        'gps/fix', 'these are WitMotion frames at .* baud: set type: witmotion'),
     'xsens': Case(100),
     'xsens configured': Case(50, {'configure': True, 'output_rate_hz': 50.0}),
 }

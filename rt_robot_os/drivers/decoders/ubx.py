@@ -1,0 +1,238 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+UBX, the binary protocol of u-blox receivers, with NMEA 0183 sentences in between.
+
+``B5 62 CLASS ID LEN(2) payload CK_A CK_B``, little-endian; the checksum is the 8-bit Fletcher sum
+of everything between. Receivers send both protocols on one line as delivered, so sentences are
+frames too, of class 0: they are no rubbish, even where nobody wants them.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+from typing import NamedTuple
+
+import numpy as np
+
+from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+
+SYNC: Final = b'\xb5\x62'
+# A header found by chance holds up what follows until its length is there: keep that short.
+MAX_PAYLOAD: Final = 2560
+
+NMEA: Final = 0
+NAV: Final = 0x01
+ACK: Final = 0x05
+CFG: Final = 0x06
+PVT: Final = 0x07
+
+_HEADER: Final = 6
+_OVERHEAD: Final = 8
+_CLASSES: Final = frozenset((
+    NAV, 0x02, 0x04, ACK, CFG, 0x09, 0x0A, 0x0B, 0x0D, 0x10, 0x13, 0x21, 0x27, 0x28, 0x29))
+
+# ..., 3, 2, 1, modulo 256.
+_WEIGHTS: Final = np.arange(MAX_PAYLOAD + 4, 0, -1).astype(np.uint8)
+
+# The first 84 bytes of NAV-PVT, which all generations have.
+_PVT: Final = struct.Struct('<IH6BIi4B4i2I5i2I2H4x')
+PVT_SIZES: Final = (84, 92)
+FIX_2D, FIX_3D, FIX_AND_DEAD_RECKONING = 2, 3, 4
+
+
+class UbxFrame(NamedTuple):
+    """
+    One message with a good checksum, or one NMEA sentence.
+
+    :ivar kind: its class; ``NMEA`` for a sentence.
+    :ivar identifier: within its class.
+    :ivar payload: what it holds, the sentence for NMEA.
+    :ivar size: bytes of the whole frame.
+    :ivar end: index just after its last byte in the chunk that completed it.
+    """
+
+    kind: int
+    identifier: int
+    payload: bytes
+    size: int
+    end: int
+
+
+class NavPvt(NamedTuple):
+    """Position, velocity and time as the message has them; mm, mm/s, 1e-7 and 1e-5 degrees."""
+
+    tow_ms: int
+    year: int
+    month: int
+    day: int
+    hour: int
+    minute: int
+    second: int
+    valid: int
+    time_accuracy_ns: int
+    nano: int
+    fix_type: int
+    flags: int
+    flags2: int
+    satellites: int
+    longitude: int
+    latitude: int
+    height_mm: int
+    sea_height_mm: int
+    horizontal_accuracy_mm: int
+    vertical_accuracy_mm: int
+    north_mm_s: int
+    east_mm_s: int
+    down_mm_s: int
+    ground_speed_mm_s: int
+    heading: int
+    speed_accuracy_mm_s: int
+    heading_accuracy: int
+    pdop: int
+    flags3: int
+
+    @property
+    def has_date(self) -> bool:
+        """Say whether date and time are valid, and the leap seconds known."""
+        return self.valid & 0x07 == 0x07
+
+    @property
+    def has_fix(self) -> bool:
+        """Say whether there is a position within the receiver's limits."""
+        return bool(self.flags & 0x01 and FIX_2D <= self.fix_type <= FIX_AND_DEAD_RECKONING
+                    and not self.flags3 & 0x01)
+
+    @property
+    def is_differential(self) -> bool:
+        """Say whether corrections were applied, of SBAS or others."""
+        return bool(self.flags & 0x02)
+
+    @property
+    def carrier(self) -> int:
+        """Give the carrier phase solution: 0 none, 1 floating, 2 fixed."""
+        return self.flags >> 6
+
+
+class UbxDecoder:
+    """
+    Find messages and sentences in a stream of bytes; safe in the loop, keeps less than 3 KiB.
+
+    :ivar frames: valid messages and sentences so far.
+    :ivar rejected_bytes: bytes that belong to none.
+    :ivar rejected_frames: those with a wrong checksum.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.rejected_bytes = 0
+        self.rejected_frames = 0
+        self._own_rejected_bytes = 0
+        self._own_rejected_frames = 0
+        self._pending = b''
+        self._nmea = NmeaDecoder()
+
+    @property
+    def pending_bytes(self) -> int:
+        """Give the number of bytes that wait for the rest of their frame."""
+        return len(self._pending) + self._nmea.pending_bytes
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew."""
+        self._own_rejected_bytes += len(self._pending)
+        self._pending = b''
+        self._nmea.reset()
+        self._count()
+
+    def feed(self, data: bytes) -> list[UbxFrame]:
+        """
+        Take the next bytes of the stream.
+
+        :return: the frames that they complete, in order; the same however the stream is cut.
+        """
+        held = len(self._pending)
+        buffer = self._pending + data if held else data
+        size = len(buffer)
+        frames: list[UbxFrame] = []
+        at = text = 0
+        while True:
+            at = buffer.find(SYNC, at)
+            if at < 0:
+                at = size - 1 if size > text and buffer[-1] == SYNC[0] else size
+                break
+            length = _length(buffer, at)
+            end = at + _OVERHEAD + length
+            if length >= 0 and end > size:
+                break
+            if length < 0 or not self._sums_up(buffer, at, end):
+                at += 1
+                continue
+            if at > text or self._nmea.pending_bytes:
+                self._between(buffer[text:at], text - held, frames)
+                self._nmea.reset()  # what a message cuts off is no sentence
+            frames.append(UbxFrame(buffer[at + 2], buffer[at + 3], buffer[at + _HEADER:end - 2],
+                                   end - at, end - held))
+            at = text = end
+        if at > text:
+            self._between(buffer[text:at], text - held, frames)
+        self._pending = buffer[at:]
+        self.frames += len(frames)
+        self._count()
+        return frames
+
+    def _sums_up(self, buffer: bytes, at: int, end: int) -> bool:
+        good = buffer[end - 2:end] == fletcher(buffer[at + 2:end - 2])
+        if not good:
+            self._own_rejected_frames += 1
+        return good
+
+    def _between(self, content: bytes, offset: int, frames: list[UbxFrame]) -> None:
+        """Look for sentences in what is no UBX; they come before the messages behind them."""
+        frames.extend(
+            UbxFrame(NMEA, 0, each.sentence, len(each.sentence), offset + each.end)
+            for each in self._nmea.feed(content))
+
+    def _count(self) -> None:
+        self.rejected_bytes = self._own_rejected_bytes + self._nmea.rejected_bytes
+        self.rejected_frames = self._own_rejected_frames + self._nmea.rejected_frames
+
+
+def _length(buffer: bytes, at: int) -> int:
+    """Give the length of the payload; -1 when there is none, the longest when not there yet."""
+    left = len(buffer) - at
+    if left > 2 and buffer[at + 2] not in _CLASSES:
+        return -1
+    if left < _HEADER:
+        return MAX_PAYLOAD
+    length = buffer[at + 4] | buffer[at + 5] << 8
+    if buffer[at + 2] == NAV and buffer[at + 3] == PVT and length not in PVT_SIZES:
+        return -1
+    return length if length <= MAX_PAYLOAD else -1
+
+
+def fletcher(content: bytes) -> bytes:
+    """Give the checksum of what stands between sync and checksum, 2564 bytes at most."""
+    # The second sum is that of the first n sums: each byte counts once for itself and once for
+    # each byte behind it, modulo 256, which is what 8-bit numbers do by themselves.
+    values = np.frombuffer(content, np.uint8)
+    second = int(np.dot(values, _WEIGHTS[_WEIGHTS.size - values.size:]))
+    return bytes((sum(content) & 0xFF, second))
+
+
+def nav_pvt(payload: bytes) -> NavPvt | None:
+    """Read the payload of NAV-PVT; None when it is too short for one."""
+    return NavPvt(*_PVT.unpack_from(payload)) if len(payload) >= _PVT.size else None
