@@ -118,8 +118,8 @@ class Doctor:
         result = self._result
         refused = f' (without {", ".join(result.refused)})' if result.refused else ''
         return (f'{MEASURED}: lateness of 1 kHz wake-ups, {result.seconds / 2:g} s each{refused}',
-                [Line('measured', wakeup.MACHINE, wakeup.judge(result.machine)),
-                 Line('measured', wakeup.KERNEL, wakeup.judge(result.kernel))])
+                [Line('measured', wakeup.MACHINE, wakeup.judge(result.machine, result.refused)),
+                 Line('measured', wakeup.KERNEL, wakeup.judge(result.kernel, result.refused))])
 
 
 def run(argv: Sequence[str]) -> int:

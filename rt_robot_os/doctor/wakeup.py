@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 import json
 import os
@@ -48,6 +49,7 @@ READY_MAXIMUM_NS = 100 * NS_PER_US
 # One release in a thousand may be a whole period late: the loop misses it, and goes on.
 USABLE_P999_NS = NS_PER_MS
 _TENTH = 10
+_ONCE_MORE = Remedy((), 'mend what the summary names first, end what need not run, measure again')
 _START_S = 0.7
 _MARGIN_S = 15.0
 _REFRESH_S = 0.1
@@ -138,23 +140,28 @@ def microseconds(duration_ns: int) -> str:
     return f'{value:.1f}' if value < 10 else f'{value:.0f}'
 
 
-def judge(result: Measured, subject: str = '') -> Finding:
-    """Compare a measurement with what a 1 kHz loop needs."""
+def judge(result: Measured, refused: Sequence[str] = ()) -> Finding:
+    """
+    Compare a measurement with what a 1 kHz loop needs.
+
+    :param refused: steps of the set-up that Linux did not grant.
+    """
     summary = result.summary
     told = (f'p50 {microseconds(summary.p50_ns)}, p99 {microseconds(summary.p99_ns)}, '
             f'p99.9 {microseconds(summary.p999_ns)}, max {microseconds(summary.maximum_ns)} us')
     if result.missed:
         told += f', {result.missed} of {summary.count + result.missed} missed'
     if not summary.count:
-        return bad('no wake-up at all', weight=99, subject=subject)
+        return bad('no wake-up at all', _ONCE_MORE, weight=99)
     if summary.maximum_ns < READY_MAXIMUM_NS:
-        return ok(f'{told}: ready for 1 kHz', subject=subject)
+        return ok(f'{told}: ready for 1 kHz')
     rate = rate_hz(summary.maximum_ns)
     fit = f'at its worst ready for {rate} Hz' if rate else 'too late for any loop at times'
-    remedy = Remedy((), 'what is listed above, from the summary; then measure again')
+    remedy = (Remedy((), f'first of all, mend what was refused: {", ".join(refused)}')
+              if refused else _ONCE_MORE)
     if summary.p999_ns < USABLE_P999_NS:
-        return warn(f'{told}: usable, {fit}', remedy, weight=1, subject=subject)
-    return bad(f'{told}: not usable for 1 kHz, {fit}', remedy, weight=1, subject=subject)
+        return warn(f'{told}: usable, {fit}', remedy, weight=1)
+    return bad(f'{told}: not usable for 1 kHz, {fit}', remedy, weight=1)
 
 
 class StepWatch:

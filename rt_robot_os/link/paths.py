@@ -16,38 +16,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import os
 from pathlib import Path
 import stat
-import tempfile
 
 from rt_robot_os.errors import LinkError
-
-
-def chosen_folder(environ: Mapping[str, str], uid: int) -> Path:
-    """
-    Tell which folder is the private runtime folder, without making it.
-
-    ``$RT_ROBOT_OS_RUNTIME_DIR``, else ``$XDG_RUNTIME_DIR/rt_robot_os``, else a folder of the
-    user's own in the folder for temporary files.
-    """
-    explicit = environ.get('RT_ROBOT_OS_RUNTIME_DIR')
-    session = environ.get('XDG_RUNTIME_DIR')
-    if explicit:
-        return Path(explicit)
-    if session and os.access(session, os.W_OK):
-        return Path(session) / 'rt_robot_os'
-    return Path(tempfile.gettempdir()) / f'rt_robot_os-{uid}'
+from rt_robot_os.linux.folders import runtime_path
 
 
 def runtime_folder() -> Path:
     """
-    Give the private runtime folder, made if need be; see :func:`chosen_folder`.
+    Give the private runtime folder, made if need be; :mod:`rt_robot_os.linux.folders` says where.
 
     :raises LinkError: the folder belongs to another user or cannot be made.
     """
-    folder = chosen_folder(os.environ, os.getuid())
+    folder = runtime_path(os.environ, os.getuid())
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.lstat()

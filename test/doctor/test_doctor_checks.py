@@ -125,6 +125,19 @@ def test_a_seccomp_filter_is_named_when_the_capability_is_there(machine) -> None
     assert 'seccomp' in finding.found
 
 
+def test_real_time_groups_of_the_kernel_are_named(machine) -> None:
+    finding = _refused(machine, {
+        '/proc/self/limits': 'Max realtime priority     98   98\n',
+        '/boot/config-6.8.0-85-generic': 'CONFIG_RT_GROUP_SCHED=y\n'})
+    assert 'in spite of RLIMIT_RTPRIO 98' in finding.found
+    assert 'CONFIG_RT_GROUP_SCHED' in finding.found
+
+
+def test_a_limit_below_the_priority_is_told(machine) -> None:
+    finding = _refused(machine, {'/proc/self/limits': 'Max realtime priority     50   50\n'})
+    assert 'RLIMIT_RTPRIO is 50' in finding.found
+
+
 def test_a_refusal_without_a_reason_is_probably_a_user_namespace(machine) -> None:
     finding = _refused(machine, {'/proc/self/status': 'CapEff:\t0000000000800000\nSeccomp:\t0\n'})
     assert 'user namespace' in finding.remedy.note

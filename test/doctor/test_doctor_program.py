@@ -37,9 +37,9 @@ from rt_robot_os.linux.clock import clock_state
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def _start(*arguments: str, **options) -> subprocess.Popen[str]:
+def _start(*arguments: str, before: str = '', **options) -> subprocess.Popen[str]:
     environ = {**os.environ, 'PYTHONPATH': os.pathsep.join(
-        [str(ROOT), os.environ.get('PYTHONPATH', '')])}
+        filter(None, [before, str(ROOT), os.environ.get('PYTHONPATH', '')]))}
     return subprocess.Popen(
         [sys.executable, '-m', 'rt_robot_os.cli.doctor', *arguments], env=environ, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
@@ -102,6 +102,18 @@ def test_ctrl_c_ends_it_and_the_measurement() -> None:
     output, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert errors.strip() == 'doctor: interrupted'
+
+
+def test_it_works_where_the_package_does_not(tmp_path) -> None:
+    for name in ('numpy', 'yaml', 'serial', 'rclpy'):
+        (tmp_path / f'{name}.py').write_text(f'raise ImportError("no {name} here", name="{name}")')
+    process = _start('--json', '--seconds', '0.2', before=str(tmp_path))
+    output, errors = process.communicate(timeout=120)
+    findings = {one['check']: one for one in json.loads(output)['findings']}
+    assert (process.returncode, errors) == (2, '')
+    assert 'no numpy here' in findings['python.numpy']['found']
+    assert 'no rclpy here' in findings['ros.rclpy']['found']
+    assert findings['measured.kernel']['state'] != 'unknown'
 
 
 def test_a_reader_that_leaves_early_causes_no_noise() -> None:

@@ -83,6 +83,11 @@ def test_the_verdict_on_a_measurement(late_ns, state, words) -> None:
     assert words in finding.found
 
 
+def test_what_was_refused_is_to_be_mended_first() -> None:
+    finding = wakeup.judge(_measured(150 * US), ('SCHED_FIFO priority 80',))
+    assert finding.remedy is not None and 'SCHED_FIFO' in finding.remedy.note
+
+
 def test_both_histograms_stand_side_by_side() -> None:
     result = wakeup.Wakeup(_measured(*[20 * US] * 99, 700 * US), _measured(*[40 * US] * 50), 1.0,
                            ())

@@ -76,9 +76,8 @@ def _realtime_kernel(system: System) -> Remedy:
 
 def preemption(system: System) -> Iterator[Finding]:
     """Find how the kernel is preempted."""
-    release = system.release
     if system.read('/sys/kernel/realtime') == '1' or re.search(r'\bPREEMPT_RT\b', system.version):
-        yield ok(f'PREEMPT_RT, Linux {release}')
+        yield ok('PREEMPT_RT')
         return
     better = _realtime_kernel(system)
     if re.search(r'\bPREEMPT_DYNAMIC\b', system.version):
@@ -87,18 +86,18 @@ def preemption(system: System) -> Iterator[Finding]:
             yield unknown('PREEMPT_DYNAMIC, its mode cannot be read by this user',
                           Remedy((f'sudo cat {PREEMPT_FILE}',), 'full or lazy is right'))
             return
-        told = f'PREEMPT_DYNAMIC, mode {mode} (from {source}), Linux {release}'
+        told = f'PREEMPT_DYNAMIC, mode {mode} (from {source})'
         if mode in _PREEMPTIBLE:
             yield ok(told, better)
             return
         yield warn(told, boot_parameters(system, 'preempt=full'), weight=75)
         return
     if re.search(r'\bPREEMPT\b', system.version):
-        yield ok(f'PREEMPT (full), Linux {release}', better)
+        yield ok('PREEMPT (full)', better)
         return
     mode, source = _configured_mode(system)
     told = f'mode {mode} (from {source})' if mode else 'voluntary or none'
-    yield warn(f'not preemptible: {told}, Linux {release}', better, weight=75)
+    yield warn(f'not preemptible: {told}', better, weight=75)
 
 
 def throttling(system: System) -> Iterator[Finding]:

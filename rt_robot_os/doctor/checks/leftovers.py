@@ -29,7 +29,7 @@ from rt_robot_os.doctor.finding import Remedy
 from rt_robot_os.doctor.finding import unknown
 from rt_robot_os.doctor.finding import warn
 from rt_robot_os.doctor.system import System
-from rt_robot_os.link.paths import chosen_folder
+from rt_robot_os.linux.folders import runtime_path
 
 _MODULES = {'rt_robot_os.core.main': 'core', 'rt_robot_os.sim.main': 'simulator',
             'rt_robot_os.core.simulator_process': 'simulator', 'rt_robot_os.bench.child': 'bench',
@@ -71,7 +71,7 @@ def _alive(system: System) -> set[str]:
 
 def sockets(system: System) -> Iterator[Finding]:
     """Look for sockets and simulated ports of cores that are gone."""
-    folder = str(chosen_folder(system.environ, system.uid))
+    folder = str(runtime_path(system.environ, system.uid))
     if not system.exists(folder):
         yield ok(f'none ({folder} is not there)')
         return

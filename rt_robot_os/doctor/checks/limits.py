@@ -23,6 +23,7 @@ from rt_robot_os.doctor.facts import CAP_SYS_NICE
 from rt_robot_os.doctor.facts import container
 from rt_robot_os.doctor.facts import core_cpu
 from rt_robot_os.doctor.facts import has_capability
+from rt_robot_os.doctor.facts import kernel_config
 from rt_robot_os.doctor.facts import limit
 from rt_robot_os.doctor.facts import own_status
 from rt_robot_os.doctor.facts import try_scheduler
@@ -84,17 +85,26 @@ def _refused(system: System, priority: int, reason: str) -> Finding:
                            'in each cgroup above, too'), weight=100)
     allowed = limit(system, 'Max realtime priority')
     if has_capability(system, CAP_SYS_NICE):
-        status = own_status(system)
-        if status.get('Seccomp', '0') != '0':
-            return warn(f'{told} in spite of CAP_SYS_NICE: a seccomp filter forbids it',
-                        Remedy((), 'allow sched_setscheduler and sched_setaffinity in the seccomp '
-                               'profile of whatever started this (docker, systemd, snap)'),
-                        weight=100)
-        return warn(f'{told} in spite of CAP_SYS_NICE',
-                    Remedy((), 'probably a user namespace (rootless container): start it from '
-                           'an ordinary session'), weight=100)
+        return _refused_all_the_same(system, f'{told} in spite of CAP_SYS_NICE')
+    if allowed is not None and allowed >= priority:
+        return _refused_all_the_same(system, f'{told} in spite of RLIMIT_RTPRIO {allowed}')
     return warn(f'{told}: RLIMIT_RTPRIO is {"?" if allowed is None else allowed}, '
                 'no CAP_SYS_NICE', realtime_limits(system), weight=100)
+
+
+def _refused_all_the_same(system: System, told: str) -> Finding:
+    """Look for what forbids it to a process that has the right."""
+    if own_status(system).get('Seccomp', '0') != '0':
+        return warn(f'{told}: a seccomp filter forbids it', Remedy(
+            (), 'allow sched_setscheduler and sched_setaffinity in the seccomp profile of '
+            'whatever started this (docker, systemd, snap)'), weight=100)
+    if kernel_config(system).get('CONFIG_RT_GROUP_SCHED') == 'y':
+        return warn(f'{told}: real time belongs to groups here (CONFIG_RT_GROUP_SCHED)', Remedy(
+            ('echo $$ | sudo tee /sys/fs/cgroup/cgroup.procs',),
+            'on the host, moves this shell to the group that has it; from Linux 6.15 on, boot '
+            'with rt_group_sched=0'), weight=100)
+    return warn(told, Remedy((), 'probably a user namespace (rootless container): start it from '
+                             'an ordinary session'), weight=100)
 
 
 def memory_lock(system: System) -> Iterator[Finding]:
