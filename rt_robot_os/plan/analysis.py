@@ -241,8 +241,12 @@ class _Analyser:
             load = self._load(own, p)
             equal = [self._load(s, p) for s in level if s is not own]
             if own.timer:
-                longest = timed = own.chain_ns = response_ns(
-                    blocking_ns, load, equal, higher, busy_ns)
+                longest = response_ns(blocking_ns, load, equal, higher, busy_ns)
+                if task.backlog and equal and longest > task.period_ns:
+                    # A kept release goes to the end of the queue only when the job before has
+                    # ended, so that any equal may come first.
+                    longest = response_ns(blocking_ns, load, (), higher + equal, busy_ns)
+                timed = own.chain_ns = longest
             else:
                 longest = response_from_arrival_ns(blocking_ns, load, equal, higher, busy_ns)
                 own.chain_ns = longest + own.late_ns

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import random
 
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.plan import PlannedTask
 
@@ -37,9 +38,9 @@ class StallingClock(VirtualClock):
     """A virtual clock on which a job can also make a native call, which nothing preempts."""
 
     def stall(self, duration_ns: int) -> None:
-        """Let time pass without alarms."""
-        self._now_ns += duration_ns
-        self.spend(0)
+        """Let time pass without alarms; what came up is served with the last nanosecond."""
+        self._now_ns += duration_ns - 1
+        self.spend(1)
 
 
 def uunifast(rng: random.Random, count: int, total: float) -> list[float]:
@@ -53,7 +54,8 @@ def uunifast(rng: random.Random, count: int, total: float) -> list[float]:
     return [*found, left]
 
 
-def random_set(rng: random.Random, count: int, total: float, levels: int) -> list[PlannedTask]:
+def random_set(rng: random.Random, count: int, total: float, levels: int,
+               backlog: int = 0) -> list[PlannedTask]:
     """Make tasks with periods that divide 1200 units, and priorities of some levels."""
     periods = [p for p in range(10, 241) if 1200 % p == 0]
     priorities = ([rng.randint(1, levels) for _ in range(count)] if levels < count
@@ -64,7 +66,7 @@ def random_set(rng: random.Random, count: int, total: float, levels: int) -> lis
         execution = max(1, int(utilisation * period))
         tasks.append(PlannedTask(
             f't{index}', priorities[index], period_ns=period * UNIT_NS,
-            execution_ns=execution * UNIT_NS, backlog=1000))
+            execution_ns=execution * UNIT_NS, backlog=backlog))
     return tasks
 
 
@@ -75,7 +77,8 @@ def worst_responses(tasks: Sequence[PlannedTask], end_ns: int,
 
     :param chains: gets the longest time from the timer at the beginning of a chain.
 
-    The middle part of a job with ``native_ns`` is a native call. Jobs compute ``SHORT_NS`` less
+    The middle part of a job with ``native_ns`` is a native call, that of one with sections is
+    spent inside of them, one after the other; with ``backlog`` its overrun policy is catch_up. Jobs compute ``SHORT_NS`` less
     than planned: on the virtual clock a release at the very moment at which a job ends still
     interrupts it, and in the analysis, as in all of the literature, it comes too late for that.
     """
@@ -88,11 +91,15 @@ def worst_responses(tasks: Sequence[PlannedTask], end_ns: int,
         execution_ns = (planned.execution_ns or 0) - SHORT_NS
         release_ns = kernel.task(planned.name).release_ns
         begun_ns = begun.pop(planned.name, release_ns)
-        before_ns = max(0, execution_ns - planned.native_ns) // 2
+        special_ns = planned.native_ns + sum(n or 0 for n in planned.sections.values())
+        before_ns = max(0, execution_ns - special_ns) // 2
         clock.spend(before_ns)
         if planned.native_ns:
             clock.stall(planned.native_ns)
-        clock.spend(execution_ns - planned.native_ns - before_ns)
+        for name, length_ns in planned.sections.items():
+            with kernel.resource(name):
+                clock.spend(length_ns or 0)
+        clock.spend(execution_ns - special_ns - before_ns)
         worst[planned.name] = max(worst[planned.name], kernel.now_ns() - release_ns)
         if chains is not None:
             chains[planned.name] = max(
@@ -107,7 +114,10 @@ def worst_responses(tasks: Sequence[PlannedTask], end_ns: int,
         kernel.add_task(
             planned.name, lambda planned=planned: job(planned),  # type: ignore[misc]
             priority=planned.priority, phase_ns=planned.phase_ns,
-            rate_hz=1e9 / planned.period_ns if planned.period_ns else None)
+            rate_hz=1e9 / planned.period_ns if planned.period_ns else None,
+            resources=[kernel.resource(name) for name in planned.sections],
+            overrun=OverrunPolicy.CATCH_UP if planned.backlog else OverrunPolicy.SKIP,
+            catch_up=planned.backlog or 1)
     kernel.run(end_ns)
     assert not kernel.failures, kernel.failures
     return worst
