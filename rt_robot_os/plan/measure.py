@@ -175,8 +175,9 @@ def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _
     idle = {device['name']: device['reason'] or f"the device was {device['state']}"
             for device in after.devices if device['state'] != 'active'}
     refused = tuple(each['step'] for each in after.core['realtime'] if not each['ok'])
-    return Measured(elapsed_ns, {task.name: _task(task) for task in after.tasks},
-                    _tick_ns(before, after, cpu_ns), idle, refused, robot.fed)
+    return Measured(
+        elapsed_ns, {task.name: _task(task) for task in after.tasks},
+        tick_ns=_tick_ns(before, after, cpu_ns), idle=idle, refused=refused, fed=robot.fed)
 
 
 def _task(task: TaskStatistics) -> MeasuredTask:

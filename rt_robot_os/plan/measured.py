@@ -60,6 +60,7 @@ class Measured:
     :ivar elapsed_ns: how long it took.
     :ivar tick_ns: computing time of the kernel for each wake-up or release, on average; 0 when
         that could not be measured.
+    :ivar resources: the longest time that each resource was held, what preempted it included.
     :ivar idle: devices that did not deliver, with the reason: their tasks did not do their work.
     :ivar refused: what Linux did not grant the core.
     :ivar fed: whether topics that ROS feeds were published.
@@ -68,6 +69,7 @@ class Measured:
     elapsed_ns: int
     tasks: Mapping[str, MeasuredTask]
     tick_ns: int = 0
+    resources: Mapping[str, int] = field(default_factory=dict)
     idle: Mapping[str, str] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
     fed: bool = False
@@ -117,6 +119,7 @@ def read_measured(path: Path) -> Measured:
     tasks = _tasks(data.get('tasks'), problems)
     elapsed_ns = _whole(data, 'elapsed_ns', problems, 1)
     tick_ns = _whole(data, 'tick_ns', problems, 0)
+    resources = _resources(data.get('resources'), problems)
     idle, refused = data.get('idle'), data.get('refused')
     if not isinstance(idle, dict) or not all(isinstance(each, str) for each in idle.values()):
         problems.append('idle must be an object of reasons by device')
@@ -126,8 +129,8 @@ def read_measured(path: Path) -> Measured:
         problems.append('fed must be true or false')
     if problems:
         raise ConfigError([f'{path}: {problem}' for problem in problems])
-    return Measured(elapsed_ns, tasks, tick_ns, dict(idle or {}), tuple(refused or ()),
-                    data['fed'])
+    return Measured(elapsed_ns, tasks, tick_ns, resources, dict(idle or {}),
+                    tuple(refused or ()), data['fed'])
 
 
 def _tasks(data: Any, problems: list[str]) -> dict[str, MeasuredTask]:
@@ -147,6 +150,13 @@ def _tasks(data: Any, problems: list[str]) -> dict[str, MeasuredTask]:
         numbers = {key: _whole(values, key, problems, 0, f'tasks: {name!r}: ') for key in keys}
         found[name] = MeasuredTask(**numbers)
     return found
+
+
+def _resources(data: Any, problems: list[str]) -> dict[str, int]:
+    if not isinstance(data, dict):
+        problems.append('resources must be an object of nanoseconds by name')
+        return {}
+    return {name: _whole(data, name, problems, 0, 'resources: ') for name in data}
 
 
 def _whole(data: Mapping[str, Any], key: str, problems: list[str], least: int,

@@ -21,10 +21,10 @@ from collections.abc import Sequence
 import math
 from pathlib import Path
 
-from rt_robot_os.plan.robot import Given
-from rt_robot_os.plan.robot import JOB_OVERHEAD_NS
-from rt_robot_os.plan.robot import MARGIN
-from rt_robot_os.plan.robot import TICK_OVERHEAD_NS
+from rt_robot_os.plan.given import Given
+from rt_robot_os.plan.given import JOB_OVERHEAD_NS
+from rt_robot_os.plan.given import MARGIN
+from rt_robot_os.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
@@ -68,7 +68,7 @@ def _named(what: str) -> argparse._ActionType:
             value = math.nan
         if not separator or not name or not 0 < value <= 1e9:
             raise argparse.ArgumentTypeError(
-                f'{text!r}: must be TASK=NUMBER, {what} above 0, such as guard=150')
+                f'{text!r}: must be NAME=NUMBER, {what} above 0, such as guard=150')
         return name, value
     return convert
 
@@ -93,6 +93,13 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
                         action='append', default=[],
                         help='longest computing time of a task, also of one of the core; may be '
                         'repeated')
+    parser.add_argument('--native', metavar='TASK=US', type=_named('microseconds'),
+                        action='append', default=[],
+                        help='longest native call of a task, in which nothing preempts it')
+    parser.add_argument('--held', metavar='RESOURCE=US', type=_named('microseconds'),
+                        action='append', default=[],
+                        help='longest time that a task holds a resource (default: as measured, '
+                        'else as long as its job)')
     parser.add_argument('--rate', metavar='TASK=HZ', type=_named('a rate'), action='append',
                         default=[], help='how often something outside releases a task')
     us = _number(0, 'microseconds', 1e6)
@@ -116,8 +123,11 @@ def given(arguments: argparse.Namespace) -> Given:
     def ns(value_us: float | None) -> int | None:
         return None if value_us is None else round(value_us * NS_PER_US)
 
+    def named(values: list[tuple[str, float]]) -> dict[str, int]:
+        return {name: max(1, round(us * NS_PER_US)) for name, us in values}
+
     return Given(
-        margin=arguments.margin,
-        execution_ns={name: max(1, round(us * NS_PER_US)) for name, us in arguments.execution},
+        margin=arguments.margin, execution_ns=named(arguments.execution),
+        native_ns=named(arguments.native), held_ns=named(arguments.held),
         rates_hz=dict(arguments.rate), job_ns=ns(arguments.job_us), tick_ns=ns(arguments.tick_us),
         jitter_ns=ns(arguments.jitter_us))

@@ -32,7 +32,7 @@ from rt_robot_os.plan.task import PlannedTask
 HYPER_PERIOD_MAXIMUM_NS = 10 ** 18
 STEP_NS = 1000
 # Phases tried for a task: its period in this many parts, and halfway between others.
-PARTS = 64
+PARTS = 40
 # The search for the worst instant looks at this many sets of tasks.
 SETS_MAXIMUM = 20_000
 

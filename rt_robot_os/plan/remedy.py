@@ -35,12 +35,12 @@ def remedy(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis)
     """
     Say what to do first about a set that is not schedulable; empty when nothing simple helps.
 
-    Tried in this order: timers that are on time, other priorities, less blocking, one task that
-    computes less.
+    Tried in this order: timers that are on time, another priority for one task, other priorities,
+    less blocking, one task that computes less.
     """
     if not analysis.failed:
         return ''
-    for attempt in (_by_jitter, _by_priorities, _by_blocking, _by_execution):
+    for attempt in (_by_jitter, _by_one_priority, _by_priorities, _by_blocking, _by_execution):
         found = attempt(tasks, overhead, analysis)
         if found:
             return found
@@ -55,11 +55,33 @@ def remedy(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis)
 def _by_jitter(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis) -> str:
     """Try timers that are on time."""
     worst_ns = max(task.jitter_ns for task in tasks)
-    if not worst_ns or analyse([replace(task, jitter_ns=0) for task in tasks], overhead).failed:
+    shortest_ns = min((task.limit_ns for task in tasks if task.limit_ns), default=0)
+    enough = worst_ns and not analyse(
+        [replace(task, jitter_ns=0) for task in tasks], overhead).failed
+    if not enough and worst_ns < shortest_ns:
         return ''
-    return (f'timers of this machine were up to {worst_ns / 1e6:.3f} ms late, and without that '
-            'all would be in time: give the core real time (the program doctor says how), or '
-            'plan for another machine with --jitter-us')
+    why = ('without that all would be in time' if enough
+           else f'which a deadline of {shortest_ns / 1e6:.3f} ms cannot bear')
+    return (f'timers of this machine were up to {worst_ns / 1e6:.3f} ms late, {why}: give the core '
+            'real time (the program doctor says how), or plan for another machine with '
+            '--jitter-us')
+
+
+def _by_one_priority(
+    tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis,
+) -> str:
+    """Try to put one task below all that have shorter deadlines."""
+    for index, task in enumerate(tasks):
+        shorter = [other.priority for other in tasks
+                   if other.limit_ns and other.limit_ns < task.limit_ns]
+        wanted = min(shorter, default=task.priority + 1) - 1
+        if not 1 <= wanted < task.priority:
+            continue
+        changed = [*tasks[:index], replace(task, priority=wanted), *tasks[index + 1:]]
+        if not analyse(changed, overhead).failed:
+            return (f'give {task.name!r} a lower priority, since its deadline is longer than that '
+                    f'of others below it: {task.name}.priority: {wanted} (was {task.priority})')
+    return ''
 
 
 def _by_priorities(

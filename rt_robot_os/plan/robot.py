@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from dataclasses import field
 from dataclasses import replace
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.server import BEAT_RATE_HZ
+from rt_robot_os.plan.given import Given
+from rt_robot_os.plan.given import JOB_OVERHEAD_NS
+from rt_robot_os.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.plan.measured import FEW_RUNS
 from rt_robot_os.plan.measured import Measured
 from rt_robot_os.plan.measured import MeasuredTask
@@ -39,39 +41,12 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 from rt_robot_os.units import period_from_rate
 
-# What `bench micro` showed on a two-core virtual machine (x86-64, 2026) for a job that does
-# nothing: released together with others, and with a wake-up and a timer of its own.
-JOB_OVERHEAD_NS = 3_000
-TICK_OVERHEAD_NS = 25_000
-MARGIN = 1.2
-
 # The node's supervisor beats three times in each core.heartbeat_s.
 _BEATS_PER_HEARTBEAT = 3
 _RECOVERY_PRIORITY = 3
 _WATCH_PRIORITY = 1
 _WATCH_RATE_HZ = 10.0
 _NO_TASK = TaskSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class Given:
-    """
-    What the user says on the command line.
-
-    :ivar margin: what measured times are multiplied with.
-    :ivar execution_ns: by task; before everything else.
-    :ivar rates_hz: of what releases a task from outside, by task.
-    :ivar job_ns: the kernel's overhead; None for the default.
-    :ivar tick_ns: as well; None for what was measured, else the default.
-    :ivar jitter_ns: how late timers are; None for what was measured, else 0.
-    """
-
-    margin: float = MARGIN
-    execution_ns: Mapping[str, int] = field(default_factory=dict)
-    rates_hz: Mapping[str, float] = field(default_factory=dict)
-    job_ns: int | None = None
-    tick_ns: int | None = None
-    jitter_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,8 +175,10 @@ class _Builder:
             phase_ns=round(declared.phase_us * NS_PER_US) if period_ns else 0,
             deadline_ns=round(declared.deadline_us * NS_PER_US), execution_ns=execution_ns,
             jitter_ns=self._jitter_ns if period_ns else 0,
-            sections={resource: None for resource in declared.resources},
-            native_ns=self._with_margin(seen.native_ns) if seen else 0,
+            sections={resource: self._section(resource, execution_ns)
+                      for resource in declared.resources},
+            native_ns=self._given.native_ns.get(
+                name, self._with_margin(seen.native_ns) if seen else 0),
             preemptible=self._settings.core.dispatcher != 'cooperative', events=events,
             backlog=declared.catch_up if declared.overrun == 'catch_up' else 0,
             logical=declared.logical_execution, judged=judged, unknown=unknown))
@@ -239,6 +216,16 @@ class _Builder:
             return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
         return None, 'unknown'
 
+    def _section(self, resource: str, execution_ns: int | None) -> int | None:
+        """Give the longest time that a resource is held, by whomever; None when unknown."""
+        if resource in self._given.held_ns:
+            given_ns = self._given.held_ns[resource]
+            return min(execution_ns, given_ns) if execution_ns else given_ns
+        held_ns = self._measured.resources.get(resource, 0) if self._measured else 0
+        if not held_ns or not execution_ns:
+            return None
+        return min(execution_ns, self._with_margin(held_ns))
+
     def _outside(self, name: str, reason: str) -> tuple[tuple[Event, ...], str]:
         """Say how often the world outside releases a task: as told, else as measured."""
         rate_hz = self._given.rates_hz.get(name, 0.0)
@@ -255,9 +242,13 @@ class _Builder:
         problems = []
         known = [task.name for task in self._tasks]
         for option, names in (('--execution', self._given.execution_ns),
+                              ('--native', self._given.native_ns),
                               ('--rate', self._given.rates_hz)):
             problems += [f'{option} {name}: no such task, {did_you_mean(name, known)}'
                          for name in names if name not in known]
+        resources = {name for task in self._tasks for name in task.sections}
+        problems += [f'--held {name}: no such resource, {did_you_mean(name, resources)}'
+                     for name in self._given.held_ns if name not in resources]
         released = {COMMANDS, 'link/accept', *(n for n in known if n.endswith('/arrival'))}
         problems += [f'--rate {name}: it is not released from outside; what is: '
                      f'{", ".join(sorted(released))}'

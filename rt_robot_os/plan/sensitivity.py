@@ -37,7 +37,7 @@ class Growth:
     How far one task's execution time may grow while all others stay.
 
     :ivar execution_ns: the longest with which the set is schedulable; None without a limit.
-    :ivar breaks: the task that is late first beyond it.
+    :ivar breaks: the task that is late first beyond it; empty: there is more work than time.
     """
 
     task: str
@@ -51,7 +51,7 @@ class Sensitivity:
     What breaks first.
 
     :ivar factor: all execution times may be multiplied by it; below 1 they have to be.
-    :ivar breaks: the task that is late first when they grow more.
+    :ivar breaks: the task that is late first when they grow more; empty: as above.
     """
 
     factor: float
@@ -145,8 +145,5 @@ def _growth(tasks: Sequence[PlannedTask], index: int, overhead: Overhead) -> Gro
 
 def _first(analysis: Analysis) -> str:
     """Name the task that is late; of several the one that it hits hardest."""
-    failed = analysis.failed
-    if not failed:
-        return ''
-    worst = max(failed, key=lambda r: (r.task.judged, r.late_ns / (r.task.limit_ns or 1)))
-    return worst.task.name
+    late = [result for result in analysis.failed if result.response_ns is not None]
+    return max(late, key=lambda r: r.late_ns / r.task.limit_ns).task.name if late else ''

@@ -35,7 +35,7 @@ from rt_robot_os.plan.table import WIDTH
 
 THROTTLED = 0.95
 _MARKS = {'declared': 'd', 'measured': 'm', 'budget': 'b', 'option': 'o', 'unknown': ' '}
-_NAMES_SHOWN = 6
+_NAMES_SHOWN = 8
 
 
 def report_lines(report: Report) -> Iterator[str]:
@@ -126,8 +126,8 @@ def _chain_lines(report: Report) -> Iterator[str]:
         sources = [event.source for event in result.task.events if event.source]
         if result.chain_ns is not None and sources and result.task.judged:
             yield from _wrapped(
-                f'{result.task.name!r} has ended at most {ms(result.chain_ns)} ms after the '
-                f'release of what wakes it ({_names(list(dict.fromkeys(sources)))})')
+                f'{result.task.name!r} has ended at most {ms(result.chain_ns)} ms after what '
+                f'wakes it was due ({_names(list(dict.fromkeys(sources)))})')
 
 
 def _names(names: Sequence[str]) -> str:
@@ -162,9 +162,11 @@ def _sensitivity_lines(found: Sensitivity, report: Report) -> Iterator[str]:
     if found.factor >= FACTOR_MAXIMUM:
         yield f'growth: all execution times may be {FACTOR_MAXIMUM:g} times as long'
     elif found.factor >= 1:
+        what = (f'{found.breaks!r} is the first to be late' if found.breaks
+                else 'there is more work than time')
         yield from _wrapped(
             f'growth: all execution times together may grow by a factor of {found.factor:.2f}; '
-            f'beyond that {found.breaks!r} is the first to be late. One alone may grow to:')
+            f'beyond that {what}. One alone may grow to:')
     elif found.factor:
         yield f'growth: all execution times have to shrink to {found.factor:.0%}'
     known = {task.name: task.execution_ns for task in report.robot.tasks}
@@ -175,7 +177,7 @@ def _sensitivity_lines(found: Sensitivity, report: Report) -> Iterator[str]:
             factor = growth.execution_ns / now_ns
             rows.append((f'  {growth.task}', ms(now_ns), ms(growth.execution_ns),
                          f'{factor:.1f}' if factor < FACTOR_MAXIMUM else f'> {FACTOR_MAXIMUM:g}',
-                         growth.breaks))
+                         growth.breaks or '(more work than time)'))
     if rows:
         yield ''
         yield from table(('  task', 'C, ms', 'up to, ms', 'factor', 'then late'), rows,
@@ -208,8 +210,13 @@ def _peak(peak: Peak) -> str:
 def verdict_lines(report: Report) -> Iterator[str]:
     """Say in words whether the set is schedulable, and what to do first."""
     analysis = report.analysis
+    overloaded = [r.task.name for r in analysis.failed if r.verdict is Verdict.OVERLOAD]
     for result in analysis.failed:
-        yield from _wrapped(f'not schedulable: {failure_text(result)}')
+        if result.task.name in overloaded[1:]:
+            continue
+        below = f'; nothing is left for {_names(overloaded[1:])}' if (
+            result.task.name in overloaded[:1] and overloaded[1:]) else ''
+        yield from _wrapped(f'not schedulable: {failure_text(result)}{below}')
     if report.remedy:
         yield from _wrapped(f'first thing to do: {report.remedy}')
     if analysis.unjudged:

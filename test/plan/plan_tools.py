@@ -78,9 +78,10 @@ def worst_responses(tasks: Sequence[PlannedTask], end_ns: int,
     :param chains: gets the longest time from the timer at the beginning of a chain.
 
     The middle part of a job with ``native_ns`` is a native call, that of one with sections is
-    spent inside of them, one after the other; with ``backlog`` its overrun policy is catch_up. Jobs compute ``SHORT_NS`` less
-    than planned: on the virtual clock a release at the very moment at which a job ends still
-    interrupts it, and in the analysis, as in all of the literature, it comes too late for that.
+    spent inside of them, one after the other; with ``backlog`` its overrun policy is catch_up.
+    Jobs compute ``SHORT_NS`` less than planned: on the virtual clock a release at the very moment
+    at which a job ends still interrupts it, and in the analysis, as in all of the literature, it
+    comes too late for that.
     """
     clock = StallingClock()
     kernel = Kernel(clock)

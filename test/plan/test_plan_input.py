@@ -126,7 +126,7 @@ def test_any_set_is_analysed_or_refused(
 # ---- the file of a measurement -----------------------------------------------------------------
 
 MEASURED = Measured(10 ** 9, {'imu': MeasuredTask(80, 5_000_000, 200, 200, 90_000, 4000, 60_000)},
-                    26_000, {'gps': 'silent'}, ('SCHED_FIFO priority 80',), True)
+                    26_000, {'map': 7000}, {'gps': 'silent'}, ('SCHED_FIFO priority 80',), True)
 
 
 def test_what_is_saved_is_read_back(tmp_path: Path) -> None:
@@ -148,6 +148,7 @@ def test_a_file_that_is_not_there_names_the_remedy(tmp_path: Path) -> None:
     ({'tasks': {'imu': {'priority': 'x'}}}, "tasks: 'imu': priority = 'x': must be"),
     ({'tasks': {'imu': 5}}, "tasks: 'imu' must be an object"),
     ({'tasks': {'imu': {'colour': 1}}}, "tasks: 'imu': unknown colour; known: priority,"),
+    ({'resources': {'map': -1}}, 'resources: map = -1: must be a whole number from 0'),
     ({'idle': 3, 'refused': 'x', 'fed': 1}, 'fed must be true or false')])
 def test_a_file_with_something_else_is_refused(
         tmp_path: Path, change: dict[str, object], expected: str) -> None:

@@ -41,7 +41,8 @@ def test_a_set_fits_up_to_its_factor_and_breaks_beyond(seed: int) -> None:
     found = load_margins(tasks)
     assert not analyse([scaled(t, found.factor) for t in tasks]).failed
     beyond = analyse([scaled(t, found.factor * 1.003) for t in tasks]).failed
-    assert found.breaks in [result.task.name for result in beyond]
+    assert beyond
+    assert found.breaks in ('', *(result.task.name for result in beyond))
 
 
 @pytest.mark.parametrize('seed', range(15))
@@ -69,8 +70,12 @@ def advice(tasks: list[PlannedTask]) -> str:
 def test_the_first_advice_is_the_cheapest_that_helps() -> None:
     ms = 10 ** 6
     wrong_order = [task('slow', 9, 40 * ms, 100 * ms), task('fast', 5, 2 * ms, 10 * ms)]
-    assert advice(wrong_order) == ('give the shorter deadline the higher priority: '
-                                   'slow.priority: 5 (was 9), fast.priority: 9 (was 5)')
+    assert advice(wrong_order) == (
+        "give 'slow' a lower priority, since its deadline is longer than that of others below it: "
+        'slow.priority: 4 (was 9)')
+    lowest = [replace(wrong_order[0], priority=2), replace(wrong_order[1], priority=1)]
+    assert advice(lowest) == ('give the shorter deadline the higher priority: '
+                              'slow.priority: 1 (was 2), fast.priority: 2 (was 1)')
     blocked = [task('fast', 9, 2 * ms, 10 * ms), task('slow', 5, 40 * ms, 100 * ms,
                                                       native_ns=9 * ms)]
     assert advice(blocked) == ("shorten the longest native call of 'slow' from 9.000 ms to "

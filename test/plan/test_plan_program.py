@@ -105,8 +105,8 @@ def test_all_bad_input_is_told_at_once(
 @pytest.mark.parametrize(('arguments', 'expected'), [
     (['--measure', '0'], "argument --measure: '0': must be seconds from 0.1"),
     (['--margin', 'x'], "argument --margin: 'x': must be a factor from 1"),
-    (['--execution', 'imu'], "'imu': must be TASK=NUMBER, microseconds above 0"),
-    (['--execution', 'imu=-3'], "'imu=-3': must be TASK=NUMBER, microseconds above 0"),
+    (['--execution', 'imu'], "'imu': must be NAME=NUMBER, microseconds above 0"),
+    (['--execution', 'imu=-3'], "'imu=-3': must be NAME=NUMBER, microseconds above 0"),
     (['--tick-us', 'nan'], "'nan': must be microseconds from 0"),
     (['--save-measured', 'x'], 'give --measure S as well'),
     (['--measure', '3', '--measured', 'x'], 'not allowed with'),

@@ -27,9 +27,9 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.plan import analyse
 from rt_robot_os.plan import Event
 from rt_robot_os.plan import Verdict
+from rt_robot_os.plan.given import Given
 from rt_robot_os.plan.measured import Measured
 from rt_robot_os.plan.measured import MeasuredTask
-from rt_robot_os.plan.robot import Given
 from rt_robot_os.plan.robot import robot_tasks
 from rt_robot_os.plan.robot import RobotTasks
 from rt_robot_os.settings import load

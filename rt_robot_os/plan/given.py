@@ -1,0 +1,52 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the user says of a robot's tasks on the command line, and what counts otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+
+# What `bench micro` showed on a two-core virtual machine (x86-64, 2026) for a job that does
+# nothing: released together with others, and with a wake-up and a timer of its own.
+JOB_OVERHEAD_NS = 3_000
+TICK_OVERHEAD_NS = 25_000
+MARGIN = 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """
+    What the user says on the command line.
+
+    :ivar margin: what measured times are multiplied with.
+    :ivar execution_ns: by task; before everything else.
+    :ivar native_ns: longest native call, by task; instead of what was measured.
+    :ivar held_ns: longest time that a resource is held, by resource; as well.
+    :ivar rates_hz: of what releases a task from outside, by task.
+    :ivar job_ns: the kernel's overhead; None for the default.
+    :ivar tick_ns: as well; None for what was measured, else the default.
+    :ivar jitter_ns: how late timers are; None for what was measured, else 0.
+    """
+
+    margin: float = MARGIN
+    execution_ns: Mapping[str, int] = field(default_factory=dict)
+    native_ns: Mapping[str, int] = field(default_factory=dict)
+    held_ns: Mapping[str, int] = field(default_factory=dict)
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
+    job_ns: int | None = None
+    tick_ns: int | None = None
+    jitter_ns: int | None = None
