@@ -177,7 +177,9 @@ def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _
     refused = tuple(each['step'] for each in after.core['realtime'] if not each['ok'])
     return Measured(
         elapsed_ns, {task.name: _task(task) for task in after.tasks},
-        tick_ns=_tick_ns(before, after, cpu_ns), idle=idle, refused=refused, fed=robot.fed)
+        tick_ns=_tick_ns(before, after, cpu_ns),
+        resources={each['name']: each['held_maximum_ns'] for each in after.resources},
+        idle=idle, refused=refused, fed=robot.fed)
 
 
 def _task(task: TaskStatistics) -> MeasuredTask:

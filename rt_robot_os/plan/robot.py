@@ -37,6 +37,7 @@ from rt_robot_os.sensors.manager import RECOVERY_RATE_HZ
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 from rt_robot_os.units import period_from_rate
@@ -46,6 +47,10 @@ _BEATS_PER_HEARTBEAT = 3
 _RECOVERY_PRIORITY = 3
 _WATCH_PRIORITY = 1
 _WATCH_RATE_HZ = 10.0
+# Of the watchdog: its priority, checks in each timeout, the shortest time between two.
+_WATCHDOG_PRIORITY = 99
+_WATCHDOG_CHECKS = 8
+_WATCHDOG_SHORTEST_NS = NS_PER_MS
 _NO_TASK = TaskSettings()
 
 
@@ -160,6 +165,10 @@ class _Builder:
         self._add_service('link/accept', core.link_priority, 0.0, events, unknown)
         self._add_service('link/beat', core.link_priority, BEAT_RATE_HZ)
         self._add_service('core/watch', _WATCH_PRIORITY, _WATCH_RATE_HZ)
+        timeout_ns = round(self._settings.watchdog.timeout_s * NS_PER_S)
+        if timeout_ns:
+            interval_ns = max(timeout_ns // _WATCHDOG_CHECKS, _WATCHDOG_SHORTEST_NS)
+            self._add_service('core/watchdog', _WATCHDOG_PRIORITY, NS_PER_S / interval_ns)
 
     def _add_service(self, name: str, priority: int, rate_hz: float,
                      events: tuple[Event, ...] = (), unknown: str = '') -> None:

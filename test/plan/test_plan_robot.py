@@ -54,7 +54,8 @@ def measured(robot: RobotTasks, **more: object) -> Measured:
 
 
 @pytest.mark.parametrize('overrides', [
-    {}, {'imu__read': 'interrupt', 'core__link_priority': 7, 'guard__phase_us': 1500.0}])
+    {}, {'imu__read': 'interrupt', 'core__link_priority': 7, 'guard__phase_us': 1500.0},
+    {'watchdog__timeout_s': 0.5, 'guard__critical': True}])
 def test_the_tasks_are_those_of_the_core(tmp_path: Path, overrides: dict[str, object]) -> None:
     settings = shipped(**overrides)
     core = Core(settings, tmp_path / 'core.sock', clock=VirtualClock())
