@@ -27,8 +27,8 @@ from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.process_guard import ProcessGuard
+from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import declaration
-from rt_robot_os.core.tasks import safe_state_of
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
@@ -124,11 +124,8 @@ class Core:
             module.declare(self.bus, entry.rate_hz)
             self.modules.append(module)
         for entry, module in zip(self.settings.modules, self.modules):
-            task = self.kernel.add_task(
-                entry.name, module.job, priority=entry.priority, rate_hz=entry.rate_hz or None,
-                on_restart=functools.partial(self._restart, module),
-                on_safe_state=safe_state_of(module), **declaration(entry.task, self.kernel))
-            module.bind(self.bus, task)
+            module.bind(self.bus, add_module_task(
+                self.kernel, module, entry, functools.partial(self._restart, module)))
 
     def _restart(self, module: Module) -> None:
         """Begin anew after a failure; what configure() prepared is still there."""

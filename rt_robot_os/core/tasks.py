@@ -26,6 +26,8 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
+from rt_robot_os.modules import Module
+from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import TaskSettings
 from rt_robot_os.units import NS_PER_S
@@ -46,6 +48,31 @@ def declaration(task: TaskSettings, kernel: Kernel) -> dict[str, Any]:
         'restart_maximum_ns': round(task.restart_max_s * NS_PER_S),
         'critical': task.critical, 'logical': task.logical_execution,
         'resources': tuple(kernel.resource(name) for name in task.resources)}
+
+
+def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
+                    restart: Callable[[], object]) -> Task:
+    """
+    Declare the task of a module, which calls ``step()``, or lets ``async def run()`` go on.
+
+    A coroutine that failed is lost, so that of the failure policies ``continue`` is ``restart``.
+    """
+    declared = {**declaration(entry.task, kernel), 'on_restart': restart,
+                'on_safe_state': safe_state_of(module), 'priority': entry.priority}
+    run = getattr(module, 'run', None)
+    if run is None:
+        return kernel.add_task(entry.name, module.job, rate_hz=entry.rate_hz or None, **declared)
+    if declared['failure'] is FailurePolicy.CONTINUE:
+        declared['failure'] = FailurePolicy.RESTART
+    task = kernel.add_async_task(entry.name, run, **declared)
+    segment = task.body
+
+    def job() -> None:
+        module.take_changes()
+        segment()
+
+    task.body = job
+    return task
 
 
 def safe_state_of(part: object) -> Callable[[], object] | None:

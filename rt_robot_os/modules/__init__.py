@@ -14,9 +14,9 @@
 
 """Function modules: what a robot's author writes, and a few that come with the package."""
 
-from rt_robot_os.modules.base import Input
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.base import Output
+from rt_robot_os.modules.ports import Input
+from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 
 __all__ = ['Field', 'Input', 'Module', 'Output']

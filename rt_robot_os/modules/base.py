@@ -32,11 +32,8 @@ in :meth:`Module.step`::
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import field
 from typing import Any
 from typing import ClassVar
-from typing import overload
 
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.errors import ConfigError
@@ -44,66 +41,12 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import Ticks
+from rt_robot_os.modules.ports import connect
+from rt_robot_os.modules.ports import Input
+from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.topics import Bus
-from rt_robot_os.topics import Publisher
-from rt_robot_os.topics import Subscription
-
-
-@dataclass(frozen=True)
-class Input:
-    """
-    A topic that a module reads; in an instance the attribute is a :class:`Subscription`.
-
-    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
-    :ivar wake: each publication releases the module.
-    :ivar initial: begin with the last sample that is there already.
-    """
-
-    topic: str
-    wake: bool = False
-    initial: bool = False
-
-    @overload
-    def __get__(self, instance: None, owner: type) -> Input: ...
-
-    @overload
-    def __get__(self, instance: Module, owner: type) -> Subscription: ...
-
-    def __get__(self, instance: Module | None, owner: type) -> Input | Subscription:
-        if instance is None:
-            return self
-        raise TopicError(f'module {instance.name!r}: the input {self.topic!r} can be used from '
-                         'configure() on, not in __init__')
-
-
-@dataclass(frozen=True)
-class Output:
-    """
-    A topic that a module writes; in an instance the attribute is a :class:`Publisher`.
-
-    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
-    :ivar message: type such as ``'geometry_msgs/msg/Twist'``.
-    :ivar fixed: its strings and lengths, see :class:`rt_robot_os.topics.Layout`.
-    :ivar depth: number of samples kept, a power of two.
-    """
-
-    topic: str
-    message: str
-    fixed: Mapping[str, Any] = field(default_factory=dict)
-    depth: int = 16
-
-    @overload
-    def __get__(self, instance: None, owner: type) -> Output: ...
-
-    @overload
-    def __get__(self, instance: Module, owner: type) -> Publisher: ...
-
-    def __get__(self, instance: Module | None, owner: type) -> Output | Publisher:
-        if instance is None:
-            return self
-        raise TopicError(f'module {instance.name!r}: the output {self.topic!r} can be used from '
-                         'configure() on, not in __init__')
 
 
 class Module:
@@ -136,6 +79,20 @@ class Module:
     def step(self) -> None:
         """Do one job, in the real-time loop."""
         raise NotImplementedError(f'{type(self).__name__} has no step()')
+
+    # Instead of step() a module may have ``async def run(self)``: each segment between two awaits
+    # is a job then. It can await ``self.<input>.next()``, ``self.kernel.sleep(ns)``, events, and
+    # ``self.ticks().next()`` for its rate.
+
+    def ticks(self) -> Ticks:
+        """
+        Give a grid of times at the module's rate, to be awaited in ``run()``.
+
+        :raises TaskError: it has no rate.
+        """
+        if self.kernel is None:
+            raise TopicError(f'module {self.name!r}: there are no ticks before it runs')
+        return self.kernel.every(self._rate_hz)
 
     def deactivate(self) -> None:
         """
@@ -214,11 +171,16 @@ class Module:
 
     def job(self) -> None:
         """Take over what was changed, then do one step; the function of the module's task."""
+        if self._changes:
+            self.take_changes()
+        self.step()
+
+    def take_changes(self) -> None:
+        """Take over what was changed since the last job."""
         while self._changes:
             name = next(iter(self._changes))
             self.settings[name] = self._changes.pop(name)
             self.changed(name)
-        self.step()
 
     def change(self, name: str, value: Any) -> Any:
         """
@@ -255,10 +217,6 @@ class Module:
         """
         self.task = task
         self.kernel = bus.kernel
-        for attribute, port in self.ports().items():
-            topic = self.topic_of(attribute)
-            if isinstance(port, Output):
-                self.__dict__[attribute] = bus.publisher(topic)
-            else:
-                self.__dict__[attribute] = bus.subscribe(
-                    topic, self.name, initial=port.initial, task=task if port.wake else None)
+        self.__dict__.update(connect(bus, task, {
+            attribute: (port, self.topic_of(attribute))
+            for attribute, port in self.ports().items()}))

@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
-from rt_robot_os.modules.base import Input
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.base import Output
+from rt_robot_os.modules.ports import Input
+from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
 
