@@ -38,11 +38,12 @@ from rt_robot_os.blackbox.folder import KEPT
 from rt_robot_os.errors import BlackBoxError
 
 DATAGRAM_BYTES_MAXIMUM = 1 << 17
+DUMPS_AT_ONCE = 3
 
 
 def _parts(received: list[bytes]) -> Iterator[dict[str, Any]]:
     for number, packet in enumerate(received):
-        part: dict[str, Any] = marshal.loads(packet)
+        part: dict[str, Any] = marshal.loads(packet)[1]
         if not number:
             part['facts'] = {**part['facts'], 'host': socket.gethostname()}
         yield part
@@ -54,7 +55,7 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
 
     :return: what to tell the core: a ``text``, and whether it is an ``error``.
     """
-    reason = marshal.loads(received[0])['reason']
+    reason = marshal.loads(received[0])[1]['reason']
     try:
         path, size, deleted = keep(_parts(received), folder, robot, reason)
     except BlackBoxError as error:
@@ -65,16 +66,15 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
 
 
 def serve(connection: socket.socket, folder: Path, robot: str) -> None:
-    """Write what comes until the core closes its end."""
-    received: list[bytes] = []
+    """Write what comes until the core closes its end; parts of several dumps may be mixed."""
+    received: dict[int, list[bytes]] = {}
     while packet := connection.recv(DATAGRAM_BYTES_MAXIMUM):
-        part = marshal.loads(packet)
-        if 'format' in part:
-            received = []
-        received.append(packet)
+        number, part = marshal.loads(packet)
+        received.setdefault(number, []).append(packet)
+        if len(received) > DUMPS_AT_ONCE:  # the rest of the oldest never came
+            del received[min(received)]
         if 'end' in part:
-            answer = write(received, folder, robot)
-            received = []
+            answer = write(received.pop(number), folder, robot)
             try:
                 connection.send(json.dumps(answer).encode())
             except OSError:

@@ -103,7 +103,7 @@ class Core:
         if settings.watchdog.timeout_s:
             self.watchdog = Watchdog(self.kernel, settings.watchdog, self.reports,
                                      self.guard.manager.watchdog_ns)
-            self.watchdog.on_fault = self.black_box.fault
+            self.watchdog.on_fault = self._save_fault
 
     def _add_devices(self, ports: Mapping[str, str]) -> None:
         for device in self.settings.devices:
@@ -236,6 +236,13 @@ class Core:
         self.black_box.watch()
         self.guard.ready()
         self._write_reports()
+
+    def _save_fault(self, reason: str) -> None:
+        if self.tripped:
+            # It may be over before the lowest task runs again. Nothing else matters any more.
+            self.black_box.save(reason)
+        else:
+            self.black_box.fault(reason)
 
     def _write_reports(self) -> None:
         if self._output is not None:

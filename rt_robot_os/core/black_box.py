@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+import itertools
 import json
 import marshal
 import os
@@ -94,6 +95,7 @@ class BlackBoxKeeper:
         self._fault = ''
         self._next_ns = 0
         self._waiting = 0
+        self._numbers = itertools.count()
 
     def ask(self, reason: str) -> None:
         """Save at the next look; safe in a signal handler and in the real-time loop."""
@@ -106,24 +108,29 @@ class BlackBoxKeeper:
 
     def watch(self) -> None:
         """Save what is asked for; report what became of it."""
-        asked, self._asked = self._asked, ''
-        if asked:
-            self.save(asked)
+        reason, self._asked = self._asked, ''
         fault, self._fault = self._fault, ''
         if fault:
             now_ns = self._kernel.now_ns()
-            if now_ns < self._next_ns:
-                self.held_back += 1
-            else:
+            if reason or now_ns >= self._next_ns:
                 self._next_ns = now_ns + self._interval_ns
-                self.save(fault)
+                reason = f'{fault} ({reason})' if reason else fault
+            else:
+                self.held_back += 1
+        if reason:
+            self.save(reason)
         if self._waiting:
             self._read_answers(0.0)
 
     def save(self, reason: str) -> None:
-        """Hand a dump to the writer; not above the lowest priority."""
+        """
+        Hand a dump to the writer: 10 ms of computing, so not above the lowest priority.
+
+        Unless all is lost anyway: it may preempt itself.
+        """
         if self._writer is None:
             return
+        number = next(self._numbers)
         if self.held_back:
             reason = f'{reason} (and {self.held_back} faults before, soon after the last dump)'
             self.held_back = 0
@@ -131,7 +138,7 @@ class BlackBoxKeeper:
         try:
             connection.settimeout(_PATIENCE_S)
             for part in live_parts(self._kernel, reason, self.facts()):
-                connection.send(marshal.dumps(part))
+                connection.send(marshal.dumps((number, part)))
             self._waiting += 1
         except (OSError, ValueError) as error:  # the latter of a text that is no plain one
             self.lost += 1

@@ -138,12 +138,12 @@ class Watchdog:
             self._trip(f'{names} did not reach the safe state: a job does not end', now_ns)
 
     def _act(self, reason: str, now_ns: int) -> None:
-        if self.on_fault is not None:
-            self.on_fault(f'watchdog: {reason}')
         action = self._settings.action
         if action == 'exit':
             self._trip(reason, now_ns)
             return
+        if self.on_fault is not None:
+            self.on_fault(f'watchdog: {reason}')
         self._note(Severity.ERROR, reason)
         if action == 'safe_state':
             for task in self._with_safe_state():
@@ -156,6 +156,8 @@ class Watchdog:
                    f'{self._settings.exit_code}')
         if self.handle is not None:
             self.handle.push(now_ns + self._timeout_ns)
+        if self.on_fault is not None:
+            self.on_fault(f'watchdog: {reason}')
         self._kernel.stop(f'watchdog: {reason}')
 
     def _with_safe_state(self) -> list[Task]:

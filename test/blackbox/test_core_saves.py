@@ -49,6 +49,9 @@ class Walker(Module):
 
     def step(self):
         self.jobs += 1
+        if os.path.exists('hang'):
+            while True:
+                pass
         if os.path.exists('stumble'):
             raise ValueError(f'stumbled {self.jobs}')
 """
@@ -57,7 +60,8 @@ robot:
   ros__parameters:
     core: {{cpu: -2, scheduler_priority: 0, lock_memory: false, black_box_folder: '{folder}'}}
     modules: [walker]
-    walker: {{type: 'walker_module:Walker', rate_hz: 200.0, priority: 40}}
+    walker: {{type: 'walker_module:Walker', rate_hz: 200.0, priority: 40, critical: true}}
+    watchdog: {{timeout_s: 2.0, action: exit, exit_code: 71}}
 """
 
 
@@ -222,3 +226,17 @@ def test_a_writer_that_died_is_reported_and_the_core_goes_on(start: Callable[...
     core.stumble()
     core.said('black box not saved: its writer')
     core.client().close()
+
+
+def test_a_core_that_the_watchdog_ends_is_saved_before(start: Callable[..., Core]) -> None:
+    core = start()
+    core.client().close()
+    core.stumble()  # the next fault comes soon after this one
+    core.saved(1)
+    (core.folder / 'hang').touch()
+    assert core.process.wait(TIMEOUT_S) != 0
+    last = _until(lambda: dumps(core.dumps)[1:], 'the last dump')[0]
+    dump = read_dump(last).dump
+    assert dump.reason.startswith('watchdog: ') and 'walker' in dump.reason
+    running = [dump.tasks[task].name for task, _, _ in dump.running]
+    assert running[-2:] == ['walker', 'core/watchdog']
