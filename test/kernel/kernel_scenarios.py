@@ -28,7 +28,9 @@ from kernel_tools import MS
 from kernel_tools import spin_until
 import pytest
 
+from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Clock
+from rt_robot_os.kernel import Event
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TraceEvent
 from rt_robot_os.kernel import TraceLog
@@ -122,9 +124,62 @@ def events(kernel: Kernel) -> None:
     higher = kernel.add_task('higher', lambda: None, priority=80)
 
 
+def ceiling(kernel: Kernel) -> None:
+    """Hold a resource: its users wait until it is left, one above its ceiling does not."""
+    shared = kernel.resource('shared')
+
+    def low_job() -> None:
+        with shared:
+            spin_until(kernel, lambda: user.pending and middle.pending and above.runs)
+        kernel.stop()
+
+    def user_job() -> None:
+        with shared:
+            pass
+
+    kernel.add_task('low', low_job, priority=10, rate_hz=ONCE_HZ, resources=[shared])
+    user = kernel.add_task('user', user_job, priority=50, rate_hz=ONCE_HZ, phase_ns=MARGIN_NS,
+                           resources=[shared])
+    middle = kernel.add_task('middle', lambda: None, priority=30, rate_hz=ONCE_HZ,
+                             phase_ns=2 * MARGIN_NS)
+    above = kernel.add_task('above', lambda: None, priority=70, rate_hz=ONCE_HZ,
+                            phase_ns=3 * MARGIN_NS)
+
+
+def budget(kernel: Kernel) -> None:
+    """Abort a job without end, on top of another; who lies below or comes above is not hit."""
+    def low_job() -> None:
+        spin_until(kernel, lambda: runaway.aborted)
+        kernel.stop()
+
+    def runaway_job() -> None:
+        spin_until(kernel, lambda: False)
+
+    kernel.add_task('low', low_job, priority=10, rate_hz=ONCE_HZ)
+    runaway = kernel.add_task('runaway', runaway_job, priority=50, rate_hz=ONCE_HZ,
+                              phase_ns=MARGIN_NS, budget_ns=2 * MARGIN_NS,
+                              on_budget=BudgetPolicy.ABORT)
+    kernel.add_task('high', lambda: None, priority=90, rate_hz=ONCE_HZ, phase_ns=2 * MARGIN_NS)
+
+
+def coroutine(kernel: Kernel) -> None:
+    """Await an event in the middle: what comes before and after it are two jobs."""
+    event = Event(kernel)
+
+    async def body() -> None:
+        spin_until(kernel, lambda: high.runs)
+        await event.wait()
+        kernel.stop()
+
+    kernel.add_async_task('mission', body, priority=50)
+    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=ONCE_HZ, phase_ns=MARGIN_NS)
+    kernel.add_task('low', event.set, priority=10, rate_hz=ONCE_HZ)
+
+
 SCENARIOS: dict[str, Callable[[Kernel], None]] = {
     scenario.__name__: scenario
-    for scenario in (nested_timers, publication, equals, overrun, failure, events)}
+    for scenario in (
+        nested_timers, publication, equals, overrun, failure, events, ceiling, budget, coroutine)}
 
 
 def run_scenario(name: str, clock: Clock) -> tuple[Kernel, TraceLog]:
