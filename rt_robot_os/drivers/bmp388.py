@@ -74,6 +74,7 @@ class Bmp388(Barometer):
         self._rate = chip.RATES_HZ[rate_hz]
         self._filter = chip.FILTER[settings['filter']] << 1
         self._scaled: chip.Scaled = ()
+        self._expected_ns = 0
 
     def identify(self) -> None:
         """
@@ -104,8 +105,8 @@ class Bmp388(Barometer):
 
     def _check(self, now_ns: int) -> int:
         """Ask whether the chip takes the settings."""
-        self.start_grid(now_ns)
-        self.advance(now_ns, self._fetch)
+        self._expected_ns = now_ns
+        self.then(self._fetch, now_ns)
         if self.fetch(chip.ERROR, 1)[0] & chip.ERROR_CONFIG:
             return self.reject('it refuses the combination of rate and oversampling')
         return 0
@@ -117,9 +118,11 @@ class Bmp388(Barometer):
             self.then(self.begin, now_ns)
             return self.reject('it had no power for a moment')
         if data[0] & chip.STATUS_READY != chip.STATUS_READY:
-            return self.then(self._fetch, now_ns + self.period_ns // _LOOKS)
+            self._expected_ns = now_ns + self.period_ns // _LOOKS
+            return self.then(self._fetch, self._expected_ns)
         self._bytes_read += len(data)
-        # The clock of the chip is its own: the next look is a period after this measurement.
-        self.then(self._fetch, now_ns + self.period_ns - self.period_ns // _LOOKS)
+        # The clock of the chip is its own, and it measured at the latest now.
+        self._expected_ns = min(self._expected_ns, now_ns) + self.period_ns
+        self.then(self._fetch, self._expected_ns)
         raw_p, raw_t = chip.raw(data[1:7])
         return self.publish(*chip.compensate(self._scaled, raw_p, raw_t), now_ns)

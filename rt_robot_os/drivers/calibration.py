@@ -226,9 +226,10 @@ def load(path: Path, device: str, vectors: Sequence[str]) -> dict[str, Calibrati
     except ConfigError as error:
         raise ConfigError([f'{path}: {problem}' for problem in error.problems]) from error
     except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+        why = ' '.join(str(error).split())
         raise ConfigError([
             f'{path} holds no calibration of {", ".join(vectors)} for the device {device!r} '
-            f'({type(error).__name__}: {error}): save it again']) from error
+            f'({type(error).__name__}: {why}): save it again']) from error
 
 
 def _sign(word: str) -> float:

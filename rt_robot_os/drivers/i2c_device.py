@@ -97,7 +97,7 @@ class I2cDevice(Device):
         self.buses: I2cBuses = BUSES
         self._address: int = settings['address']
         self._bus: I2cBus | None = None
-        self._step: Step = self.begin
+        self._step: Step = self._not_open
         self._due_ns = 0
         self._grid_ns = 0
         self.period_ns = period_from_rate(settings['output_rate_hz'])
@@ -157,6 +157,7 @@ class I2cDevice(Device):
 
     def close(self) -> None:
         """Give the bus back; may be called twice and does not raise."""
+        self.then(self._not_open, 0)
         bus, self._bus = self._bus, None
         if bus is not None:
             self.buses.give_back(bus)
@@ -167,7 +168,7 @@ class I2cDevice(Device):
 
         :raises DeviceError: the bus failed, or the chip is not what it was.
         """
-        if now_ns < self._due_ns and self._bus is not None:
+        if now_ns < self._due_ns:
             return 0
         samples = self._step(now_ns)
         self._samples += samples
@@ -265,6 +266,9 @@ class I2cDevice(Device):
     def place(self) -> str:
         """Name bus and address."""
         return f'I2C bus {self.settings["port"]}, address 0x{self._address:02x}'
+
+    def _not_open(self, now_ns: int) -> int:
+        raise DeviceError(f'{self.name}: {self.place} is not open: call open() first')
 
     def _opened(self) -> I2cBus:
         if self._bus is None:

@@ -44,7 +44,7 @@ class LinuxTransport:
         :raises OSError: it cannot be opened.
         """
         self._path = path
-        self._bus: Any = smbus2.SMBus(path)
+        self._bus = _open(path)
         self._combined = bool(self._bus.funcs & smbus2.I2cFunc.I2C)
         self._by_address: dict[int, Any] = {}
 
@@ -82,9 +82,19 @@ class LinuxTransport:
         held = _kernel_driver(self._path, address)
         if held:
             raise OSError(errno.EBUSY, f'the Linux driver {held} has the device')
-        bus = self._bus if self._combined else smbus2.SMBus(self._path)
+        bus = self._bus if self._combined else _open(self._path)
         self._by_address[address] = bus
         return bus
+
+
+def _open(path: str) -> Any:
+    bus = smbus2.SMBus()
+    try:
+        bus.open(path)
+    except OSError:
+        bus.close()  # it was opened and found to be no bus
+        raise
+    return bus
 
 
 def _smbus(bus: Any, address: int, data: bytes, size: int) -> bytes:

@@ -106,8 +106,9 @@ class I2cPort:
         """Take the socket and the connections away; may be repeated."""
         if self._listener is None or self._poll is None:
             return
-        for path in (*self._links, self.socket_path):
+        for path in filter(self._is_ours, self._links):
             path.unlink(missing_ok=True)
+        self.socket_path.unlink(missing_ok=True)
         for connection in self._connections.values():
             connection.close()
         self._listener.close()
@@ -185,11 +186,17 @@ class I2cPort:
             connection.close()
         self._answers = [each for each in self._answers if each[1] != descriptor]
 
+    def _is_ours(self, path: Path) -> bool:
+        try:
+            return os.readlink(path) == self.socket_path.name
+        except OSError:
+            return False  # it is not there, or no link
+
     def _make_link(self, path: Path) -> None:
         try:
+            if self._is_ours(path):
+                return
             if os.path.lexists(path):
-                if path.is_symlink() and os.readlink(path) == self.socket_path.name:
-                    return
                 if not path.is_symlink():
                     raise FileExistsError(f'{path} is a file of somebody')
                 path.unlink()

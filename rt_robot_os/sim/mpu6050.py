@@ -48,7 +48,11 @@ def counts(value: float, unit: float) -> int:
 
 
 class SimulatedMpu6050(RegisterChip):
-    """An MPU-6050, MPU-6500 or MPU-9250."""
+    """
+    An MPU-6050, MPU-6500 or MPU-9250.
+
+    :ivar queued: samples that went into the FIFO.
+    """
 
     SETTINGS = common_settings() + (
         Field('model', str, 'MPU-6050', 'Which of the relatives it is.', choices=tuple(_IDS)),
@@ -77,7 +81,7 @@ class SimulatedMpu6050(RegisterChip):
         self._fifo = bytearray()
         self._began_ns = 0
         self._sampled = 0
-        self.samples = 0
+        self.queued = 0
 
     def power_on(self, now_ns: int) -> None:
         """Begin with the registers that the chip has after it got power: asleep."""
@@ -124,12 +128,11 @@ class SimulatedMpu6050(RegisterChip):
         skipped = due - self._sampled - kept
         if skipped > 0:
             self._sampled += skipped
-            self.samples += skipped
-            self._fifo.clear()
-            self._fifo += bytes(self._model.fifo_size)
+            if self._queueing():
+                self.queued += skipped
+                self._fifo[:] = bytes(self._model.fifo_size)
         while self._sampled < due:
             self._sampled += 1
-            self.samples += 1
             self._sample(self.time_s(self._began_ns + self._sampled * period_ns))
 
     def _sample(self, time_s: float) -> None:
@@ -145,11 +148,15 @@ class SimulatedMpu6050(RegisterChip):
         data = chip.pack((force[0], force[1], force[2],
                           counts(warmth, 1 / model.temperature_scale), rate[0], rate[1], rate[2]))
         self.registers[chip.DATA:chip.DATA + chip.FRAME_SIZE] = data
-        if (self.registers[chip.USER_CONTROL] & chip.USER_FIFO
-                and self.registers[chip.FIFO_ENABLE] == chip.FIFO_ALL):
+        if self._queueing():
+            self.queued += 1
             self._fifo += data
             # The oldest go, whole frame or not.
             del self._fifo[:max(0, len(self._fifo) - model.fifo_size)]
+
+    def _queueing(self) -> bool:
+        return bool(self.registers[chip.USER_CONTROL] & chip.USER_FIFO
+                    and self.registers[chip.FIFO_ENABLE] == chip.FIFO_ALL)
 
     def _noisy(self, value: float, deviation: float) -> float:
         return value + self.random.gauss(0.0, deviation * self._noise)

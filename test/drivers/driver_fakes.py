@@ -49,6 +49,10 @@ _FIELDS: dict[str, dict[str, Any]] = {
         'status': ('status', 'service'), 'latitude': None, 'longitude': None, 'altitude': None,
         'position_covariance': 9, 'position_covariance_type': None,
     },
+    'sensor_msgs/msg/FluidPressure': {'fluid_pressure': None, 'variance': None},
+    'sensor_msgs/msg/Temperature': {'temperature': None, 'variance': None},
+    'geometry_msgs/msg/PoseWithCovarianceStamped': {'pose': {
+        'pose': {'position': _VECTOR, 'orientation': (*_VECTOR, 'w')}, 'covariance': 36}},
     'sensor_msgs/msg/TimeReference': {'time_ref': ('sec', 'nanosec')},
     'geometry_msgs/msg/TwistWithCovarianceStamped': {
         'twist': {'twist': {'linear': _VECTOR, 'angular': _VECTOR}, 'covariance': 36}},

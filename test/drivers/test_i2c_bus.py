@@ -1,0 +1,411 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bus: what carries it, sharing, errors, packets, preemption, the time on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+import errno
+import os
+from pathlib import Path
+import sys
+import threading
+import time
+from typing import Any
+
+from driver_fakes import bind
+from driver_fakes import settings_of
+from hypothesis import given
+from hypothesis import strategies as st
+from i2c_bench import failing
+from i2c_bench import ScriptedTransport
+import pytest
+from rt_robot_os.drivers.bmp280 import Bmp280
+from rt_robot_os.drivers.encoders import i2c_packets
+from rt_robot_os.drivers.i2c import I2cBus
+from rt_robot_os.drivers.i2c import I2cBuses
+from rt_robot_os.drivers.i2c import open_transport
+from rt_robot_os.drivers.i2c_socket import SocketTransport
+from rt_robot_os.drivers.mpu6050 import Mpu6050
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.sim.bmp280 import SimulatedBmp280
+from rt_robot_os.sim.i2c_bus import EmulatedBus
+from rt_robot_os.sim.i2c_bus import transfer_ns
+from rt_robot_os.sim.i2c_port import I2cPort
+from rt_robot_os.sim.mpu6050 import SimulatedMpu6050
+from rt_robot_os.sim.ms5611 import SimulatedMs5611
+from rt_robot_os.sim.server import SimServer
+
+smbus2 = pytest.importorskip('smbus2', reason='smbus2 is not installed')
+
+
+# --- packets -------------------------------------------------------------------------------------
+
+@given(address=st.integers(0, 127), data=st.binary(max_size=64), size=st.integers(0, 4096))
+def test_requests_survive_the_socket(address: int, data: bytes, size: int) -> None:
+    packet = i2c_packets.request(address, data, size)
+    assert i2c_packets.parse_request(packet) == (address, data, size)
+
+
+@given(number=st.integers(0, 0xFFFF), data=st.binary(max_size=64))
+def test_answers_survive_the_socket(number: int, data: bytes) -> None:
+    assert i2c_packets.parse_answer(i2c_packets.answer(number, data)) == (number, data)
+
+
+@given(st.binary(max_size=12))
+def test_what_is_no_packet_is_none_or_in_range(packet: bytes) -> None:
+    found = i2c_packets.parse_request(packet)
+    assert found is None or (found[0] < 128 and found[2] <= 4096)
+    i2c_packets.parse_answer(packet)
+
+
+# --- sharing -------------------------------------------------------------------------------------
+
+def test_a_bus_is_opened_once_and_closed_by_the_last(tmp_path: Path) -> None:
+    (tmp_path / 'link').symlink_to(tmp_path / 'bus')
+    made: list[ScriptedTransport] = []
+
+    def opener(path: str) -> ScriptedTransport:
+        made.append(ScriptedTransport(lambda data, size: bytes(size)))
+        return made[-1]
+
+    buses = I2cBuses(opener)
+    first, second = buses.take(str(tmp_path / 'bus')), buses.take(str(tmp_path / 'link'))
+    assert first is second and len(made) == 1
+    buses.give_back(first)
+    assert not made[0].closed
+    buses.give_back(first)
+    assert made[0].closed == 1
+    buses.give_back(first)  # once too often
+    assert made[0].closed == 1
+    assert buses.take(str(tmp_path / 'bus')) is not first and len(made) == 2
+
+
+def test_a_bus_that_went_away_is_not_shared_any_more() -> None:
+    buses = I2cBuses(lambda path: ScriptedTransport(failing(errno.ENODEV)))
+    old = buses.take('/dev/i2c-1')
+    with pytest.raises(DeviceError, match='the bus is gone'):
+        old.transfer(8, b'', 1)
+    new = buses.take('/dev/i2c-1')
+    assert new is not old
+    buses.give_back(old)
+    assert buses.take('/dev/i2c-1') is new
+
+
+def test_transfers_and_failures_are_counted() -> None:
+    bus = I2cBus('/dev/i2c-1', ScriptedTransport(lambda data, size: bytes(size)))
+    bus.write_block(0x20, 1, b'ab')
+    assert bus.read_block(0x20, 1, 3) == bytes(3)
+    bus._transport = ScriptedTransport(failing(errno.EIO))
+    with pytest.raises(DeviceError, match='address 0x20: the transfer failed .EIO: Input/output'):
+        bus.read_block(0x20, 1, 3)
+    assert (bus.transfers, bus.failures, bus.gone) == (2, 1, False)
+
+
+# --- what the path is ----------------------------------------------------------------------------
+
+def test_a_path_that_is_no_bus(tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('')
+    for path in (str(tmp_path / 'file'), str(tmp_path), '/dev/null'):
+        with pytest.raises(DeviceError, match='is not an I2C bus: check the port'):
+            open_transport(path)
+    with pytest.raises(DeviceError, match='does not exist: ls /dev/i2c-'):
+        open_transport(str(tmp_path / 'none'))
+
+
+def test_without_smbus2_a_real_bus_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'smbus2', None)
+    monkeypatch.delitem(sys.modules, 'rt_robot_os.drivers.i2c_linux', raising=False)
+    with pytest.raises(DeviceError, match='apt install python3-smbus2, or pip install smbus2'):
+        open_transport('/dev/null')
+
+
+def test_a_bus_that_may_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Any, path: str) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(smbus2.SMBus, 'open', refuse)
+    with pytest.raises(DeviceError, match='group i2c .sudo usermod -aG i2c .USER.*log in again'):
+        open_transport('/dev/null')
+
+
+def test_a_failed_open_leaves_no_file_open() -> None:
+    before = len(os.listdir('/proc/self/fd'))
+    for _ in range(5):
+        with pytest.raises(DeviceError):
+            open_transport('/dev/null')
+    assert len(os.listdir('/proc/self/fd')) == before
+
+
+# --- smbus2 --------------------------------------------------------------------------------------
+
+class KernelBus:
+    """Stands for the kernel below smbus2: its calls, on an emulated bus."""
+
+    def __init__(self, port: I2cPort, functions: int) -> None:
+        self.bus = port.bus
+        self.functions = functions
+        self.opened = 0
+        self.now_ns = 10**9
+
+    def transfer(self, address: int, data: bytes, size: int) -> bytes:
+        number, answer, _ = self.bus.transfer(address, data, size, self.now_ns)
+        if number:
+            raise OSError(number, os.strerror(number))
+        return answer
+
+    def smbus(kernel) -> type:  # noqa: N805
+        """Make the class that takes the place of ``smbus2.SMBus``."""
+        class Bus(smbus2.SMBus):  # type: ignore[misc]
+            def open(self, path: str) -> None:  # noqa: A003
+                kernel.opened += 1
+                self.fd, self.funcs = None, smbus2.I2cFunc(kernel.functions)
+
+            def i2c_rdwr(self, *messages: Any) -> None:
+                assert len({m.addr for m in messages}) == 1
+                written = b''.join(bytes(m) for m in messages if not m.flags & 1)
+                reads = [m for m in messages if m.flags & 1]
+                answer = kernel.transfer(messages[0].addr, written, sum(map(len, reads)))
+                for m in reads:
+                    for i in range(len(m)):
+                        m.buf[i] = answer[i]
+
+            def read_i2c_block_data(self, address: int, register: int, size: int,
+                                    force: Any = None) -> list[int]:
+                assert size <= 32
+                return list(kernel.transfer(address, bytes((register,)), size))
+
+            def write_i2c_block_data(self, address: int, register: int, data: Any,
+                                     force: Any = None) -> None:
+                kernel.transfer(address, bytes((register, *data)), 0)
+
+            def write_byte_data(self, address: int, register: int, value: int,
+                                force: Any = None) -> None:
+                kernel.transfer(address, bytes((register, value)), 0)
+
+            def write_byte(self, address: int, value: int, force: Any = None) -> None:
+                kernel.transfer(address, bytes((value,)), 0)
+
+        return Bus
+
+
+@pytest.mark.parametrize('functions', [smbus2.I2cFunc.I2C, smbus2.I2cFunc.SMBUS_I2C_BLOCK],
+                         ids=['i2c', 'smbus'])
+def test_drivers_run_over_smbus2_on_both_kinds_of_adapters(
+        functions: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from rt_robot_os.drivers.i2c_linux import LinuxTransport
+    port = I2cPort(tmp_path / 'bus')
+    SimulatedBmp280('b', {}, port)
+    SimulatedMs5611('m', {}, port)
+    kernel = KernelBus(port, functions)
+    monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
+    buses = I2cBuses(LinuxTransport)
+    from rt_robot_os.drivers.ms5611 import Ms5611
+    devices: list[Any] = [cls('dut', settings_of(cls, port='/dev/i2c-1'))
+                          for cls in (Bmp280, Ms5611)]
+    samples = [0, 0]
+    for device in devices:
+        device.buses = buses
+        bind(device)
+        device.open()
+    # Where the address is a property of the file, each has one of its own.
+    assert kernel.opened == (1 if functions == smbus2.I2cFunc.I2C else 3)
+    for _ in range(1000):
+        kernel.now_ns += 1_000_000
+        for i, device in enumerate(devices):
+            samples[i] += device.read(kernel.now_ns)
+    assert samples[0] == pytest.approx(75, abs=5) and samples[1] == pytest.approx(60, abs=5)
+
+
+def test_what_smbus_cannot_do_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from rt_robot_os.drivers.i2c_linux import LinuxTransport
+    kernel = KernelBus(I2cPort(tmp_path / 'bus'), smbus2.I2cFunc.SMBUS_I2C_BLOCK)
+    monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
+    bus = I2cBus('/dev/i2c-1', LinuxTransport('/dev/i2c-1'))
+    for data, size in ((b'\0', 33), (bytes(40), 0), (b'', 1)):
+        with pytest.raises(DeviceError, match='the adapter cannot do this transfer'):
+            bus.transfer(0x76, data, size)
+
+
+def test_a_chip_that_linux_has_is_not_talked_to(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from rt_robot_os.drivers import i2c_linux
+    chip = tmp_path / '1-0076'
+    chip.mkdir()
+    (tmp_path / 'bmp280').mkdir()
+    (chip / 'driver').symlink_to(tmp_path / 'bmp280')
+    monkeypatch.setattr(i2c_linux, '_SYSFS', str(tmp_path))
+    kernel = KernelBus(I2cPort(tmp_path / 'bus'), smbus2.I2cFunc.I2C)
+    monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
+    bus = I2cBus('/dev/i2c-1', i2c_linux.LinuxTransport('/dev/i2c-1'))
+    with pytest.raises(DeviceError, match='busy .the Linux driver bmp280 has the device.*0076'):
+        bus.read_block(0x76, 0xD0, 1)
+    with pytest.raises(DeviceError, match='no device answers'):
+        bus.read_block(0x77, 0xD0, 1)
+
+
+# --- the socket ----------------------------------------------------------------------------------
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[I2cPort]:
+    """Serve two chips from another thread, as another process would."""
+    port = I2cPort(tmp_path / 'i2c-sim')
+    chips = (SimulatedBmp280('baro', {}, port), SimulatedMpu6050('imu', {}, port))
+    port.plug()
+    server = SimServer(chips)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    yield port
+    server.stop()
+    thread.join(10)
+    assert sorted(os.listdir(tmp_path)) == []
+
+
+def test_both_paths_lead_to_one_bus(served: I2cPort) -> None:
+    buses = I2cBuses()
+    one = buses.take(str(served.socket_path.with_name('baro')))
+    two = buses.take(str(served.socket_path.with_name('imu')))
+    assert one is two
+    assert one.read_block(0x76, 0xD0, 1) == b'\x58'
+    assert one.read_block(0x68, 0x75, 1) == b'\x68'
+    with pytest.raises(DeviceError, match='address 0x33: no device answers'):
+        one.read_block(0x33, 0, 1)
+    buses.give_back(one)
+    buses.give_back(two)
+
+
+def test_a_transaction_within_another_gets_its_own_answer(served: I2cPort) -> None:
+    transport = SocketTransport(str(served.socket_path))
+    assert transport.transfer(0x76, b'\xd0', 1) == b'\x58'
+    inner: list[bytes] = []
+    outer = transport._connections[0x76]
+
+    class Preempted:
+        """A connection in whose middle another task runs."""
+
+        def send(self, packet: bytes) -> None:
+            outer.send(packet)
+            inner.append(transport.transfer(0x68, b'\x75', 1))
+
+        def recv(self, size: int) -> bytes:
+            return outer.recv(size)
+
+    preempted: Any = Preempted()
+    transport._connections[0x76] = preempted
+    for _ in range(20):
+        assert transport.transfer(0x76, b'\xd0', 1) == b'\x58'
+    assert inner == [b'\x68'] * 20
+    transport._connections[0x76] = outer
+    transport.close()
+    transport.close()
+
+
+def test_a_transfer_takes_the_time_that_it_takes_on_the_wire(served: I2cPort) -> None:
+    transport = SocketTransport(str(served.socket_path))
+    transport.transfer(0x76, b'\xd0', 1)
+    begin_ns = time.monotonic_ns()
+    for _ in range(5):
+        transport.transfer(0x76, b'\xf3', 10)
+    assert time.monotonic_ns() - begin_ns >= 5 * transfer_ns(1, 10)
+    transport.close()
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
+        served: I2cPort, monkeypatch: pytest.MonkeyPatch) -> None:
+    from rt_robot_os.drivers import i2c_socket
+    monkeypatch.setattr(i2c_socket, '_TIMEOUT_S', 0.0005)
+    bus = I2cBus('bus', SocketTransport(str(served.socket_path)))
+    with pytest.raises(DeviceError, match='the transfer timed out'):
+        bus.read_block(0x76, 0x88, 200)
+    monkeypatch.setattr(i2c_socket, '_TIMEOUT_S', 5.0)
+    assert bus.read_block(0x76, 0xD0, 1) == b'\x58'
+    bus.close()
+
+
+@pytest.mark.parametrize('packet', [b'x', b'\x09\x76\x01\x00', bytes(5000)])
+def test_a_client_that_talks_nonsense_is_dropped_and_others_are_served(
+        served: I2cPort, packet: bytes) -> None:
+    good = SocketTransport(str(served.socket_path))
+    bad = SocketTransport(str(served.socket_path))
+    connection: Any = bad._spare
+    connection.send(packet)
+    assert connection.recv(10) == b''
+    assert good.transfer(0x76, b'\xd0', 1) == b'\x58'
+    good.close()
+    bad.close()
+
+
+def test_nobody_behind_the_socket(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'i2c-sim')
+    path = port.link('baro')
+    port.plug()
+    transport = I2cBus('bus', SocketTransport(str(path)))
+    port.unplug()
+    port.unplug()
+    with pytest.raises(DeviceError, match='the bus is gone'):
+        transport.read_block(0x76, 0, 1)
+    assert transport.gone
+    transport.close()
+    with pytest.raises(DeviceError, match='does not exist'):
+        open_transport(str(path))
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_file_of_somebody_is_not_replaced(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'i2c-sim')
+    port.link('baro').write_text('mine')
+    with pytest.raises(DeviceError, match='file of somebody.*choose another folder'):
+        port.plug()
+    port.unplug()
+    assert (tmp_path / 'baro').read_text() == 'mine'
+
+
+# --- the emulated bus ----------------------------------------------------------------------------
+
+def test_the_time_on_the_wire() -> None:
+    # Start, address, register, repeated start, address, 14 bytes, stop: 9 bits each.
+    assert transfer_ns(1, 14, 400_000) == (3 + 9 * 17) * 2500
+    assert transfer_ns(3, 0, 100_000) == (2 + 9 * 4) * 10_000
+    assert transfer_ns(0, 1, 100_000) == (2 + 1 + 9 * 2) * 10_000
+    assert transfer_ns(0, 0, 100_000) == (2 + 9) * 10_000
+
+
+def test_two_chips_of_one_address_are_refused(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'bus')
+    SimulatedBmp280('one', {}, port)
+    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each its own'):
+        SimulatedMs5611('two', {}, port, 0x76)
+
+
+def test_nobody_answers_on_an_empty_bus() -> None:
+    number, answer, _ = EmulatedBus().transfer(0x50, b'\0', 1, 0)
+    assert (number, answer) == (errno.EREMOTEIO, b'')
+
+
+def test_one_chip_that_holds_the_bus_stops_all(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'bus')
+    baro = SimulatedBmp280('baro', {'faults': ['hold at 1 for 1']}, port)
+    SimulatedMpu6050('imu', {}, port).start(0)
+    baro.start(0)
+    wanted: Callable[[int], int] = lambda now: port.bus.transfer(0x68, b'\x75', 1, now)[0]  # noqa
+    assert [wanted(t * 10**8) for t in (9, 10, 19, 20)] == [
+        0, errno.ETIMEDOUT, errno.ETIMEDOUT, 0]
+
+
+def test_the_drivers_are_on_a_bus_and_the_others_are_not() -> None:
+    from rt_robot_os.drivers.witmotion import WitMotion
+    assert Bmp280.SHARES_PORT and Mpu6050.SHARES_PORT and not WitMotion.SHARES_PORT
