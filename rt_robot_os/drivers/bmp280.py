@@ -44,7 +44,7 @@ class Bmp280(Barometer):
 
     SETTINGS = (
         *i2c_settings(address=0x76, addresses=(0x76, 0x77), frame_id='baro_link',
-                      topic='baro/pressure', rate_hz=25.0, maximum_hz=150.0),
+                      topic='baro/pressure', rate_hz=25.0, maximum_hz=155.0),
         *barometer_settings(1.3),
         Field('mode', str, 'forced', 'Forced: each sample is asked for. Normal: the chip measures '
               'by itself.', choices=('forced', 'normal')),

@@ -44,7 +44,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
-# The longest burst of one poll: 112 bytes are 2.6 ms at 400 kHz, in which nothing else runs.
+# The longest burst of one poll: 112 bytes take 2.6 ms at 400 kHz, and nothing preempts that.
 _MAX_FRAMES: Final = 8
 _CHECK_NS: Final = NS_PER_S
 _COLDEST_C, _HOTTEST_C = -40.0, 105.0

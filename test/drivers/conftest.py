@@ -23,4 +23,6 @@ import sys
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite('i2c_bench', 'i2c_contract', 'driver_contract', 'driver_fakes', 'gps_streams', 'imu_streams')
+pytest.register_assert_rewrite(
+    'driver_contract', 'driver_fakes', 'gps_streams', 'i2c_bench', 'i2c_contract',
+    'imu_streams')

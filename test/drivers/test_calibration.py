@@ -63,7 +63,8 @@ def test_of_48_mountings_24_are_rotations() -> None:
         assert (matrix(axes) @ matrix(axes.inverse()) == np.eye(3)).all()
 
 
-@pytest.mark.parametrize('text', ['', 'x y', 'x y y', 'x y z z', 'a b c', '--x y z', 'xyz', '+-x y z'])
+@pytest.mark.parametrize('text', ['', 'x y', 'x y y', 'x y z z', 'a b c', '--x y z', 'xyz',
+                                  '+-x y z'])
 def test_what_is_no_mounting_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match='name each of x, y, z once'):
         AxisMap.parse(text)

@@ -109,7 +109,8 @@ def catalogue() -> Catalogue:
         Field('rate_hz', float, 100.0, 'frames a second', 'Hz', 0.1, 1000.0),
         Field('faults', list, (), 'faults, each at a time'),
     ))
-    bus = Kind((Field('port', str, REQUIRED, 'I2C bus'),), shares_port=True)
+    bus = Kind((Field('port', str, REQUIRED, 'I2C bus'),
+                Field('address', int, 0x76, 'on the bus')), shares_port=True)
     return Catalogue(
         drivers=Kinds({'witmotion': imu, 'nmea': gps, 'chip': bus}),
         modules=Kinds({'twist_guard': guard, 'broken': Kind(uses=broken_topics)}),

@@ -241,7 +241,17 @@ def test_a_link_does_not_hide_that_two_devices_are_on_one_port(
 
 def test_devices_on_a_bus_may_share_its_port(load_text: Callable[..., object]) -> None:
     load_text('robot:\n  ros__parameters:\n    devices: [a, b]\n'
-              '    a: {type: chip, port: /dev/i2c-1}\n    b: {type: chip, port: /dev/i2c-1}\n')
+              '    a: {type: chip, port: /dev/i2c-1}\n'
+              '    b: {type: chip, port: /dev/i2c-1, address: 119}\n')
+
+
+def test_two_devices_of_one_address_on_a_bus(problems_of: Judge) -> None:
+    text = ('robot:\n  ros__parameters:\n    devices: [a, b, c]\n'
+            '    a: {type: chip, port: /dev/i2c-1}\n    b: {type: chip, port: /dev/i2c-1}\n'
+            '    c: {type: chip, port: /dev/i2c-2}\n')
+    found = problems_of(text)
+    assert len(found) == 1
+    assert 'b.address = 118: is the address of a on this bus' in found[0]
 
 
 def test_ten_mistakes_are_ten_lines(good: str, problems_of: Judge) -> None:

@@ -87,6 +87,14 @@ def test_mistakes_that_only_the_classes_can_find() -> None:
         assert part in text
 
 
+def test_chips_on_the_simulated_bus_have_addresses_of_their_own() -> None:
+    chips = {'devices': ['a', 'b'], 'a.type': 'bmp280', 'b.type': 'ms5611', 'b.topic': 'b/p',
+             'b.temperature_topic': '', 'b.altitude_topic': '', 'a.port': 'sim', 'b.port': 'sim'}
+    assert len(load([], chips).devices) == 2
+    with pytest.raises(ConfigError, match='b.address = 118: is the address of a on this bus'):
+        load([], {**chips, 'b.address': 118})
+
+
 def test_every_driver_has_what_the_page_and_ros_need() -> None:
     for each in parameters(load([default_path()])):
         assert each.field.description, each.name
