@@ -144,6 +144,14 @@ def kernel_release(system: System) -> tuple[int, int]:
     return (int(match[1]), int(match[2])) if match else (0, 0)
 
 
+def distribution(system: System) -> str:
+    """Give the short name of the Linux distribution, such as ``ubuntu``; empty when unknown."""
+    for line in system.read('/etc/os-release').splitlines():
+        if line.startswith('ID='):
+            return line[3:].strip('"\'').lower()
+    return ''
+
+
 def kernel_config(system: System) -> dict[str, str]:
     """Read the configuration that Linux was built with; empty when it is not to be had."""
     try:

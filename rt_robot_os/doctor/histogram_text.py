@@ -41,7 +41,7 @@ def _duration(octave: int) -> str:
     for unit in ('ns', 'us', 'ms'):
         if value < 999:
             return f'{value:.3g} {unit}'
-        value /= 1024 if unit == 'ns' else 1000
+        value /= 1000
     return f'{value:.3g} s'
 
 

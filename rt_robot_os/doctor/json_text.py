@@ -70,4 +70,4 @@ def document(report: Report) -> Mapping[str, Any]:
 
 def as_json(report: Report) -> str:
     """Write a report as JSON."""
-    return json.dumps(document(report), indent=2, ensure_ascii=False)
+    return json.dumps(document(report), indent=2)

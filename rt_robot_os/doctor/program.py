@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from collections.abc import Sequence
+import io
 import os
 import sys
 
@@ -128,6 +129,9 @@ def run(argv: Sequence[str]) -> int:
 
     :return: its exit code, see ``--help``.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the terminal cannot show is no reason to say nothing.
+        sys.stdout.reconfigure(errors='backslashreplace')
     try:
         options, wanted = parse(argv)
         return Doctor(System(wanted), options).run().verdict.value

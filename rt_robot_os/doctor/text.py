@@ -88,7 +88,7 @@ class Writer:
     def _finding(self, line: Line) -> Iterator[str]:
         finding = line.finding
         room = WIDTH - _COLUMN - _TITLE_WIDTH
-        found = textwrap.wrap(finding.found, room, break_on_hyphens=False) or ['']
+        found = textwrap.wrap(printable(finding.found), room, break_on_hyphens=False) or ['']
         yield (' ' * _INDENT + self._style.state(finding.state, _STATE_WIDTH)
                + line.check.title.ljust(_TITLE_WIDTH) + found[0])
         for more in found[1:]:
@@ -117,7 +117,12 @@ def remedy_lines(remedy: Remedy, style: Style) -> Iterator[str]:
     after = remedy.note.startswith('then')
     for text in (*remedy.commands, *notes) if after else (*notes, *remedy.commands):
         for part in shell_lines(text, WIDTH - len(indent)):
-            yield indent + style.command(part)
+            yield indent + style.command(printable(part))
+
+
+def printable(text: str) -> str:
+    """Take out what could steer a terminal: anybody may give a process or a file any name."""
+    return ''.join(character if character.isprintable() else '?' for character in text)
 
 
 def shell_lines(command: str, width: int) -> list[str]:

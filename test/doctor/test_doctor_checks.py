@@ -98,6 +98,19 @@ def test_the_mode_of_preemption_from_a_compressed_configuration(machine) -> None
     assert (finding.state, 'mode lazy' in finding.found) == (OK, True)
 
 
+@pytest.mark.parametrize('name, files, words', [
+    ('ubuntu', {}, 'sudo pro enable realtime-kernel'),
+    ('ubuntu', {'/boot/firmware/config.txt': ''}, '--variant=raspi'),
+    ('debian', {}, 'linux-image-rt-$(dpkg --print-architecture)'),
+    ('debian', {'/boot/firmware/config.txt': ''}, 'linux-image-rpi-v8-rt')])
+def test_the_real_time_kernel_of_each_distribution(name, files, words, machine) -> None:
+    system = machine('laptop', {'/etc/os-release': f'NAME="x"\nID={name}\n', **files},
+                     version='#1 SMP PREEMPT')
+    finding = _only(system, 'kernel.preemption')
+    assert finding.state is OK
+    assert words in _commands(finding)
+
+
 def test_no_share_for_real_time_tasks_is_bad(machine) -> None:
     system = machine('laptop', {'/proc/sys/kernel/sched_rt_runtime_us': '0'})
     assert _only(system, 'kernel.throttling').state is BAD

@@ -37,8 +37,9 @@ from rt_robot_os.linux.clock import clock_state
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def _start(*arguments: str, before: str = '', **options) -> subprocess.Popen[str]:
-    environ = {**os.environ, 'PYTHONPATH': os.pathsep.join(
+def _start(*arguments: str, before: str = '', variables: dict[str, str] | None = None,
+           **options) -> subprocess.Popen[str]:
+    environ = {**os.environ, **(variables or {}), 'PYTHONPATH': os.pathsep.join(
         filter(None, [before, str(ROOT), os.environ.get('PYTHONPATH', '')]))}
     return subprocess.Popen(
         [sys.executable, '-m', 'rt_robot_os.cli.doctor', *arguments], env=environ, text=True,
@@ -125,6 +126,15 @@ def test_a_reader_that_leaves_early_causes_no_noise() -> None:
     process.stderr.close()
     process.wait(timeout=60)
     assert errors == ''
+
+
+def test_names_that_the_terminal_cannot_show_do_not_end_it(tmp_path) -> None:
+    folder = tmp_path / 'd\udc80\u2603'
+    process = _start('--no-wakeup', variables={
+        'ROS_LOG_DIR': str(folder), 'PYTHONIOENCODING': 'ascii', 'LC_ALL': 'C'})
+    output, errors = process.communicate(timeout=60)
+    assert (errors, process.returncode in (0, 1, 2)) == ('', True)
+    assert '\\u2603' in output
 
 
 def test_a_check_that_raises_does_not_end_the_doctor(monkeypatch, capsys) -> None:

@@ -111,6 +111,13 @@ def test_one_remedy_for_two_lines_is_told_once() -> None:
     assert written[-1] == '             # as above, for thing 0'
 
 
+def test_names_that_others_chose_cannot_steer_the_terminal() -> None:
+    evil = make.warn('at 90: \033]0;x\007evil\r', Remedy(('kill \033[2J1',)), weight=1)
+    written = ''.join(_written(evil))
+    assert 'at 90: ?]0;x?evil' in written and 'kill ?[2J1' in written
+    assert written.isprintable()
+
+
 def test_a_long_command_is_broken_where_the_shell_allows_it() -> None:
     command = "echo 'a && b | c' | sudo tee /x && sudo udevadm control --reload"
     assert text.shell_lines(command, 40) == [

@@ -22,6 +22,7 @@ import re
 from rt_robot_os.doctor.facts import command_line
 from rt_robot_os.doctor.facts import container
 from rt_robot_os.doctor.facts import core_cpu
+from rt_robot_os.doctor.facts import distribution
 from rt_robot_os.doctor.facts import is_wsl
 from rt_robot_os.doctor.facts import kernel_config
 from rt_robot_os.doctor.facts import kernel_release
@@ -66,12 +67,23 @@ def _mode(system: System) -> tuple[str, str]:
 def _realtime_kernel(system: System) -> Remedy:
     if is_wsl(system):
         return Remedy((), 'WSL2 runs the kernel of Windows: use a real Linux for real time')
-    if system.exists('/boot/firmware/config.txt'):
-        return Remedy(('sudo apt install linux-image-rpi-v8-rt && sudo reboot',),
-                      'Raspberry Pi OS 13; on Ubuntu for the Pi: sudo pro enable realtime-kernel '
-                      '--variant=raspi')
-    return of_machine(system, 'sudo pro attach && sudo pro enable realtime-kernel && sudo reboot',
-                      note='Ubuntu 24.04; Debian: sudo apt install linux-image-rt-amd64')
+    if container(system):
+        return Remedy((), 'a PREEMPT_RT kernel on the host')
+    pi = system.exists('/boot/firmware/config.txt')
+    kind = distribution(system)
+    if kind == 'ubuntu':
+        variant = ' --variant=raspi' if pi else ''
+        return Remedy(('sudo pro attach', f'sudo pro enable realtime-kernel{variant}',
+                       'sudo reboot'), 'the kernel with PREEMPT_RT of Ubuntu Pro')
+    if kind == 'raspbian' or (kind == 'debian' and pi):
+        return Remedy(('sudo apt install linux-image-rpi-v8-rt',
+                       "echo 'kernel=kernel8_rt.img' | sudo tee -a /boot/firmware/config.txt",
+                       'sudo reboot'), 'the kernel with PREEMPT_RT of Raspberry Pi OS; how its '
+                      'image is called: ls /boot/firmware/kernel*rt*')
+    if kind == 'debian':
+        return Remedy(('sudo apt install linux-image-rt-$(dpkg --print-architecture)',
+                       'sudo reboot'), 'the kernel with PREEMPT_RT of Debian')
+    return Remedy((), 'install a kernel with PREEMPT_RT of your distribution')
 
 
 def preemption(system: System) -> Iterator[Finding]:

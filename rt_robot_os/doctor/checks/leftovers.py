@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import os
 import re
+import shlex
 
 from rt_robot_os.doctor.facts import Process
 from rt_robot_os.doctor.facts import processes
@@ -88,7 +89,7 @@ def sockets(system: System) -> Iterator[Finding]:
     if dead:
         told = ', '.join(dead[:_SHOWN]) + (' ...' if len(dead) > _SHOWN else '')
         yield warn(f'of cores that are gone, in {folder}: {told}', Remedy(
-            tuple(f'rm -r {folder}/{name}' for name in dead[:_SHOWN]),
+            tuple(f'rm -r {shlex.quote(f"{folder}/{name}")}' for name in dead[:_SHOWN]),
             'a core that starts removes its own'), weight=5)
     else:
         yield ok(f'{len(live)} in use' if live else f'none in {folder}')

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import os
 import re
+import shlex
 
 from rt_robot_os.doctor.facts import key_values
 from rt_robot_os.doctor.facts import try_scheduler
@@ -127,7 +128,8 @@ def disk(system: System) -> Iterator[Finding]:
         yield ok(told)
     else:
         state = bad if megabytes < _DISK_BAD_MB else warn
-        yield state(told, Remedy((f'du -sh {folder} && ls -t {folder} | tail',
+        quoted = shlex.quote(folder)
+        yield state(told, Remedy((f'du -sh {quoted} && ls -t {quoted} | tail',
                                   'export ROS_LOG_DIR=/mnt/larger/ros_log'),
                                  'delete old logs, or write them elsewhere'), weight=50)
 
