@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from rt_robot_os.drivers.decoders.maxbotix import MaxBotixDecoder
 from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
 from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
@@ -48,12 +49,18 @@ def _is_xbus(data: bytes) -> bool:
     return any(frame.payload for frame in XbusDecoder().feed(data))
 
 
+def _is_maxbotix(data: bytes) -> bool:
+    decoder = MaxBotixDecoder()
+    return len(decoder.feed(data)) > 1 and decoder.rejected_bytes < len(data) // 4
+
+
 # What is asked for sure, with the driver's name; the surest first.
 _KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
     ('UBX messages', 'ublox', _is_ubx),
     ('NMEA 0183 sentences', 'nmea', _is_nmea),
     ('Xbus messages', 'xsens', _is_xbus),
     ('WitMotion frames', 'witmotion', _is_witmotion),
+    ('MaxBotix readings', 'maxbotix', _is_maxbotix),
 )
 
 

@@ -44,6 +44,8 @@ _FIELDS: dict[str, dict[str, Any]] = {
         'linear_acceleration': _VECTOR, 'linear_acceleration_covariance': 9,
     },
     'sensor_msgs/msg/MagneticField': {'magnetic_field': _VECTOR, 'magnetic_field_covariance': 9},
+    'sensor_msgs/msg/Range': dict.fromkeys((
+        'radiation_type', 'field_of_view', 'min_range', 'max_range', 'range', 'variance')),
     'sensor_msgs/msg/NavSatFix': {
         'status': ('status', 'service'), 'latitude': None, 'longitude': None, 'altitude': None,
         'position_covariance': 9, 'position_covariance_type': None,

@@ -58,6 +58,8 @@ CASES = {
     'witmotion': Case(100),
     'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
                  'these are WitMotion frames at .* baud: set type: witmotion'),
+    'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
+    'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
     'ublox': Case(5, {'output_rate_hz': 5.0}, {'rate_hz': 5.0}, 'gps/fix',
                   'these are WitMotion frames at .* baud: set type: witmotion'),
     'ublox configured': Case(
@@ -207,3 +209,23 @@ def test_a_product_that_has_less_is_told_what_it_has(monkeypatch: pytest.MonkeyP
     bench.take('full/imu/data')
     bench.run(1)
     assert bench.take('full/imu/data') == pytest.approx(200, abs=1)
+
+
+def test_a_range_finder_of_another_unit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    inches = bench.add('inches', 'maxbotix', {}, {'unit': 'inch'})
+    metric = bench.add('metric', 'maxbotix', {'unit': 'cm'}, {'unit': 'mm'})
+    bench.run(3)
+    assert bench.errors('inches') == [
+        'it sends 3 digits, which is not mm: set unit: cm or inch']
+    assert bench.errors('metric') == ['it sends 4 digits, which is not cm: set unit: mm']
+    assert DeviceState.ACTIVE not in (inches.state, metric.state)
+
+
+def test_a_converter_without_the_channel_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    bench.add('dut', 'sharp', {'channels': [4, 5]}, {'channels': 2})
+    bench.run(3)
+    assert bench.errors('dut')[0].startswith('it sends channel ')
+    assert 'none of [4, 5]: set channels' in bench.errors('dut')[0]
+    assert bench.devices['dut'].state is not DeviceState.ACTIVE
