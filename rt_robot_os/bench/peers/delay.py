@@ -45,13 +45,12 @@ _MATCH_TIMEOUT_S = 10.0
 
 
 def executor(harness: Harness) -> Measured:
-    """Measure all sizes and numbers of subscribers, each with a node of its own."""
+    """Measure all variants (bytes, subscribers), each with a node of its own."""
     a = harness.arguments
     harness.prepare()
     samples: dict[str, Samples] = {}
-    for size in a['sizes']:
-        for subscribers in a['subscribers']:
-            samples[key(size, subscribers)] = _measure(a, size, subscribers)
+    for size, subscribers in a['variants']:
+        samples[key(size, subscribers)] = _measure(a, size, subscribers)
     return Measured(samples, {'due': due(a)})
 
 

@@ -21,8 +21,14 @@ from importlib import import_module
 import time
 from typing import Any
 
+from rt_robot_os.bench.case import Samples
 from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Measured
+from rt_robot_os.bench.stamps import Stamps
+from rt_robot_os.bench.workers.delay import due
+from rt_robot_os.bench.workers.delay import key
+from rt_robot_os.bench.workers.delay import Receiver
+from rt_robot_os.bench.workers.delay import to_the_last
 from rt_robot_os.bench.workers.modules import collect
 from rt_robot_os.bench.workers.modules import make_modules
 from rt_robot_os.bench.workers.preemption import Work
@@ -31,6 +37,7 @@ from rt_robot_os.units import NS_PER_S
 _PRIORITY = 80
 # Of its scheduler: the fastest node sets it, and no faster tick than it says it can do.
 _TICK_MAXIMUM_HZ = 2000.0
+_MESSAGE_MAXIMUM = 3000
 
 
 def _node(name: str, tick: Callable[[], object], **options: Any) -> Any:
@@ -56,6 +63,49 @@ def modules(harness: Harness) -> Measured:
               duration=total_ns / NS_PER_S)
     used_ns, duration_ns = time.process_time_ns() - cpu_ns, time.monotonic_ns() - begin_ns
     return collect(made, begin_ns, a, used_ns, duration_ns)
+
+
+def delay(harness: Harness) -> Measured:
+    """
+    Send dictionaries from a node to nodes that the topic triggers; larger ones are left out.
+
+    A topic without a type carries no bytes, but what JSON can say: a string has the size.
+    """
+    a = harness.arguments
+    samples: dict[str, Samples] = {}
+    for size, subscribers in a['variants']:
+        if size <= _MESSAGE_MAXIMUM:
+            samples[key(size, subscribers)] = _delay(a, size, subscribers)
+    return Measured(samples, {'due': due(a)})
+
+
+def _delay(a: Any, size: int, subscribers: int) -> Samples:
+    horus = import_module('horus')
+    total_ns = a['warmup_ns'] + a['measure_ns']
+    room = 2 * total_ns // a['period_ns'] + 100
+    sent, receivers = Stamps(room), [Receiver(room) for _ in range(subscribers)]
+    text, topic = 'x' * size, f'bench.{size}.{subscribers}'
+
+    def publish(node: Any) -> None:
+        message = {'n': sent.count, 'data': text}
+        sent.stamp()
+        node.send(topic, message)
+
+    def receiving(receiver: Receiver) -> Callable[[Any], None]:
+        def tick(node: Any) -> None:
+            while message := node.recv(topic):
+                receiver.note_number(message['n'])
+
+        return tick
+
+    rate_hz = NS_PER_S / a['period_ns']
+    horus.run(
+        horus.Node(name='publisher', tick=publish, rate=rate_hz, order=0, priority=_PRIORITY,
+                   pubs=[topic]),
+        *(horus.Node(name=f'receiver{i}', tick=receiving(receiver), on=topic, order=1,
+                     subs=[topic]) for i, receiver in enumerate(receivers)),
+        rt=True, tick_rate=rate_hz, duration=total_ns / NS_PER_S)
+    return to_the_last(sent, receivers, a['warmup_ns'] // a['period_ns'])
 
 
 def preemption(harness: Harness) -> Measured:

@@ -51,6 +51,12 @@ class Receiver:
         if not self.stamps.dropped:
             self.numbers[self.stamps.count - 1] = NUMBER.unpack_from(data)[0]
 
+    def note_number(self, number: int) -> None:
+        """Note the moment, and the number of the message where that is known."""
+        self.stamps.stamp()
+        if not self.stamps.dropped:
+            self.numbers[self.stamps.count - 1] = number
+
 
 def to_the_last(sent: Stamps, receivers: list[Receiver], warm: int) -> Samples:
     """
@@ -86,11 +92,11 @@ def key(size: int, subscribers: int) -> str:
 
 
 def kernel(harness: Harness) -> Measured:
-    """Measure all sizes and numbers of subscribers, one after the other."""
+    """Measure all variants (bytes, subscribers), one after the other."""
     a = harness.arguments
     samples: dict[str, Samples] = {}
     variants = [(size, subscribers, _Variant(a, size, subscribers))
-                for size in a['sizes'] for subscribers in a['subscribers']]
+                for size, subscribers in a['variants']]
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()

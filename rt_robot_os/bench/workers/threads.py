@@ -19,17 +19,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Sequence
 import os
+from queue import SimpleQueue
 import threading
 import time
 
+from rt_robot_os.bench.case import Samples
 from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Measured
+from rt_robot_os.bench.stamps import Stamps
+from rt_robot_os.bench.workers.delay import due
+from rt_robot_os.bench.workers.delay import key
+from rt_robot_os.bench.workers.delay import NUMBER
+from rt_robot_os.bench.workers.delay import Receiver
+from rt_robot_os.bench.workers.delay import to_the_last
 from rt_robot_os.bench.workers.modules import collect
 from rt_robot_os.bench.workers.modules import make_modules
 from rt_robot_os.bench.workers.preemption import Work
 from rt_robot_os.units import NS_PER_S
 
 _LEAD_NS = NS_PER_S // 20
+
+
+def _set_priority(priority: int) -> None:
+    try:
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        pass  # the harness has said that it is refused
 
 
 class Threads:
@@ -55,11 +70,7 @@ class Threads:
 
     def _loop(self, period_ns: int, priority: int, job: Callable[[], object]) -> None:
         if priority:
-            try:
-                os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO,
-                                      os.sched_param(priority))
-            except OSError:
-                pass  # the harness has said that it is refused
+            _set_priority(priority)
         deadline_ns = self.begin_ns
         now_ns, sleep = time.monotonic_ns, time.sleep
         while deadline_ns < self._end_ns:
@@ -86,6 +97,46 @@ def modules(harness: Harness) -> Measured:
     tested.run()
     return collect(made, tested.begin_ns, a, time.process_time_ns() - cpu_ns,
                    time.monotonic_ns() - begin_ns)
+
+
+def delay(harness: Harness) -> Measured:
+    """Send bytes from a thread to others that wait at a ``queue.SimpleQueue`` each."""
+    a = harness.arguments
+    harness.prepare()
+    return Measured({key(size, subscribers): _delay(harness, size, subscribers)
+                     for size, subscribers in a['variants']}, {'due': due(a)})
+
+
+def _delay(harness: Harness, size: int, subscribers: int) -> Samples:
+    a = harness.arguments
+    total_ns = a['warmup_ns'] + a['measure_ns']
+    room = 2 * total_ns // a['period_ns'] + 100
+    sent, receivers = Stamps(room), [Receiver(room) for _ in range(subscribers)]
+    queues: list[SimpleQueue[bytes]] = [SimpleQueue() for _ in receivers]
+    message = bytearray(size)
+
+    def publish() -> None:
+        NUMBER.pack_into(message, 0, sent.count)
+        sent.stamp()
+        payload = bytes(message)
+        for one in queues:
+            one.put(payload)
+
+    def receive(queue: SimpleQueue[bytes], receiver: Receiver) -> None:
+        if harness.priority:
+            _set_priority(harness.priority)
+        while payload := queue.get():
+            receiver.note(payload)
+
+    waiting = [threading.Thread(target=receive, args=pair, daemon=True)
+               for pair in zip(queues, receivers)]
+    for thread in waiting:
+        thread.start()
+    Threads([(a['period_ns'], harness.priority // 2, publish)], total_ns).run()
+    for queue, thread in zip(queues, waiting):
+        queue.put(b'')
+        thread.join()
+    return to_the_last(sent, receivers, a['warmup_ns'] // a['period_ns'])
 
 
 def preemption(harness: Harness) -> Measured:
