@@ -102,6 +102,7 @@ def describe() -> dict[str, Any]:
     return {
         'cpu': cpu_model(), 'architecture': names.machine, 'cores': os.cpu_count(),
         'cores_allowed': allowed, 'isolated': _read('/sys/devices/system/cpu/isolated'),
+        'work_queue_cpus': _read('/sys/devices/virtual/workqueue/cpumask'),
         'governor': _read('/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor'),
         'clock_source': _read('/sys/devices/system/clocksource/clocksource0/current_clocksource'),
         'kernel': names.release, 'kernel_version': names.version,

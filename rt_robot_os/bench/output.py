@@ -78,8 +78,7 @@ class EarlierRun:
                                f'({error})') from error
         self.results = [result for case in cases.values()
                         if (result := self._evaluate(case)) is not None]
-        known = {result.name: result.as_json() for result in self.results}
-        self.content['cases'] = [known.get(c['name'], c) for c in self.content['cases']]
+        self.content['cases'] = [result.as_json() for result in self.results]
 
     def _evaluate(self, case: Case) -> CaseResult | None:
         outcomes = self._outcomes(case)

@@ -26,10 +26,12 @@ from rt_robot_os.bench.cases import load
 from rt_robot_os.bench.cases import micro
 from rt_robot_os.bench.cases import mirror
 from rt_robot_os.bench.cases import preemption
+from rt_robot_os.bench.cases import serial
+from rt_robot_os.bench.cases import stability
 from rt_robot_os.bench.cases import start
 from rt_robot_os.bench.cases import throughput
 from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    frequency.CASE, delay.CASE, load.CASE, preemption.CASE, wakeup.CASE, throughput.CASE,
+    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE, wakeup.CASE, throughput.CASE,
     micro.CASE, mirror.CASE, start.START, start.MEMORY)})

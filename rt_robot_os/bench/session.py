@@ -34,6 +34,7 @@ from rt_robot_os.bench.document import document
 from rt_robot_os.bench.document import write_json
 from rt_robot_os.bench.document import write_samples
 from rt_robot_os.bench.options import Request
+from rt_robot_os.bench.output import DOCUMENT_FILE
 from rt_robot_os.bench.output import PAGE_FILE
 from rt_robot_os.bench.output import write_results
 from rt_robot_os.bench.processes import alone
@@ -87,6 +88,9 @@ class Session:
             if others:
                 _say('Another bench measures on this machine as well: the two take turns.')
         self._note_realtime([self._measured(_PROBE)])
+        if self._request.out is not None:
+            # So that what is written until then can be looked at.
+            write_json(self._request.out / DOCUMENT_FILE, self._content(True))
 
     def measure(self, case: Case) -> None:
         """Measure a case, show it, and keep its samples."""
@@ -125,15 +129,18 @@ class Session:
         if granted:
             _say(f'In force in the measured processes: {", ".join(granted)}.')
 
+    def _content(self, interrupted: bool) -> dict[str, Any]:
+        self.conditions['ended'] = datetime.now(timezone.utc).isoformat(timespec='seconds')
+        return document(self.machine, self.conditions, self._request.options, self.results,
+                        interrupted)
+
     def write(self, interrupted: bool) -> None:
         """
         Write what was asked for.
 
         :raises OSError: it cannot be written.
         """
-        self.conditions['ended'] = datetime.now(timezone.utc).isoformat(timespec='seconds')
-        content = document(self.machine, self.conditions, self._request.options, self.results,
-                           interrupted)
+        content = self._content(interrupted)
         if self._request.json is not None:
             write_json(self._request.json, content)
         if self._request.out is None:

@@ -44,11 +44,17 @@ _CLIENT = 'rt_robot_os.bench.workers.mirror:client'
 _RECEIVER = 'rt_robot_os.bench.workers.mirror:receiver'
 
 
-def settings() -> RobotSettings:
-    """Make a robot without devices, with two topics of the same type."""
-    topics = tuple(TopicSettings(name.replace('/', '_'), name, IMU, 16, 0.0, IMU_SHAPE)
-                   for name in (MIRRORED, PLAIN))
-    return RobotSettings(True, 1.0, CoreSettings(False, -1, 0, True, 1.0, 2, 50), topics=topics)
+def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]]) -> RobotSettings:
+    """
+    Make a robot without devices.
+
+    :param topics: message type and fixed fields, by name.
+    """
+    declared = tuple(TopicSettings(name.replace('/', '_'), name, message, 16, 0.0, fixed)
+                     for name, (message, fixed) in topics.items())
+    return RobotSettings(True, 1.0, CoreSettings(
+        spawn=False, cpu=-1, scheduler_priority=0, lock_memory=True, heartbeat_s=1.0,
+        link_priority=2, command_priority=50), topics=declared)
 
 
 def core(harness: Harness) -> Measured:
@@ -59,7 +65,7 @@ def core(harness: Harness) -> Measured:
     """
     a = harness.arguments
     path = socket_path('bench')
-    tested = Core(settings(), path)
+    tested = Core(settings({name: (IMU, IMU_SHAPE) for name in (MIRRORED, PLAIN)}), path)
     sent = [0]
 
     def count() -> None:

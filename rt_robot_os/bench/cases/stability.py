@@ -1,0 +1,177 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The case `stability` (paper 1, test 4): three modules for hours, a row a minute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.case import Options
+from rt_robot_os.bench.case import Outcome
+from rt_robot_os.bench.case import Outcomes
+from rt_robot_os.bench.case import Run
+from rt_robot_os.bench.cases import common
+from rt_robot_os.bench.plot import Plot
+from rt_robot_os.bench.plot import Series
+from rt_robot_os.bench.result import Aim
+from rt_robot_os.bench.result import CaseResult
+from rt_robot_os.bench.result import Column
+from rt_robot_os.bench.result import quoted
+from rt_robot_os.bench.result import Status
+from rt_robot_os.bench.result import Table
+from rt_robot_os.bench.workers.stability import read_csv
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+_WARMUP_NS = 600 * NS_PER_MS
+_QUICK_S = 4.0
+_PEER_S = 20.0
+_ROW_S = 60.0
+_RATES = (('acquire_hz', 1000), ('attitude_hz', 400), ('receive_hz', 200))
+
+_COLUMNS = (
+    *(Column(name, f'{rate} Hz', 'Hz', 'worst row') for name, rate in _RATES),
+    Column('delay_mean', 'mean', 'us', 'delay'), Column('delay_max', 'max', 'us', 'delay'),
+    Column('error', 'max', 'deg', 'attitude'), Column('missed', 'all', '', 'missed'),
+    Column('growth', 'growth', 'KB', 'memory'), Column('faults', 'all', '', 'faults'),
+    Column('hours', 'time', 'h', 'for'))
+_NOTES = (
+    'A 1000 Hz module acquires an Imu (simulated motion with noise), a 400 Hz module solves the',
+    'attitude and publishes every second one, a receiver at 200 Hz compares it with the truth:',
+    'delay from publishing to it. A row of figures a minute (a tenth of the time where that is',
+    'shorter). Worst row: the frequency furthest from what was asked for. Growth: resident size,',
+    'last row less the first. Faults: pages that Linux had to provide. The paper: 24 h.')
+
+
+def _measure_s(options: Options) -> float:
+    return _QUICK_S if options.quick and options.hours < 0.02 else options.hours * 3600
+
+
+def _csv(options: Options, key: str) -> str:
+    return str(Path(options.out) / f'stability-{key}.csv') if options.out else ''
+
+
+def _plan(options: Options) -> Sequence[Run]:
+    def run(key: str, label: str, worker: str, seconds: float, start_s: float,
+            **more: str) -> Run:
+        row_s = min(_ROW_S, seconds / 10)
+        return Run(key, label, f'rt_robot_os.bench.{worker}', {
+            'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S),
+            'row_ns': round(row_s * NS_PER_S), 'csv': _csv(options, key), **more},
+            start_s + (_WARMUP_NS / NS_PER_S + seconds) * 1.01, once=True)
+
+    total_s = _measure_s(options)
+    peers = ('events',) if options.quick else common.RCLPY
+    return (
+        run('kernel', common.KERNEL_LABEL, 'workers.stability:kernel', total_s, common.START_S),
+        *(run(name, common.RCLPY_LABELS[name], 'peers.stability:executor', min(_PEER_S, total_s),
+              common.START_PEER_S, executor=name) for name in peers))
+
+
+def _partial(options: Options) -> Outcomes | None:
+    """Take the rows that were written before the run ended."""
+    outcomes = Outcomes(_plan(options))
+    found = False
+    for key in outcomes.runs:
+        try:
+            outcomes.add(key, Outcome(Status.OK, '', read_csv(Path(_csv(options, key)))))
+            found = True
+        except (OSError, ValueError):
+            outcomes.add(key, Outcome(Status.FAILED, 'was not measured'))
+    return outcomes if found else None
+
+
+def _rows_of(name: str, of: str) -> common.Of:
+    def take(outcome: Outcome) -> float | None:
+        values = outcome.samples.get(name)
+        if values is None or not len(values):
+            return None
+        return float({'mean': np.mean, 'max': np.max, 'sum': np.sum}[of](values))
+
+    return take
+
+
+def _worst_hz(name: str, rate: int) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        values = outcome.samples.get(name)
+        if values is None or not len(values):
+            return None
+        return float(values[np.argmax(np.abs(values - rate))])
+
+    return of
+
+
+def _error(outcome: Outcome) -> float | None:
+    errors = [abs(value - rate) * 100 / rate for name, rate in _RATES
+              if (value := _worst_hz(name, rate)(outcome)) is not None]
+    return max(errors, default=None)
+
+
+def _growth(outcome: Outcome) -> float | None:
+    sizes = outcome.samples.get('resident_kb')
+    return None if sizes is None or not len(sizes) else float(sizes[-1] - sizes[0])
+
+
+_METRICS: Mapping[str, common.Of] = {
+    **{name: _worst_hz(name, rate) for name, rate in _RATES},
+    'delay_mean': _rows_of('delay_mean_us', 'mean'), 'delay_max': _rows_of('delay_max_us', 'max'),
+    'error': _rows_of('attitude_error_deg', 'max'), 'missed': _rows_of('missed', 'sum'),
+    'growth': _growth, 'faults': _rows_of('faults_minor', 'sum'),
+    'hours': lambda outcome: None if not len(outcome.samples.get('time_s', ())) else
+    float(outcome.samples['time_s'][-1]) / 3600}
+
+
+def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+    rows = [quoted('paper (FreeRTOS on STM32F4)', acquire_hz=999, attitude_hz=400,
+                   receive_hz=194, delay_mean=30, delay_max=36, hours=24)]
+    for key in outcomes.runs:
+        metrics = dict(_METRICS)
+        if key != 'kernel':
+            del metrics['missed']  # rclpy does not count them
+        rows.append(outcomes.row(key, metrics))
+    why = common.disturbances(outcomes, 'kernel')
+    aims = (
+        Aim('worst frequency error of a row', 0.05, outcomes.metric('kernel', _error), '%',
+            why=why, paper='3 % (200 Hz module)'),
+        Aim('mean delay', 30.0, outcomes.metric('kernel', _METRICS['delay_mean']), 'us', why=why,
+            paper='28 to 32 us'),
+        Aim('releases missed', 0.0, outcomes.metric('kernel', _METRICS['missed']), why=why))
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
+                      _plots(outcomes))
+
+
+def _plots(outcomes: Outcomes) -> Sequence[Plot]:
+    delays, memory = [], []
+    for key, run in outcomes.runs.items():
+        for outcome in outcomes.measured(key)[:1]:
+            minutes = (outcome.samples['time_s'] / 60).tolist()
+            delays += [Series(f'{run.label}, {name}', minutes,
+                              np.maximum(outcome.samples[f'delay_{name}_us'], 0.1).tolist(),
+                              'marks') for name in ('mean', 'max')]
+            if key == 'kernel':
+                memory.append(Series(run.label, minutes,
+                                     (outcome.samples['resident_kb'] / 1000).tolist(), 'marks'))
+    return (Plot('delay', 'Delay of the attitude in each row', 'time, min', 'delay, us', delays,
+                 'Lower and flatter is better.', False, True),
+            Plot('memory', 'Resident size', 'time, min', 'MB', memory, 'Flat is right.'))
+
+
+CASE = Case('stability', 'three modules for a minute or --hours (paper 1, test 4)', _plan,
+            _evaluate, _partial)
