@@ -19,16 +19,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Sequence
 
+import numpy as np
+
 from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
+from rt_robot_os.bench.cases import common
+from rt_robot_os.bench.plot import Plot
+from rt_robot_os.bench.plot import tail
 from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Column
 from rt_robot_os.bench.result import Table
 from rt_robot_os.bench.stats import percentile
+from rt_robot_os.bench.stats import Timing
+from rt_robot_os.bench.stats import timing
 from rt_robot_os.bench.workers.turns import STRETCH_NS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -41,6 +48,22 @@ _LIMIT_US = 5.0
 _CORE = 'rt_robot_os.bench.workers.mirror'
 _NODE = 'rt_robot_os.bench.peers.mirror:node'
 
+_PERIOD_NS = NS_PER_MS
+_TOPICS, _TOPIC_RATE_HZ = 50, 100
+_ISOLATION_WARMUP_NS = 1500 * NS_PER_MS
+_ISOLATION_LIMIT = 1.1
+_ISOLATION = 'rt_robot_os.bench.workers.isolation:core'
+
+_ISOLATION_COLUMNS = (
+    Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'latency'),
+    Column('p99', 'p99 range', 'us', 'latency', spread=True),
+    Column('p999', 'p99.9', 'us', 'latency'), Column('maximum', 'max', 'us', 'latency'),
+    Column('calls', 'of due', '%', 'calls'), Column('cpu', 'core', '%', 'CPU'),
+    Column('sent', 'sent', '/s', 'mirrored'))
+_ISOLATION_NOTES = (
+    'A 1 kHz task in a core that publishes an Imu on each of 50 topics at 100 Hz; a ROS node on',
+    'the other CPUs mirrors as many of them as the row says. Storm: participants with a publisher',
+    'and a subscription each join and leave without pause. Stopped: the node gets SIGSTOP.')
 _COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time'),
     Column('p50', 'p50 range', 'us', 'CPU time', spread=True),
@@ -67,11 +90,71 @@ def _plan(options: Options) -> Sequence[Run]:
     measure_ns = max(round(options.seconds * NS_PER_S), 5 * STRETCH_NS)
     arguments = {'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns}
     return (
+        *_isolation_plan(options),
         Run('core', 'core with a mirror', f'{_CORE}:core', arguments, seconds),
         Run('floor', 'bare socket', f'{_CORE}:floor', arguments, seconds),
         *(Run(f'node {count}', f'node, {count} subscribers', _NODE,
               {**arguments, 'subscribers': count}, seconds + count) for count in (0, 1)),
     )
+
+
+def _isolation_plan(options: Options) -> Sequence[Run]:
+    seconds = common.START_PEER_S + 1.5 + _ISOLATION_WARMUP_NS / NS_PER_S + options.seconds
+
+    def run(key: str, label: str, mirrored: int, storm: int = 0, stop: int = 0) -> Run:
+        return Run(key, label, _ISOLATION, {
+            'topics': _TOPICS, 'rate_hz': _TOPIC_RATE_HZ, 'mirrored': mirrored, 'storm': storm,
+            'stop': stop, 'period_ns': _PERIOD_NS, 'warmup_ns': _ISOLATION_WARMUP_NS,
+            'measure_ns': round(options.seconds * NS_PER_S)}, seconds + 2 * storm)
+
+    counts = (0, 50) if options.quick else (0, 1, 10, 50)
+    return (*(run(f'mirror {count}', f'{count} topics mirrored', count) for count in counts),
+            run('storm', '50 mirrored, DDS storm', 50, storm=1),
+            run('stop', '50 mirrored, node stopped', 50, stop=1))
+
+
+def _timing(outcome: Outcome) -> Timing:
+    begin_ns = int(outcome.figures['begin_ns'])
+    return timing(outcome.samples['starts'], int(outcome.figures['phase_ns']), _PERIOD_NS,
+                  begin_ns, begin_ns + int(outcome.figures['measure_ns']))
+
+
+def _latency(part: float) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        value = percentile(_timing(outcome).latencies, part)
+        return None if value is None else value / NS_PER_US
+
+    return of
+
+
+_ISOLATION_METRICS: dict[str, common.Of] = {
+    'p50': _latency(0.5), 'p99': _latency(0.99), 'p999': _latency(0.999),
+    'maximum': _latency(1.0), 'cpu': common.figure('cpu_percent'),
+    'calls': lambda outcome: 100.0 * _timing(outcome).calls / _timing(outcome).expected,
+    'sent': lambda outcome: outcome.figures['sent'] / (outcome.figures['measure_ns'] / NS_PER_S)}
+
+
+def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
+    keys = [key for key in outcomes.runs if key in ('storm', 'stop') or key[:6] == 'mirror']
+    rows = [outcomes.row(key, _ISOLATION_METRICS) for key in keys]
+    aims = [Aim(f'p99 with {text} / with no topic mirrored', _ISOLATION_LIMIT,
+                outcomes.ratio(key, 'mirror 0', _latency(0.99)),
+                why='sending is a task of the core: when a send is under way as an alarm comes, '
+                    'the alarm waits for the end of the system call; '
+                    + common.disturbances(outcomes, key))
+            for key, text in (('mirror 50', '50 topics'), ('stop', 'the node stopped'))]
+    aims.append(Aim('p99 with a DDS storm / with no topic mirrored', _ISOLATION_LIMIT,
+                    outcomes.ratio('storm', 'mirror 0', _latency(0.99)),
+                    why='the storm takes the other CPU and its share of the caches and of the '
+                        'host; ' + common.disturbances(outcomes, 'storm')))
+    plot = Plot('isolation', 'How late a 1 kHz task of the core is', 'latency, us',
+                'part of the calls that is later',
+                [tail(outcomes.runs[key].label, np.concatenate(
+                    [_timing(o).latencies for o in outcomes.measured(key)]), 1e3)
+                 for key in keys if outcomes.measured(key)],
+                'The closer the curves, the less the ROS side reaches the core.', True, True)
+    return Table('The core while the ROS side is busy', _ISOLATION_COLUMNS, rows,
+                 _ISOLATION_NOTES), aims, plot
 
 
 def _cost(name: str, part: float) -> Callable[[Outcome], float | None]:
@@ -91,7 +174,12 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         Aim('node: CPU time to publish a mirrored Imu', _LIMIT_US,
             outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us'),
     )
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims)
+    isolation, isolation_aims, plot = _isolation(outcomes)
+    return CaseResult(
+        CASE.name, CASE.title,
+        (isolation, Table('Cost of one mirrored Imu', _COLUMNS, rows, _NOTES)),
+        (*isolation_aims, *aims), (plot,))
 
 
-CASE = Case('mirror', 'CPU time in core and node for one mirrored Imu', _plan, _evaluate)
+CASE = Case('mirror', 'the core under mirrored topics, a DDS storm, a stopped node; costs', _plan,
+            _evaluate)
