@@ -33,9 +33,9 @@ from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.output import DOCUMENT_FILE
 from rt_robot_os.bench.output import PAGE_FILE
 
-_DEFAULT = Options(5.0, 3)
-_QUICK = Options(1.0, 1, quick=True)
-_FULL = Options(20.0, 5, full=True)
+_DEFAULT = Options(2.0, 3)
+_QUICK = Options(0.5, 1, quick=True)
+_FULL = Options(3.5, 4, full=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
@@ -45,10 +45,11 @@ Everything is measured in one run, in turns, each system in a process of its own
 median of the repeats. The exit code is 0 also when an aim is missed: this is a measurement, not a
 test. 2: a bad argument; 1: a measurement failed; 130: Ctrl-C.
 
-  bench --quick                      a first look, about a minute
+  bench --quick                      a first look, below three minutes
   bench preemption --seconds 60      one case, longer
   bench memory --seconds 3600        watch the size of the core for an hour
-  bench --full --out results         everything, with raw samples
+  bench --full --out results         everything, below 40 minutes, with a page and raw samples
+  bench stability --hours 24 --out s the test of the paper; look at it meanwhile: bench --page s
 """
 
 

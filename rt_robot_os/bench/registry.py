@@ -22,6 +22,7 @@ from types import MappingProxyType
 from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.cases import delay
 from rt_robot_os.bench.cases import frequency
+from rt_robot_os.bench.cases import kernel
 from rt_robot_os.bench.cases import load
 from rt_robot_os.bench.cases import micro
 from rt_robot_os.bench.cases import mirror
@@ -33,5 +34,5 @@ from rt_robot_os.bench.cases import throughput
 from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE, wakeup.CASE, throughput.CASE,
-    micro.CASE, mirror.CASE, start.START, start.MEMORY)})
+    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE,
+    mirror.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START, start.MEMORY)})

@@ -24,6 +24,7 @@ from rt_robot_os.bench.options import parse
 from rt_robot_os.bench.options import Request
 from rt_robot_os.bench.program import run
 from rt_robot_os.bench.registry import CASES
+from rt_robot_os.bench.runner import expected_seconds
 
 
 def _parse(*argv: str) -> Request:
@@ -45,6 +46,20 @@ def test_the_length_can_be_chosen() -> None:
     assert (own.seconds, own.repeats) == (0.5, 7)
 
 
+def test_a_first_look_takes_three_minutes_and_everything_forty() -> None:
+    for argv, limit_s in (('--quick', 180), ('--full', 2400)):
+        request = _parse(argv)
+        assert sum(expected_seconds(case, request.options) for case in request.cases) < limit_s
+
+
+def test_hours_are_those_of_the_stability_case() -> None:
+    assert _parse('--hours', '24').options.hours == 24.0
+    runs = {one.key: one for one in CASES['stability'].plan(_parse('--hours', '24').options)}
+    assert runs['kernel'].seconds > 24 * 3600
+    assert runs['kernel'].once
+    assert runs['events'].seconds < 60
+
+
 def test_a_case_named_twice_is_measured_once_in_the_order_given() -> None:
     assert [c.name for c in _parse('micro', 'delay', 'micro').cases] == ['micro', 'delay']
 
@@ -59,6 +74,8 @@ def test_what_ros2_launch_appends_is_left_alone() -> None:
     (('--seconds', 'nan'), ('--seconds', "'nan'", 'from 0.1 to')),
     (('--seconds', '0'), ('--seconds', "'0'")),
     (('--seconds', '-3'), ('--seconds',)),
+    (('--hours', '0'), ('--hours', "'0'", 'from 0.001')),
+    (('--hours', 'a day'), ('--hours', "'a day'")),
     (('--repeats', '0'), ('--repeats', "'0'", 'whole number')),
     (('--repeats', '1.5'), ('--repeats', "'1.5'")),
     (('--repeats', '9' * 5000), ('--repeats',)),

@@ -29,8 +29,8 @@ from rt_robot_os.bench.surroundings import explain
 Of = Callable[[Outcome], 'float | None']
 
 # Of one second's start: interpreter and NumPy; rclpy and its discovery on top.
-START_S = 1.0
-START_PEER_S = 1.8
+START_S = 0.8
+START_PEER_S = 1.6
 
 RCLPY = ('single', 'multi', 'events')
 RCLPY_LABELS: Mapping[str, str] = {

@@ -70,11 +70,11 @@ _COST_NOTES = ('CPU time of the whole process divided by the jobs, in stretches 
 
 
 def _counts(options: Options) -> Sequence[int]:
-    return (20, 100, 1000) if options.quick else (20, 50, 80, 100, 200, 500, 1000)
+    return (100, 1000) if options.quick else (20, 50, 80, 100, 200, 500, 1000)
 
 
 def _peer_counts(options: Options) -> Sequence[int]:
-    return (20, 50, 80, 100) if options.full else (20, 100)
+    return (100,) if options.quick else (20, 100)
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -90,17 +90,14 @@ def _plan(options: Options) -> Sequence[Run]:
     runs = [run('kernel', count, 'rt_robot_os', 'workers.modules:kernel')
             for count in _counts(options)]
     for count in _peer_counts(options):
-        names = ('events',) if options.quick and count < 100 else common.RCLPY
         runs += [run(name, count, common.RCLPY_LABELS[name], 'peers.modules:executor',
                      common.START_PEER_S, executor=name,
                      # On one CPU under SCHED_FIFO its own threads starve each other.
                      cpu=UNPINNED if name == 'multi' else LAST_CPU,
-                     priority=0 if name == 'multi' else FIFO_PRIORITY) for name in names]
-        if not (options.quick and count < 100):
-            runs += [run('threads', count, common.THREADS_LABEL, 'workers.threads:modules'),
-                     run('horus', count, common.HORUS_LABEL, 'peers.horus:modules',
-                         cpu=UNPINNED)]
-    cost_s = max(0.6, options.seconds / 4)
+                     priority=0 if name == 'multi' else FIFO_PRIORITY) for name in common.RCLPY]
+        runs += [run('threads', count, common.THREADS_LABEL, 'workers.threads:modules'),
+                 run('horus', count, common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED)]
+    cost_s = max(0.4, options.seconds / 4)
     return (*runs, Run(
         'cost', 'cost of a dispatch', 'rt_robot_os.bench.workers.micro:dispatch_curve',
         {'tasks': _DISPATCH_TASKS, 'rate_hz': RATE_HZ, 'warmup_ns': _WARMUP_NS // 4,

@@ -113,9 +113,10 @@ def _plan(options: Options) -> Sequence[Run]:
         run('floor always', 'clock_nanosleep, CPU busy', f'{_WORKERS}:floor', {'load': 'always'}),
         run('kernel', common.KERNEL_LABEL, f'{_WORKERS}:kernel', {}),
         *(peer(name, common.RCLPY_LABELS[name], name, {}) for name in common.RCLPY),
-        peer('multi free', '  Multi, all CPUs, no FIFO', 'multi', {}, **free),
-        peer('multi free tuned', '  the same, switch interval 0.1 ms', 'multi',
-             {'switch_interval_s': 1e-4}, **free),
+        *(() if options.quick else (
+            peer('multi free', '  Multi, all CPUs, no FIFO', 'multi', {}, **free),
+            peer('multi free tuned', '  the same, switch interval 0.1 ms', 'multi',
+                 {'switch_interval_s': 1e-4}, **free))),
         run('threads', common.THREADS_LABEL, f'{threads}:preemption', {}),
         run('horus', common.HORUS_LABEL, f'{horus}:preemption', {}, cpu=UNPINNED),
         run('levels kernel', 'rt_robot_os, three levels', f'{_WORKERS}:kernel', levels),

@@ -41,7 +41,7 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 600 * NS_PER_MS
-_QUICK_S = 4.0
+_QUICK_S = 3.0
 _PEER_S = 20.0
 _ROW_S = 60.0
 _RATES = (('acquire_hz', 1000), ('attitude_hz', 400), ('receive_hz', 200))

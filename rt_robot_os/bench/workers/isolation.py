@@ -59,18 +59,17 @@ def core(harness: Harness) -> Measured:
             one()
 
     def watch() -> None:
-        count = sum(m.sent for client in tested.link.statistics() for m in client.mirrors)
-        if not sent[0]:
-            sent[0] = count
-        sent[1] = count
-        if a['stop'] and pids[0] and time.monotonic_ns() >= begin_ns:
-            os.kill(pids[0], signal.SIGSTOP)
+        sent[1] = sum(m.sent for client in tested.link.statistics() for m in client.mirrors)
+        if pids[0] and time.monotonic_ns() >= begin_ns:
+            sent[0] = sent[1]
+            if a['stop']:
+                os.kill(pids[0], signal.SIGSTOP)
             pids[0] = 0
 
     tested.kernel.add_task('bench/probe', stamps.stamp, priority=90,
                            rate_hz=NS_PER_S / a['period_ns'])
     tested.kernel.add_task('bench/publish', publish, priority=60, rate_hz=a['rate_hz'])
-    tested.kernel.add_task('bench/watch', watch, priority=1, rate_hz=5.0)
+    tested.kernel.add_task('bench/watch', watch, priority=1, rate_hz=10.0)
     arguments = {'path': str(path), 'mirrored': a['mirrored']}
     with harness.helper(_NODE, arguments, same_cpu=False) as node:
         pids[0] = node.process.pid

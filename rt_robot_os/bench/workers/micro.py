@@ -42,7 +42,7 @@ _CALLS = 500
 _STRETCH_NS = 200 * NS_PER_MS
 
 
-def _block_means_ps(operation: Callable[[], object], duration_ns: int) -> Samples:
+def block_means_ps(operation: Callable[[], object], duration_ns: int) -> Samples:
     """
     Repeat an operation and take the mean of each block of calls, the empty loop taken off.
 
@@ -73,7 +73,7 @@ def operations(harness: Harness) -> Measured:
     means: dict[str, list[Samples]] = {name: [] for name in tested}
     for _ in range(turns):
         for name, operation in tested.items():
-            means[name].append(_block_means_ps(operation, share_ns))
+            means[name].append(block_means_ps(operation, share_ns))
         means.setdefault('publish to task 64', []).append(_to_a_task_ps(share_ns))
     return Measured({name: np.concatenate(parts) for name, parts in means.items()})
 
@@ -102,7 +102,7 @@ def _to_a_task_ps(duration_ns: int) -> Samples:
     taken.append(bus.subscribe('message', 'reader', task=reader).take)
 
     def job() -> None:
-        means.append(_block_means_ps(publish, duration_ns))
+        means.append(block_means_ps(publish, duration_ns))
         tested.stop()
 
     tested.add_task('publisher', job, priority=10, rate_hz=1.0)
