@@ -31,8 +31,8 @@ PEERS = (
     '"all CPUs" have neither.',
     'Python threads: one threading.Thread a module, absolute deadlines, each thread with its own '
     'SCHED_FIFO priority, default switch interval of 5 ms.',
-    'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core and, '
-    'for what computes, compute=True, run by horus.run(rt=True), as its documentation shows.',
+    'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core '
+    'and, for what computes, compute=True, run by horus.run(rt=True), as its documentation shows.',
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
 )
@@ -44,8 +44,8 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
     cost_ns = conditions['harness_ns_per_sample']
     lines = [
         f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a '
-        'case may divide or multiply that), then the next; when all have run, all run again, in the '
-        f'reverse order; {options["repeats"]} times. What disturbs the machine for a while meets '
+        'case may divide or multiply that), then the next; when all have run, all run again, in '
+        f'the reverse order; {options["repeats"]} times. What disturbs the machine for a while meets '
         'all of them.',
         'Figures: the median of the repeats, with the lowest and the highest beside it. Ratios '
         'are taken repeat by repeat, between runs that lay close together, then their median. '

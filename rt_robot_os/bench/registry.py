@@ -35,4 +35,5 @@ from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE,
-    mirror.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START, start.MEMORY)})
+    mirror.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START,
+    start.MEMORY)})

@@ -58,7 +58,7 @@ _NOTES = (
     'A 500 Hz task stamps and publishes a UInt8MultiArray of this size (as CDR); a more important',
     'task, released by the publication, takes it and stamps. With several subscribers: until the',
     'last one has it. rclpy: timer, publisher and subscriptions in one process. Threads: bytes in',
-    "a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room",
+    'a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room',
     'for more than 4 KB. The same CPU, SCHED_FIFO (HORUS: all CPUs). The paper: averages, and the',
     'largest of its averages as max.')
 

@@ -58,11 +58,11 @@ _LATE_COLUMNS = (
     Column('collections', 'count', '', 'collected'))
 _LATE_NOTES = (
     'Abort: a task that computes for ever, budget 1 ms; from the end of the budget to TaskAborted',
-    'in the task. Interrupt: from just before the write of a process on another CPU, 1 kHz, to the',
+    'in the task. Interrupt: from just before a process on another CPU writes, 1 kHz, to the',
     'first line of the task. clock_nanosleep: a bare loop, 1 kHz. Garbage: a 250 Hz task over one',
-    'that makes 100,000 objects in cycles a second, beside 100,000 live dictionaries; collected by',
-    'Python when it likes, or in idle time that is long enough, as the core does (it needs a gap',
-    'of 2 ms: beside a 1 kHz task nothing would be collected).')
+    'that makes 100,000 objects in cycles a second, beside 100,000 live dictionaries; Python',
+    'collects when it likes, the core in idle time that is long enough (it needs a gap of 2 ms:',
+    'beside a 1 kHz task nothing would be collected).')
 
 
 def _plan(options: Options) -> Sequence[Run]:

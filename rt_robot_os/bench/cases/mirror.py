@@ -138,13 +138,13 @@ _ISOLATION_METRICS: dict[str, common.Of] = {
 def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
     keys = [key for key in outcomes.runs if key in ('storm', 'stop') or key[:6] == 'mirror']
     rows = [outcomes.row(key, _ISOLATION_METRICS) for key in keys]
-    aims = [Aim(f'p99 with {text} / with no topic mirrored', _ISOLATION_LIMIT,
+    aims = [Aim(f'p99 with {text} / no topic mirrored', _ISOLATION_LIMIT,
                 outcomes.ratio(key, 'mirror 0', _latency(0.99)),
                 why='sending is a task of the core: when a send is under way as an alarm comes, '
                     'the alarm waits for the end of the system call; '
                     + common.disturbances(outcomes, key))
             for key, text in (('mirror 50', '50 topics'), ('stop', 'the node stopped'))]
-    aims.append(Aim('p99 with a DDS storm / with no topic mirrored', _ISOLATION_LIMIT,
+    aims.append(Aim('p99 with a DDS storm / no topic mirrored', _ISOLATION_LIMIT,
                     outcomes.ratio('storm', 'mirror 0', _latency(0.99)),
                     why='the storm takes the other CPU and its share of the caches and of the '
                         'host; ' + common.disturbances(outcomes, 'storm')))

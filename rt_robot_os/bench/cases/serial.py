@@ -56,7 +56,7 @@ _NOTES = (
     'by byte at 57,600 bps, over a pty: every 10 ms, and in --full every 100 ms for a cycle of',
     '18 s as in the paper. From its last byte to the reader and to the consumer. rt_robot_os: a',
     'task that the port interrupts, in the core; consumer: another process without real time, at',
-    'the link. Plain thread: a blocking reader and a queue in an ordinary process. Busy processes:',
+    'the link. Plain thread: a blocking reader, a queue, an ordinary process. Busy processes:',
     'always, on the same CPU as all of these. Inside: tasks of the core (threads of the process)',
     'of less importance that compute 8 ms of every 100 ms; the consumer of the core has another',
     'CPU then. The paper (Xenomai): 18 s for a cycle at any load, more without real time.')

@@ -146,7 +146,7 @@ class Notes:
 
     def measured(self, **figures: float) -> Measured:
         """Give the rows, a column a sample."""
-        rows = self._rows[:self._used]
+        rows: Any = self._rows[:self._used]
         if not self._used:
             raise RuntimeError('too short for a row')
         return Measured({name: rows[:, i] for i, name in enumerate(COLUMNS)}, figures)
