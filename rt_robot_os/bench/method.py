@@ -44,9 +44,9 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
     cost_ns = conditions['harness_ns_per_sample']
     lines = [
         f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a '
-        'case may divide or multiply that), then the next; when all have run, all run again, in '
-        f'the reverse order; {options["repeats"]} times. What disturbs the machine for a while meets '
-        'all of them.',
+        'case may divide or multiply that), then the next; when all have run, all run again, '
+        f'in the reverse order; {options["repeats"]} times. What disturbs the machine for '
+        'a while meets all of them.',
         'Figures: the median of the repeats, with the lowest and the highest beside it. Ratios '
         'are taken repeat by repeat, between runs that lay close together, then their median. '
         'Percentiles are samples (nearest rank), never between two; a percentile that too few '

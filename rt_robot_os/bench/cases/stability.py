@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +28,7 @@ from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
+from rt_robot_os.bench.case import Samples
 from rt_robot_os.bench.cases import common
 from rt_robot_os.bench.plot import Plot
 from rt_robot_os.bench.plot import Series
@@ -97,12 +99,10 @@ def _partial(options: Options) -> Outcomes | None:
     return outcomes if found else None
 
 
-def _rows_of(name: str, of: str) -> common.Of:
+def _rows_of(name: str, of: Callable[[Samples], float]) -> common.Of:
     def take(outcome: Outcome) -> float | None:
         values = outcome.samples.get(name)
-        if values is None or not len(values):
-            return None
-        return float({'mean': values.mean, 'max': values.max, 'sum': values.sum}[of]())
+        return None if values is None or not len(values) else float(of(values))
 
     return take
 
@@ -130,8 +130,9 @@ def _growth(outcome: Outcome) -> float | None:
 
 _METRICS: Mapping[str, common.Of] = {
     **{name: _worst_hz(name, rate) for name, rate in _RATES},
-    'delay_mean': _rows_of('delay_mean_us', 'mean'), 'delay_max': _rows_of('delay_max_us', 'max'),
-    'error': _rows_of('attitude_error_deg', 'max'), 'missed': _rows_of('missed', 'sum'),
+    'delay_mean': _rows_of('delay_mean_us', np.mean),
+    'delay_max': _rows_of('delay_max_us', np.max),
+    'error': _rows_of('attitude_error_deg', np.max), 'missed': _rows_of('missed', np.sum),
     'growth': _growth}
 
 
