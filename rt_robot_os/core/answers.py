@@ -43,6 +43,7 @@ from rt_robot_os.reports import Severity
 
 if TYPE_CHECKING:
     from rt_robot_os.core.app import Core
+    from rt_robot_os.modules import Module
 
 Arguments = dict[str, Any]
 
@@ -65,6 +66,15 @@ def _number(arguments: Arguments, key: str, default: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e9:
         raise LinkError(f'{key} = {value!r}: must be a number from 0')
     return float(value)
+
+
+def statistics_of(module: Module) -> dict[str, str | int | float]:
+    """Ask a module, which may be anybody's, for its statistics."""
+    try:
+        return {str(name): value if isinstance(value, str | int | float) else str(value)
+                for name, value in module.statistics().items()}
+    except Exception as error:
+        return {'warning': f'statistics() failed: {type(error).__name__}: {error}'}
 
 
 class Answers:
@@ -216,6 +226,8 @@ class Answers:
             post('topic', asdict(topic))
         for device in core.sensors.statistics():
             post('device', asdict(device))
+        for module in core.modules:
+            post('module', {'name': module.name, 'values': statistics_of(module)})
         for client in core.link.statistics():
             post('client', client.as_json())
         for name in resource_names(core.settings):

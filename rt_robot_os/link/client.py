@@ -234,7 +234,7 @@ class LinkClient:
         """
         tasks: list[TaskStatistics] = []
         parts: dict[str, list[dict[str, Any]]] = {
-            'core': [], 'topic': [], 'device': [], 'client': [], 'resource': []}
+            'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
         for head, packet in self._ask('statistics'):
             if head.kind == Kind.TASK:
                 tasks.append(decode_task(memoryview(packet)[HEADER_BYTES:]))
@@ -245,7 +245,8 @@ class LinkClient:
                 parts[part].append(content)
         core = parts['core'][0] if parts['core'] else {}
         return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
-                              tuple(parts['client']), tuple(parts['resource']))
+                              tuple(parts['client']), tuple(parts['resource']),
+                              tuple(parts['module']))
 
     def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
                initial: bool = False) -> int:

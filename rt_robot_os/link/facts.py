@@ -51,3 +51,4 @@ class CoreStatistics:
     devices: tuple[dict[str, Any], ...]
     clients: tuple[dict[str, Any], ...]
     resources: tuple[dict[str, Any], ...] = ()
+    modules: tuple[dict[str, Any], ...] = ()

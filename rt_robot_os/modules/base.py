@@ -123,6 +123,18 @@ class Module:
                                f'asks for: add it'])
         return found
 
+    def connected(self, attribute: str) -> bool:
+        """Say whether a port is used; one that the settings make needless is left alone."""
+        return True
+
+    def statistics(self) -> Mapping[str, Any]:
+        """
+        Tell counters and state, for ``/diagnostics``; by the lowest-priority task.
+
+        :return: numbers and texts by name; a text ``warning`` that is not empty tells of trouble.
+        """
+        return {}
+
     # ---- declarations ------------------------------------------------------------------------
 
     @classmethod
@@ -155,17 +167,21 @@ class Module:
         return tuple(
             Publication(self.topic_of(attribute), port.message, port.fixed, port.depth,
                         self._rate_hz)
-            for attribute, port in self.ports().items() if isinstance(port, Output))
+            for attribute, port in self._connected().items() if isinstance(port, Output))
 
     def subscriptions(self) -> tuple[str, ...]:
         """Give the names of the topics that the module reads."""
-        return tuple(self.topic_of(attribute) for attribute, port in self.ports().items()
+        return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
                      if isinstance(port, Input))
 
     def waking_topics(self) -> tuple[str, ...]:
         """Give the names of the topics whose publications release the module."""
-        return tuple(self.topic_of(attribute) for attribute, port in self.ports().items()
+        return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
                      if isinstance(port, Input) and port.wake)
+
+    def _connected(self) -> dict[str, Input | Output]:
+        return {attribute: port for attribute, port in self.ports().items()
+                if self.connected(attribute)}
 
     # ---- used by the core --------------------------------------------------------------------
 
@@ -219,4 +235,4 @@ class Module:
         self.kernel = bus.kernel
         self.__dict__.update(connect(bus, task, {
             attribute: (port, self.topic_of(attribute))
-            for attribute, port in self.ports().items()}))
+            for attribute, port in self._connected().items()}))

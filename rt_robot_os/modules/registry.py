@@ -22,6 +22,7 @@ from rt_robot_os.drivers.plugins import PluginRegistry
 from rt_robot_os.modules.base import Module
 
 _OWN: Final = {
+    'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
 }
 

@@ -59,7 +59,7 @@ class Diagnostics:
 
     def judge(self, now: CoreStatistics, mapper: StampMapper,
               mirrors: Iterable[tuple[str, dict[str, Any]]]) -> list[DiagnosticStatus]:
-        """Give one status for the core, each task, device, topic and client, and the clock."""
+        """Give a status for the core, each device, task, module, topic, client, and the clock."""
         if now is self._before:
             return self._last
         before, self._before = self._before, now
@@ -70,6 +70,7 @@ class Diagnostics:
             *(self._device(d) for d in now.devices),
             *(self._task(t, before) for t in now.tasks),
             *(self._resource(r) for r in now.resources),
+            *(self._module(m) for m in now.modules if m['values']),
             *(self._topic(t, now, before) for t in now.topics),
             *(self._client(c, before) for c in now.clients),
             *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
@@ -159,6 +160,12 @@ class Diagnostics:
         return _status(f'{self._name}: resource {resource["name"]}', OK, 'shared', {
             'users': ', '.join(resource['users']), 'ceiling': resource['ceiling'],
             'entries': resource['entries'], 'held_max_us': resource['held_maximum_ns'] / 1000})
+
+    def _module(self, module: dict[str, Any]) -> DiagnosticStatus:
+        values = dict(module['values'])
+        warning = values.pop('warning', '')
+        return _status(f'{self._name}: module {module["name"]}', WARN if warning else OK,
+                       warning or 'at work', values)
 
     def _topic(self, topic: dict[str, Any], now: CoreStatistics,
                before: CoreStatistics | None) -> DiagnosticStatus:
