@@ -28,6 +28,7 @@ from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.tasks import add_module_task
+from rt_robot_os.core.tasks import at_once
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.drivers.registry import DRIVERS
@@ -130,7 +131,7 @@ class Core:
     def _restart(self, module: Module) -> None:
         """Begin anew after a failure; what configure() prepared is still there."""
         try:
-            module.deactivate()
+            at_once(module.task, module.deactivate)
         except Exception as error:
             self.note(Severity.ERROR, module.name, f'deactivate failed: {error}')
         module.activate()

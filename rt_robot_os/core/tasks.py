@@ -58,7 +58,7 @@ def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
     A coroutine that failed is lost, so that of the failure policies ``continue`` is ``restart``.
     """
     declared = {**declaration(entry.task, kernel), 'on_restart': restart,
-                'on_safe_state': safe_state_of(module), 'priority': entry.priority}
+                'on_safe_state': _safe_state_of(module), 'priority': entry.priority}
     run = getattr(module, 'run', None)
     if run is None:
         return kernel.add_task(entry.name, module.job, rate_hz=entry.rate_hz or None, **declared)
@@ -75,10 +75,23 @@ def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
     return task
 
 
-def safe_state_of(part: object) -> Callable[[], object] | None:
-    """Give the method that brings a device or a module to its safe state, if it has one."""
-    method = getattr(part, 'safe_state', None)
-    return method if callable(method) else None
+def _safe_state_of(module: Module) -> Callable[[], object] | None:
+    method = getattr(module, 'safe_state', None)
+    return None if method is None else lambda: at_once(module.task, method)
+
+
+def at_once(task: Task | None, function: Callable[[], object]) -> None:
+    """
+    Call something whose publications come out now, also with logical execution time.
+
+    What the failed job before wanted to publish at its deadline is discarded.
+    """
+    outputs = task.logical.outputs if task is not None and task.logical is not None else ()
+    for output in outputs:
+        output(False)
+    function()
+    for output in outputs:
+        output(True)
 
 
 def held(kernel: Kernel) -> list[Task]:

@@ -51,7 +51,6 @@ from rt_robot_os.settings.parts import common
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import problem_of
 from rt_robot_os.settings.tasks import contradictions
-from rt_robot_os.settings.tasks import rate_problem
 from rt_robot_os.settings.tree import show
 
 
@@ -117,14 +116,9 @@ def _rate_remedy(settings: RobotSettings, section: str, rate_hz: float) -> str |
     parts: tuple[DeviceSettings | ModuleSettings, ...] = (*settings.devices, *settings.modules)
     for part in parts:
         if part.name == section:
-            if not part.rate_hz:
-                return 'it has no rate, its inputs release it: change the file and start again'
-            if not rate_hz:
-                return f'must be at least {SLOWEST_HZ:g} (Hz): without a rate nothing releases it'
             for key, remedy in contradictions(rate_hz, part.task):
                 value = show(getattr(part.task, key))
                 return f'{section}.{key} = {value} would not fit: it {remedy}'
-            return rate_problem(rate_hz)
     return None
 
 
@@ -173,11 +167,18 @@ def _leaves(
         yield from _device(device, catalogue)
     for module in settings.modules:
         fields = common(MODULE, catalogue.modules.find(module.type))
-        yield from _part(module, fields)
+        yield from _part(module, [_rate_of(module, field) for field in fields])
     for topic in settings.topics:
         yield from _topic(topic)
     for mirror in settings.mirrors:
         yield from _attributes(mirror.name, mirror, MIRROR)
+
+
+def _rate_of(module: ModuleSettings, field: Field) -> Field:
+    """Narrow the rate: a module has one or its inputs release it, which does not change."""
+    if field.name != 'rate_hz' or field.minimum:
+        return field
+    return replace(field, minimum=SLOWEST_HZ) if module.rate_hz else replace(field, live=False)
 
 
 def _attributes(section: str, holder: Any, fields: Iterable[Field]) -> Iterator[

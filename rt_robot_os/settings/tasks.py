@@ -49,6 +49,8 @@ def contradictions(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, st
     yield from _contradictory_times(rate_hz, task)
     if not rate_hz:
         yield from _without_rate(task)
+    elif task.logical_execution:
+        yield from _with_logical_execution(task)
     if task.catch_up != TaskSettings().catch_up and task.overrun != 'catch_up':
         yield 'catch_up', f'is used with overrun: catch_up only, not {task.overrun}: delete it'
     if task.overrun_limit and task.overrun == 'stop':
@@ -94,12 +96,20 @@ def _without_rate(task: TaskSettings) -> Iterator[tuple[str, str]]:
         yield 'overrun', 'needs a rate_hz: what its inputs release never overruns'
     if task.overrun_limit:
         yield 'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'
-    if task.logical_execution and not _ns(task.deadline_us):
-        yield 'logical_execution', ('without a rate_hz it needs a deadline_us: outputs have no '
-                                    'instant without one')
+    if task.logical_execution:
+        yield 'logical_execution', ('needs a rate_hz: inputs and outputs have no instants '
+                                    'without one')
     if task.critical and not _ns(task.deadline_us):
         yield 'critical', ('without a rate_hz it needs a deadline_us: nobody could say when it '
                            'is late')
+
+
+def _with_logical_execution(task: TaskSettings) -> Iterator[tuple[str, str]]:
+    if task.overrun != 'skip':
+        yield 'overrun', ('must be skip with logical_execution: what is not ready at its deadline '
+                          'is not published')
+    if task.overrun_limit:
+        yield 'overrun_limit', 'is never reached with logical_execution: delete it'
 
 
 def check_tasks(
@@ -112,11 +122,15 @@ def check_tasks(
     """
     for part in parts:
         _check_rate(part, uses.get(part.name), problems)
-        if 'rate_hz' in part.section.values:
-            rate_hz = part.section.values['rate_hz']
+        rate_hz = part.section.values.get('rate_hz')
+        if rate_hz is not None:
             for key, remedy in contradictions(rate_hz, task_of(part)):
                 _reject(part.section, key, remedy, problems)
         _check_class(part, problems)
+        if any(use.wakes for use in uses.get(part.name) or ()) and rate_hz and (
+                task_of(part).logical_execution):
+            _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
+                    'instants at which inputs are taken: let it read without wake', problems)
         if core.values.get('dispatcher') == 'cooperative' and task_of(part).on_budget == 'abort':
             where = core.where('dispatcher')
             _reject(part.section, 'on_budget', f'core.dispatcher ({where}) is cooperative: no job '
@@ -131,19 +145,14 @@ def _reject(section: Section, key: str, remedy: str, problems: Problems) -> None
         problems.value(section.where(key), f'{section.name}.{key}', section.values[key], remedy)
 
 
-def rate_problem(rate_hz: float) -> str | None:
-    """Say what is wrong with the rate of a module, which may be 0."""
-    if 0.0 < rate_hz < SLOWEST_HZ:
-        return f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
-    return None
-
-
 def _check_rate(part: Part, uses: Sequence[TopicUse] | None, problems: Problems) -> None:
     rate_hz = part.section.values.get('rate_hz')
     if rate_hz is None or part.kind is None:
         return
-    wrong = rate_problem(rate_hz)
-    if not rate_hz and uses is not None and not any(use.wakes for use in uses):
+    wrong = ''
+    if 0.0 < rate_hz < SLOWEST_HZ:
+        wrong = f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
+    elif not rate_hz and uses is not None and not any(use.wakes for use in uses):
         wrong = 'none of its inputs releases it (wake): give it a rate'
     if wrong:
         part.section.reject('rate_hz', wrong, problems)

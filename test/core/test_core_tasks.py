@@ -69,7 +69,7 @@ def test_every_key_reaches_the_kernel(make_core: MakeCore) -> None:
         'phase_us: 1.5, deadline_us: 9000, budget_us: 4000, on_budget: abort, '
         'overrun: catch_up, catch_up: 3, overrun_limit: 7, overrun_leak: 9, failure: restart, '
         'restart_s: 0.25, restart_max_s: 4, critical: true, resources: [arm], '
-        'logical_execution: true, execution_us: 100'))
+        'execution_us: 100'))
     task = core.kernel.task('it')
     spec = task.spec
     assert (spec.phase_ns, spec.deadline_ns, spec.budget_ns) == (1500, 9 * MS, 4 * MS)
@@ -77,7 +77,7 @@ def test_every_key_reaches_the_kernel(make_core: MakeCore) -> None:
     assert (spec.catch_up, spec.overrun_limit, spec.overrun_leak) == (3, 7, 9)
     assert spec.failure is FailurePolicy.RESTART
     assert (spec.restart_ns, spec.restart_maximum_ns) == (S // 4, 4 * S)
-    assert spec.critical and spec.logical
+    assert spec.critical and not spec.logical
     assert core.kernel.resource('arm').users == (task,)
 
 
@@ -117,12 +117,13 @@ def test_the_safe_state_is_entered_once_and_left_by_rearming(make_core: MakeCore
     assert module(core).steps == 3
 
 
-def test_a_guard_in_its_safe_state_stands_still(make_core: MakeCore) -> None:
-    core = make_core("""\
+@pytest.mark.parametrize('logical', ['true', 'false'])
+def test_a_guard_in_its_safe_state_stands_still(logical: str, make_core: MakeCore) -> None:
+    core = make_core(f"""\
 modules: [guard]
-guard: {type: twist_guard, rate_hz: 100.0, failure: safe_state}
+guard: {{type: twist_guard, rate_hz: 100.0, failure: safe_state, logical_execution: {logical}}}
 topics: [cmd_vel]
-cmd_vel: {message: geometry_msgs/msg/Twist}
+cmd_vel: {{message: geometry_msgs/msg/Twist}}
 """)
     core.modules[0].step = lambda: 1 / 0  # type: ignore[method-assign]
     safe = core.bus.subscribe('cmd_vel_safe', 'test')
@@ -133,6 +134,25 @@ cmd_vel: {message: geometry_msgs/msg/Twist}
     assert safe.take()
     assert list(safe.msg.linear) == list(safe.msg.angular) == [0.0, 0.0, 0.0]
     assert not safe.take()  # once
+
+
+def test_logical_execution_delays_outputs_to_the_deadline(make_core: MakeCore) -> None:
+    core = make_core("""\
+modules: [guard]
+guard: {type: twist_guard, rate_hz: 100.0, logical_execution: true, deadline_us: 4000}
+topics: [cmd_vel]
+cmd_vel: {message: geometry_msgs/msg/Twist}
+""")
+    safe = core.bus.subscribe('cmd_vel_safe', 'test')
+    seen: list[int] = []
+
+    def look() -> None:
+        while safe.take():
+            seen.append(core.kernel.now_ns() - core.kernel.start_ns)
+
+    core.kernel.add_task('look', look, priority=90, rate_hz=1000.0, phase_ns=MS // 2)
+    run(core, 21 * MS)
+    assert seen == [4 * MS + MS // 2, 14 * MS + MS // 2]
 
 
 def test_a_shared_resource_is_one(make_core: MakeCore) -> None:
