@@ -174,10 +174,20 @@ class Module:
         return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
                      if isinstance(port, Input))
 
+    def input_types(self) -> dict[str, str]:
+        """Give the message type that each input must have, by topic; empty when any will do."""
+        return {self.topic_of(attribute): port.message
+                for attribute, port in self._connected().items() if isinstance(port, Input)}
+
     def waking_topics(self) -> tuple[str, ...]:
-        """Give the names of the topics whose publications release the module."""
-        return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
-                     if isinstance(port, Input) and port.wake)
+        """Give the topics whose publications release the module."""
+        return tuple(self.wakes())
+
+    def wakes(self) -> dict[str, bool | int | str]:
+        """Give the topics whose publications release the module, and which of them do."""
+        return {self.topic_of(attribute): port.wake
+                for attribute, port in self._connected().items()
+                if isinstance(port, Input) and port.wake}
 
     def _connected(self) -> dict[str, Input | Output]:
         return {attribute: port for attribute, port in self.ports().items()

@@ -41,7 +41,8 @@ class TopicUse:
     :ivar publishes: False when it only reads.
     :ivar fixed: strings and lengths of sequences fixed at declaration.
     :ivar tail: largest length of a variable last field; None without.
-    :ivar wakes: each publication releases the reader.
+    :ivar wakes: publications release the reader.
+    :ivar seldom: not each of them does: every n-th one, or together with another topic.
     """
 
     topic: str
@@ -50,6 +51,7 @@ class TopicUse:
     fixed: Mapping[str, Any] = field(default_factory=dict)
     tail: int | None = None
     wakes: bool = False
+    seldom: bool = False
 
 
 def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
@@ -78,6 +80,7 @@ class Kind:
     check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
     shares_port: bool = False
     has_safe_state: bool = False
+    is_coroutine: bool = False
 
 
 class Lookup(Protocol):

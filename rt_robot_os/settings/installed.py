@@ -99,11 +99,14 @@ def _module(name: str) -> Kind:
         module = cls(section, values)
         written = [TopicUse(each.topic, each.message, True, each.fixed)
                    for each in module.publications()]
-        waking = module.waking_topics()
-        return [*written, *(TopicUse(topic, '', False, wakes=topic in waking)
-                            for topic in module.subscriptions())]
+        waking, types = module.wakes(), module.input_types()
+        return [*written, *(
+            TopicUse(topic, types.get(topic, ''), False, wakes=topic in waking,
+                     seldom=waking.get(topic) not in (True, 1))
+            for topic in module.subscriptions())]
 
-    return Kind(tuple(cls.fields()), uses, has_safe_state=hasattr(cls, 'safe_state'))
+    return Kind(tuple(cls.fields()), uses, has_safe_state=hasattr(cls, 'safe_state'),
+                is_coroutine=hasattr(cls, 'run'))
 
 
 def _simulator_names() -> Sequence[str]:

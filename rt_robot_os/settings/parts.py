@@ -90,6 +90,8 @@ def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Probl
 def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
     """Read the section of one module."""
     kind, section = _read(branch, name, catalogue.modules, MODULE, 'module', (), problems)
+    if kind is not None and kind.is_coroutine and 'rate_hz' not in section.origins:
+        section.values['rate_hz'] = 0.0  # it awaits what releases it
     return Part(section, branch, kind)
 
 

@@ -150,7 +150,10 @@ def _check_rate(part: Part, uses: Sequence[TopicUse] | None, problems: Problems)
     if rate_hz is None or part.kind is None:
         return
     wrong = ''
-    if 0.0 < rate_hz < SLOWEST_HZ:
+    if part.kind.is_coroutine:
+        wrong = ('its run() is a coroutine, which awaits what releases it: delete it, or await '
+                 'kernel.every(hz).next()' if rate_hz else '')
+    elif 0.0 < rate_hz < SLOWEST_HZ:
         wrong = f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
     elif not rate_hz and uses is not None and not any(use.wakes for use in uses):
         wrong = 'none of its inputs releases it (wake): give it a rate'
@@ -199,7 +202,7 @@ def _check_circles(parts: Sequence[Part], uses: Uses, problems: Problems) -> Non
         written = {use.topic for use in uses.get(name) or () if use.publishes}
         for other in by_name:
             for use in uses.get(other) or ():
-                if use.wakes and use.topic in written:
+                if use.wakes and not use.seldom and use.topic in written:
                     followers[name].setdefault(other, use.topic)
     told: set[str] = set()
     for name, part in by_name.items():

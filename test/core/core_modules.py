@@ -23,6 +23,7 @@ from typing import Any
 from rt_robot_os.modules import Field
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
+from rt_robot_os.modules import Output
 
 
 class Noted(Module):
@@ -70,6 +71,23 @@ class Safe(Noted):
 
     def safe_state(self) -> None:
         self.calls.append('safe_state')
+
+
+class Relay(Module):
+    """Hand on what comes, by each publication."""
+
+    into = Input('a', wake=True)
+    out = Output('b', 'geometry_msgs/msg/Twist')
+
+    def step(self) -> None:
+        while self.into.take():
+            self.out.publish()
+
+
+class SeldomRelay(Relay):
+    """Be released by every second publication only."""
+
+    into = Input('a', wake=2)
 
 
 class Woken(Module):

@@ -196,6 +196,21 @@ cmd_vel: {message: geometry_msgs/msg/Twist}
     assert task.statistics().runs == 10
 
 
+CIRCLE = """\
+modules: [there, back]
+there: {type: 'core_modules:Relay', rate_hz: 0, into_topic: a, out_topic: b}
+back: {type: 'core_modules:Relay', rate_hz: 0, into_topic: b, out_topic: a}
+"""
+
+
+def test_real_modules_that_release_each_other_are_refused(make_core: MakeCore) -> None:
+    with pytest.raises(ConfigError, match='without end: there -> topic b -> back -> topic a -> '
+                                          'there'):
+        make_core(CIRCLE)
+    there, back = CIRCLE.rsplit('back: ', 1)
+    make_core(f"{there}back: {back.replace('Relay', 'SeldomRelay')}")  # it comes to rest
+
+
 def test_a_rate_that_contradicts_the_budget_is_refused_by_the_kernel_too(
         make_core: MakeCore) -> None:
     core = make_core(it('budget_us: 5000, on_budget: abort'))

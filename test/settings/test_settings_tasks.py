@@ -62,8 +62,9 @@ def catalogue(catalogue: Catalogue) -> Catalogue:
     kinds = {name: catalogue.modules.find(name) for name in catalogue.modules.names()}
     relay = Kind((Field('out', str, 'b', 'output'), Field('into', str, 'a', 'input'),
                   Field('wake', bool, True, 'whether it wakes')), relay_topics)
+    waits = replace(relay, is_coroutine=True)
     safe = replace(kinds['twist_guard'], has_safe_state=True)
-    lookup = type(catalogue.modules)({**kinds, 'relay': relay, 'safe_guard': safe})
+    lookup = type(catalogue.modules)({**kinds, 'relay': relay, 'waits': waits, 'safe_guard': safe})
     return replace(catalogue, modules=lookup)
 
 
@@ -164,6 +165,19 @@ def test_a_module_may_leave_its_rate_to_its_inputs(load_text: Loader) -> None:
         'geometry_msgs/msg/Twist}', 'geometry_msgs/msg/Twist, topic: a}')
     robot = load_text(text + '      deadline_us: 500\n      critical: true\n')
     assert robot.modules[0].rate_hz == 0.0
+
+
+def test_a_coroutine_has_no_rate(load_text: Loader, problems_of: Judge) -> None:
+    text = GUARD.replace('twist_guard', 'waits').replace(
+        'geometry_msgs/msg/Twist}', 'geometry_msgs/msg/Twist, topic: a}')
+    assert problems_of(text) == (
+        'robot.yaml:8: guard.rate_hz = 100.0: its run() is a coroutine, which awaits what '
+        'releases it: delete it, or await kernel.every(hz).next()',)
+    text = text.replace('      rate_hz: 100.0\n', '')
+    assert load_text(text).modules[0].rate_hz == 0.0
+    assert problems_of(text + '      logical_execution: true\n') == (
+        'robot.yaml:8: guard.logical_execution = true: needs a rate_hz: inputs and outputs have '
+        'no instants without one',)
 
 
 RELAYS = """\
