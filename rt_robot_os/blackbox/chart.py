@@ -32,9 +32,11 @@ from rt_robot_os.kernel.black_box import MARK
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 
 DEFAULT_NS = 50 * NS_PER_MS
-_AFTER_FAULT = 5
+_AFTER_FAULT_NS = 10 * NS_PER_MS
+_RECENT_NS = NS_PER_S
 
 Box = tuple[float, float]  # from, how long; milliseconds before the dump are negative
 
@@ -77,10 +79,11 @@ class Chart:
 
 
 def window(history: History) -> tuple[int, int]:
-    """Choose what to show: the time around the last fault, else the end."""
+    """Choose what to show: the time about a fault of the last second, else the end."""
     at_ns = fault_ns(history)
-    to_ns = history.to_ns if at_ns is None else min(
-        history.to_ns, at_ns + DEFAULT_NS // _AFTER_FAULT)
+    to_ns = history.to_ns
+    if at_ns is not None and to_ns - at_ns < _RECENT_NS:
+        to_ns = min(to_ns, at_ns + _AFTER_FAULT_NS)
     return max(history.from_ns, to_ns - DEFAULT_NS), to_ns
 
 

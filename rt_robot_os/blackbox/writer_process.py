@@ -59,10 +59,10 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
     try:
         path, size, deleted = keep(_parts(received), folder, robot, reason)
     except BlackBoxError as error:
-        return {'error': True, 'text': f'black box not saved: {error}'}
+        return {'error': True, 'text': f'not saved: {error}'}
     gone = (f'; of more than {KEPT} dumps the oldest gave way: '
             f'{", ".join(old.name for old in deleted)}') if deleted else ''
-    return {'error': False, 'text': f'black box saved: {path} ({size} bytes){gone}'}
+    return {'error': False, 'text': f'saved as {path} ({size} bytes){gone}'}
 
 
 def serve(connection: socket.socket, folder: Path, robot: str) -> None:
@@ -78,7 +78,7 @@ def serve(connection: socket.socket, folder: Path, robot: str) -> None:
             try:
                 connection.send(json.dumps(answer).encode())
             except OSError:
-                print(f'{datetime.now():%H:%M:%S} {answer["text"]}', file=sys.stderr)
+                print(f'{datetime.now():%H:%M:%S} black box: {answer["text"]}', file=sys.stderr)
 
 
 def main() -> int:

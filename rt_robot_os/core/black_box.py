@@ -132,7 +132,7 @@ class BlackBoxKeeper:
             return
         number = next(self._numbers)
         if self.held_back:
-            reason = f'{reason} (and {self.held_back} faults before, soon after the last dump)'
+            reason = f'{reason} ({self.held_back} x faults before it, not saved)'
             self.held_back = 0
         connection = self._writer.socket
         try:
@@ -142,7 +142,7 @@ class BlackBoxKeeper:
             self._waiting += 1
         except (OSError, ValueError) as error:  # the latter of a text that is no plain one
             self.lost += 1
-            self._note(Severity.ERROR, 'black box not saved: its writer does not take it '
+            self._note(Severity.ERROR, 'not saved: its writer does not take it '
                        f'({error}); look for its message above')
 
     def facts(self) -> dict[str, str | int]:
@@ -163,7 +163,7 @@ class BlackBoxKeeper:
             if not packet:
                 self.lost += self._waiting
                 self._waiting = 0
-                self._note(Severity.ERROR, 'black box not saved: its writer has ended')
+                self._note(Severity.ERROR, 'not saved: its writer has ended')
                 return
             self._waiting -= 1
             answer = json.loads(packet)
