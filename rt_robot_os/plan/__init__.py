@@ -21,9 +21,9 @@ what `ros2 run rt_robot_os plan` runs. Nothing here is for the real-time loop.
 """
 
 from rt_robot_os.plan.analysis import analyse
-from rt_robot_os.plan.analysis import Analysis
-from rt_robot_os.plan.analysis import TaskResult
-from rt_robot_os.plan.analysis import Verdict
+from rt_robot_os.plan.result import Analysis
+from rt_robot_os.plan.result import TaskResult
+from rt_robot_os.plan.result import Verdict
 from rt_robot_os.plan.task import Event
 from rt_robot_os.plan.task import Overhead
 from rt_robot_os.plan.task import PlannedTask

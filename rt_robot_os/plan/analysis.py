@@ -18,18 +18,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 import math
 
-from rt_robot_os.plan.blocking import Blocking
 from rt_robot_os.plan.blocking import blocking_of
 from rt_robot_os.plan.response import busy_period_ns
 from rt_robot_os.plan.response import Load
 from rt_robot_os.plan.response import NoBoundError
 from rt_robot_os.plan.response import response_from_arrival_ns
 from rt_robot_os.plan.response import response_ns
+from rt_robot_os.plan.result import Analysis
+from rt_robot_os.plan.result import TaskResult
+from rt_robot_os.plan.result import Verdict
 from rt_robot_os.plan.streams import Stream
 from rt_robot_os.plan.streams import StreamTable
 from rt_robot_os.plan.task import check
@@ -39,86 +39,6 @@ from rt_robot_os.plan.task import PlannedTask
 # Chains are followed until nothing changes, or this many times.
 PASSES_MAXIMUM = 200
 _NEAR = 1e-9
-
-
-class Verdict(Enum):
-    """What came out for a task."""
-
-    OK = 'ok'
-    LATE = 'late'            # it may end after its deadline
-    SKIPPED = 'skipped'      # a release may find the job before unfinished
-    OVERLOAD = 'overload'    # there is more work than time: no bound exists
-    UNBOUNDED = 'no bound'   # none was found
-    UNKNOWN = 'unknown'      # something that it depends on is not known
-    FREE = 'free'            # bounded, and it has no deadline
-
-    @property
-    def bad(self) -> bool:
-        """Whether it makes the whole not schedulable."""
-        return self in (Verdict.LATE, Verdict.SKIPPED, Verdict.OVERLOAD)
-
-
-@dataclass(frozen=True, slots=True)
-class TaskResult:
-    """
-    What is known of a task now.
-
-    :ivar utilisation: its part of the processor; None when unknown.
-    :ivar level: the part of all of its priority and above, with the kernel's own time.
-    :ivar blocking: by one task below it.
-    :ivar jitter_ns: how late it may be released.
-    :ivar response_ns: longest time from its release to its end: of a timer from the moment on the
-        grid, of an event from its arrival. None when there is no bound or it is unknown.
-    :ivar chain_ns: of a task that others release: from the first release of the chain to its end.
-    :ivar reason: why the verdict is not ``ok``.
-    """
-
-    task: PlannedTask
-    verdict: Verdict
-    utilisation: float | None
-    level: float | None
-    blocking: Blocking
-    jitter_ns: int = 0
-    response_ns: int | None = None
-    chain_ns: int | None = None
-    reason: str = ''
-
-    @property
-    def late_ns(self) -> int:
-        """Give how much too long it may take; negative when there is time left."""
-        if self.response_ns is None or not self.task.limit_ns:
-            return 0
-        return self.response_ns - self.task.limit_ns
-
-
-@dataclass(frozen=True, slots=True)
-class Analysis:
-    """
-    What came out.
-
-    :ivar tasks: by priority, the highest first, then as they were given.
-    :ivar utilisation: of all tasks that are known, with the kernel's own time.
-    :ivar overhead: the kernel's own time alone.
-    """
-
-    tasks: tuple[TaskResult, ...]
-    utilisation: float
-    overhead: float
-
-    @property
-    def failed(self) -> tuple[TaskResult, ...]:
-        """Give the tasks that make the set not schedulable."""
-        return tuple(r for r in self.tasks if r.verdict.bad)
-
-    @property
-    def unjudged(self) -> tuple[TaskResult, ...]:
-        """Give the tasks with a deadline that cannot be judged."""
-        return tuple(r for r in self.tasks if r.task.judged and r.verdict in (
-            Verdict.UNKNOWN, Verdict.UNBOUNDED))
-
-    def task(self, name: str) -> TaskResult:
-        """Find a task's result; KeyError when there is none."""
-        return {r.task.name: r for r in self.tasks}[name]
 
 
 def analyse(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Analysis:
@@ -131,10 +51,20 @@ def analyse(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> An
     return _Analyser(tasks, overhead).run()
 
 
+def judge(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Analysis:
+    """
+    Analyse as :func:`analyse` does, but look for no bounds that no verdict depends on.
+
+    For searches that analyse many variants; the values must be checked already.
+    """
+    return _Analyser(tasks, overhead, needed=True).run()
+
+
 class _Analyser:
     """One set of tasks, and the loads that it makes at each priority."""
 
-    def __init__(self, tasks: Sequence[PlannedTask], overhead: Overhead) -> None:
+    def __init__(self, tasks: Sequence[PlannedTask], overhead: Overhead,
+                 needed: bool = False) -> None:
         self._tasks = sorted(tasks, key=lambda task: -task.priority)
         self._overhead = overhead
         table = StreamTable(tasks)
@@ -143,6 +73,8 @@ class _Analyser:
         self._all = [s for task in self._tasks for s in self._streams[task.name]]
         self._unknown = {task.name: self._why_unknown(task) for task in self._tasks}
         self._boundless: set[str] = set()
+        self._releasing = {parent for s in self._all for parent in s.parents}
+        self._needed = needed
         self._found: dict[str, TaskResult] = {}
 
     def run(self) -> Analysis:
@@ -151,8 +83,8 @@ class _Analyser:
         for _ in range(PASSES_MAXIMUM):
             self._found = {task.name: self._judge(task) for task in self._tasks}
             boundless = {r.task.name for r in self._found.values() if r.response_ns is None}
-            after = [s.chain_ns for s in self._all]
-            if after == before and boundless == self._boundless:
+            after = [s.chain_ns for s in self._all if s.parents or s in self._releasing]
+            if after == before and boundless == self._boundless or not after:
                 break
             before, self._boundless = after, boundless
         else:
@@ -171,7 +103,11 @@ class _Analyser:
 
     def _tick_loads(self) -> list[Load]:
         cost_ns = self._overhead.tick_ns
-        return [(s.period_ns, s.jitter_ns, cost_ns) for s in self._all if s.ticks and cost_ns]
+        if not cost_ns:
+            return []
+        # What a logical task publishes at its deadline takes a timer as well.
+        return [(s.period_ns, s.jitter_ns, cost_ns) for s in self._all if s.ticks] + [
+            (s.period_ns, s.late_ns, cost_ns) for s in self._all if s.task.logical]
 
     def _why_unknown(self, task: PlannedTask) -> str:
         if task.name in self._problems:
@@ -196,6 +132,8 @@ class _Analyser:
         if level > 1:
             return TaskResult(task, Verdict.OVERLOAD, *facts, reason=(
                 f'the tasks of its priority and above want {level:.1%} of the processor'))
+        if self._needed and not task.limit_ns and self._releasing.isdisjoint(streams):
+            return TaskResult(task, Verdict.FREE, *facts)
         try:
             response, timed, chain = self._bounds(task, blocking.length_ns)
         except NoBoundError as error:
@@ -269,7 +207,8 @@ class _Analyser:
             return Verdict.LATE, 'it may end after its deadline'
         waiting = -(-timed // task.period_ns) - 1 if task.period_ns else 0
         if waiting > task.backlog:
-            kept = f'catch_up keeps {task.backlog}' if task.backlog else 'overrun skips it'
+            kept = (f'catch_up keeps {task.backlog}' if task.backlog
+                    else 'its overrun policy keeps none')
             return Verdict.SKIPPED, (
                 f'{waiting} release{"s" if waiting > 1 else ""} may come before a job has ended, '
                 f'and {kept}')

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, Final
 
-from rt_robot_os.plan.analysis import TaskResult
 from rt_robot_os.plan.report import Report
+from rt_robot_os.plan.result import TaskResult
 from rt_robot_os.plan.text import verdict_lines
 
 FORMAT: Final = 1
@@ -59,7 +59,9 @@ def _task(result: TaskResult, report: Report) -> dict[str, Any]:
         'released_by': [asdict(event) for event in task.events],
         'utilisation': result.utilisation, 'level': result.level,
         'blocking': asdict(result.blocking), 'jitter_ns': result.jitter_ns,
-        'response_ns': result.response_ns, 'chain_ns': result.chain_ns,
+        'response_ns': result.response_ns,
+        'response_measured_ns': report.robot.responses_ns.get(task.name),
+        'chain_ns': result.chain_ns,
         'late_ns': result.late_ns if task.limit_ns and result.response_ns is not None else None,
         'verdict': result.verdict.value, 'reason': result.reason,
     }

@@ -12,13 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the user says of a robot's tasks on the command line, and what counts otherwise."""
+"""What is known of a robot's tasks: what the user says of them, and what came of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
+
+from rt_robot_os.plan.task import Overhead
+from rt_robot_os.plan.task import PlannedTask
 
 # What `bench micro` showed on a two-core virtual machine (x86-64, 2026) for a job that does
 # nothing: released together with others, and with a wake-up and a timer of its own.
@@ -50,3 +53,28 @@ class Given:
     job_ns: int | None = None
     tick_ns: int | None = None
     jitter_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotTasks:
+    """
+    The tasks of a robot.
+
+    :ivar origins: where each execution time comes from: ``option``, ``declared``, ``measured``,
+        ``budget`` or ``unknown``.
+    :ivar owners: ``device``, ``module`` or ``core``, by task.
+    :ivar responses_ns: the longest that were measured, by task; empty when other priorities or
+        periods were in force then.
+    :ivar notes: what the reader should know of these numbers.
+    """
+
+    tasks: tuple[PlannedTask, ...]
+    overhead: Overhead
+    origins: Mapping[str, str]
+    owners: Mapping[str, str]
+    notes: tuple[str, ...]
+    responses_ns: Mapping[str, int] = field(default_factory=dict)
+
+    def fixed_phases(self) -> tuple[str, ...]:
+        """Give the tasks whose phase no configuration can change."""
+        return tuple(name for name, owner in self.owners.items() if owner == 'core')

@@ -186,7 +186,7 @@ def _task(task: TaskStatistics) -> MeasuredTask:
     return MeasuredTask(
         priority=task.priority, period_ns=task.period_ns, releases=task.releases, runs=task.runs,
         execution_ns=task.execution.maximum_ns, native_ns=task.blocked_maximum_ns,
-        latency_ns=task.latency.maximum_ns)
+        latency_ns=task.latency.maximum_ns, response_ns=task.response_maximum_ns)
 
 
 def _tick_ns(before: CoreStatistics, after: CoreStatistics, cpu_ns: int) -> int:

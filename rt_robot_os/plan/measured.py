@@ -41,6 +41,7 @@ class MeasuredTask:
     :ivar execution_ns: the longest computing time of a job, what preempted it taken off.
     :ivar native_ns: the longest time that its code held up an alarm.
     :ivar latency_ns: the longest time from a release to the start of the job.
+    :ivar response_ns: the longest time from a release to the end of the job.
     """
 
     priority: int
@@ -50,6 +51,7 @@ class MeasuredTask:
     execution_ns: int
     native_ns: int
     latency_ns: int
+    response_ns: int
 
 
 @dataclass(frozen=True, slots=True)

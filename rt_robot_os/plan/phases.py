@@ -34,7 +34,7 @@ STEP_NS = 1000
 # Phases tried for a task: its period in this many parts, and halfway between others.
 PARTS = 40
 # The search for the worst instant looks at this many sets of tasks.
-SETS_MAXIMUM = 20_000
+SETS_MAXIMUM = 5_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,10 @@ def peak(tasks: Sequence[PlannedTask], phases_ns: Mapping[str, int] | None = Non
     """
     given = phases_ns or {}
     timed = [task for task in tasks if task.period_ns]
-    phases = [given.get(task.name, task.phase_ns) for task in timed]
+    return _peak_among(timed, [given.get(task.name, task.phase_ns) for task in timed])
+
+
+def _peak_among(timed: Sequence[PlannedTask], phases: Sequence[int]) -> Peak:
     best: list[int] = []
     best_key = (-1, 0)
     left = SETS_MAXIMUM
@@ -116,8 +119,7 @@ def peak(tasks: Sequence[PlannedTask], phases_ns: Mapping[str, int] | None = Non
                  [i for i in rest[1:] if _meet(timed, phases, index, i)],
                  work + _work_ns(timed[index]))
 
-    order = sorted(range(len(timed)), key=lambda i: (-_work_ns(timed[i]), i))
-    grow([], order, 0)
+    grow([], sorted(range(len(timed)), key=lambda i: (-_work_ns(timed[i]), i)), 0)
     return Peak(max(best_key[0], 0), tuple(timed[i].name for i in sorted(best)))
 
 
@@ -140,8 +142,8 @@ def lowest_peak(tasks: Sequence[PlannedTask], fixed: Sequence[str] = ()) -> Phas
     chosen: dict[str, int] = {}
     free = [task for task in timed if task.name not in fixed]
     for task in sorted(free, key=lambda t: (-_work_ns(t), -t.priority, t.name)):
-        options = [((*_cost([*placed, task], {**phases, task.name: phase}),
-                     -_distance(task, phase, placed, phases), phase))
+        options = [(*_cost(task, phase, placed, phases),
+                    -_distance(task, phase, placed, phases), phase)
                    for phase in _options(task, placed, phases)]
         chosen[task.name] = phases[task.name] = min(options)[-1]
         placed.append(task)
@@ -149,9 +151,13 @@ def lowest_peak(tasks: Sequence[PlannedTask], fixed: Sequence[str] = ()) -> Phas
     return PhasePlan(peak(tasks), peak(tasks, names), names)
 
 
-def _cost(tasks: Sequence[PlannedTask], phases: Mapping[str, int]) -> tuple[int, int]:
-    found = peak(tasks, phases)
-    return found.work_ns, len(found.tasks)
+def _cost(task: PlannedTask, phase: int, placed: Sequence[PlannedTask],
+          phases: Mapping[str, int]) -> tuple[int, int]:
+    """Weigh the worst instant that a task takes part in: work, and how many tasks."""
+    meeting = [other for other in placed if (phase - phases[other.name]) % math.gcd(
+        task.period_ns, other.period_ns) == 0]
+    found = _peak_among(meeting, [phases[other.name] for other in meeting])
+    return found.work_ns + _work_ns(task), len(found.tasks) + 1
 
 
 def _options(task: PlannedTask, placed: Sequence[PlannedTask], phases: Mapping[str, int]

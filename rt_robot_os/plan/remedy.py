@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rt_robot_os.plan.analysis import analyse
-from rt_robot_os.plan.analysis import Analysis
+from rt_robot_os.plan.analysis import judge
 from rt_robot_os.plan.blocking import NATIVE
 from rt_robot_os.plan.blocking import WHOLE_JOB
+from rt_robot_os.plan.result import Analysis
 from rt_robot_os.plan.sensitivity import FACTOR_MAXIMUM
 from rt_robot_os.plan.sensitivity import largest
 from rt_robot_os.plan.sensitivity import largest_factor
@@ -45,7 +45,7 @@ def remedy(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis)
         if found:
             return found
     factor = largest_factor(
-        lambda f: not analyse([scaled(task, f) for task in tasks], overhead).failed)
+        lambda f: not judge([scaled(task, f) for task in tasks], overhead).failed)
     if factor:
         return (f'no single change is enough: all together must take {1 - factor:.0%} less, or '
                 'rates must come down')
@@ -56,7 +56,7 @@ def _by_jitter(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analy
     """Try timers that are on time."""
     worst_ns = max(task.jitter_ns for task in tasks)
     shortest_ns = min((task.limit_ns for task in tasks if task.limit_ns), default=0)
-    enough = worst_ns and not analyse(
+    enough = worst_ns and not judge(
         [replace(task, jitter_ns=0) for task in tasks], overhead).failed
     if not enough and worst_ns < shortest_ns:
         return ''
@@ -78,7 +78,7 @@ def _by_one_priority(
         if not 1 <= wanted < task.priority:
             continue
         changed = [*tasks[:index], replace(task, priority=wanted), *tasks[index + 1:]]
-        if not analyse(changed, overhead).failed:
+        if not judge(changed, overhead).failed:
             return (f'give {task.name!r} a lower priority, since its deadline is longer than that '
                     f'of others below it: {task.name}.priority: {wanted} (was {task.priority})')
     return ''
@@ -97,7 +97,7 @@ def _by_priorities(
     changed = [replace(task, priority=wanted.get(task.name, task.priority)) for task in tasks]
     moves = [f'{new.name}.priority: {new.priority} (was {old.priority})'
              for old, new in zip(tasks, changed) if old.priority != new.priority]
-    if not moves or analyse(changed, overhead).failed:
+    if not moves or judge(changed, overhead).failed:
         return ''
     return 'give the shorter deadline the higher priority: ' + ', '.join(moves)
 
@@ -110,7 +110,7 @@ def _by_blocking(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Ana
             continue
         if blocking.what == WHOLE_JOB:
             preemptible = [replace(task, preemptible=True) for task in tasks]
-            if not analyse(preemptible, overhead).failed:
+            if not judge(preemptible, overhead).failed:
                 return 'set core.dispatcher to preemptive'
             continue
 
@@ -118,9 +118,9 @@ def _by_blocking(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Ana
                       ) -> list[PlannedTask]:
             return [_shortened(t, what, round(length_ns)) if t.name == by else t for t in tasks]
 
-        if analyse(shortened(0), overhead).failed:
+        if judge(shortened(0), overhead).failed:
             continue
-        most = largest(0, blocking.length_ns, lambda ns: not analyse(
+        most = largest(0, blocking.length_ns, lambda ns: not judge(
             shortened(ns), overhead).failed)
         what = ('longest native call' if blocking.what == NATIVE
                 else f'critical section on {blocking.what!r}')
@@ -145,7 +145,7 @@ def _by_execution(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: An
         def fits(factor: float, at: int = index) -> bool:
             changed = list(tasks)
             changed[at] = scaled(changed[at], factor)
-            return not analyse(changed, overhead).failed
+            return not judge(changed, overhead).failed
 
         if not fits(1 / FACTOR_MAXIMUM):
             continue

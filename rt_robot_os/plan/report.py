@@ -19,12 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rt_robot_os.plan.analysis import analyse
-from rt_robot_os.plan.analysis import Analysis
+from rt_robot_os.plan.given import RobotTasks
 from rt_robot_os.plan.phases import hyper_period_ns
 from rt_robot_os.plan.phases import lowest_peak
 from rt_robot_os.plan.phases import PhasePlan
 from rt_robot_os.plan.remedy import remedy
-from rt_robot_os.plan.robot import RobotTasks
+from rt_robot_os.plan.result import Analysis
 from rt_robot_os.plan.sensitivity import load_margins
 from rt_robot_os.plan.sensitivity import Sensitivity
 

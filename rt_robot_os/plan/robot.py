@@ -16,14 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from dataclasses import replace
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.server import BEAT_RATE_HZ
 from rt_robot_os.plan.given import Given
 from rt_robot_os.plan.given import JOB_OVERHEAD_NS
+from rt_robot_os.plan.given import RobotTasks
 from rt_robot_os.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.plan.measured import FEW_RUNS
 from rt_robot_os.plan.measured import Measured
@@ -52,28 +51,6 @@ _WATCHDOG_PRIORITY = 99
 _WATCHDOG_CHECKS = 8
 _WATCHDOG_SHORTEST_NS = NS_PER_MS
 _NO_TASK = TaskSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class RobotTasks:
-    """
-    The tasks of a robot.
-
-    :ivar origins: where each execution time comes from: ``option``, ``declared``, ``measured``,
-        ``budget`` or ``unknown``.
-    :ivar owners: ``device``, ``module`` or ``core``, by task.
-    :ivar notes: what the reader should know of these numbers.
-    """
-
-    tasks: tuple[PlannedTask, ...]
-    overhead: Overhead
-    origins: Mapping[str, str]
-    owners: Mapping[str, str]
-    notes: tuple[str, ...]
-
-    def fixed_phases(self) -> tuple[str, ...]:
-        """Give the tasks whose phase no configuration can change."""
-        return tuple(name for name, owner in self.owners.items() if owner == 'core')
 
 
 def robot_tasks(
@@ -111,7 +88,14 @@ class _Builder:
         if self._measured is not None:
             self._note_measurement(self._measured)
         return RobotTasks(tuple(self._tasks), self._overhead(), self._origins, self._owners,
-                          tuple(self._notes))
+                          tuple(self._notes), self._responses())
+
+    def _responses(self) -> dict[str, int]:
+        found = {task.name: self._seen(task.name) for task in self._tasks}
+        if any(seen and (seen.priority, seen.period_ns) != (task.priority, task.period_ns)
+               for task in self._tasks if (seen := found[task.name])):
+            return {}
+        return {name: seen.response_ns for name, seen in found.items() if seen}
 
     def _overhead(self) -> Overhead:
         job_ns, tick_ns = self._given.job_ns, self._given.tick_ns

@@ -21,8 +21,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 
-from rt_robot_os.plan.analysis import analyse
-from rt_robot_os.plan.analysis import Analysis
+from rt_robot_os.plan.analysis import judge
+from rt_robot_os.plan.result import Analysis
+from rt_robot_os.plan.task import check
 from rt_robot_os.plan.task import Overhead
 from rt_robot_os.plan.task import PlannedTask
 
@@ -96,8 +97,10 @@ def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) 
 
     :raises ConfigError: as :func:`rt_robot_os.plan.analyse`.
     """
+    check(tasks, overhead)
+
     def all_times(factor: float) -> Analysis:
-        return analyse([scaled(task, factor) for task in tasks], overhead)
+        return judge([scaled(task, factor) for task in tasks], overhead)
 
     factor = largest_factor(lambda f: not all_times(f).failed)
     breaks = _first(all_times(factor * (1 + 2 / RESOLUTION)))
@@ -129,7 +132,7 @@ def _growth(tasks: Sequence[PlannedTask], index: int, overhead: Overhead) -> Gro
     def with_time(execution_ns: float) -> Analysis:
         changed = list(tasks)
         changed[index] = _stretched(task, round(execution_ns))
-        return analyse(changed, overhead)
+        return judge(changed, overhead)
 
     low = high = float(task.execution_ns or 1)
     # Nothing may compute longer than the longest time that anybody is given.

@@ -79,6 +79,8 @@ class Stream:
         A task of that level or above that waits when the period begins would have begun it: so
         its jobs of the period, and with them what they release, were all released in it.
         """
+        if not self.parents:
+            return self.jitter_ns
         return self.jitter_ns + max((
             p.jitter_at(level) if p.task.priority >= level and not p.task.logical else p.chain_ns
             for p in self.parents), default=0)

@@ -35,6 +35,10 @@ def percent(part: float) -> str:
     return f'{value:.1f}' if abs(value) < 999.95 else f'{value:.0f}'
 
 
+def _short(name: str, width: int) -> str:
+    return name if len(name) <= width else f'{name[:max(0, width - 2)]}..'
+
+
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
           ) -> Iterator[str]:
     """
@@ -46,6 +50,10 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence
     heads = [line for line in heads if any(line)]
     columns = range(len(headings))
     widths = [max(len(row[i]) for row in [*heads, *rows]) for i in columns]
+    over = sum(widths) + len(widths) - 1 - WIDTH
+    if over > 0:
+        widths[0] = max(1, widths[0] - over)
+        rows = [(_short(row[0], widths[0]), *row[1:]) for row in rows]
     gap = ' ' * (2 if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else 1)
     for row in [*heads, *rows]:
         yield gap.join(cell.ljust(width) if i in left else cell.rjust(width)

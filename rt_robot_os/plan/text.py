@@ -20,12 +20,12 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 import textwrap
 
-from rt_robot_os.plan.analysis import TaskResult
-from rt_robot_os.plan.analysis import Verdict
 from rt_robot_os.plan.blocking import NATIVE
 from rt_robot_os.plan.blocking import WHOLE_JOB
 from rt_robot_os.plan.phases import Peak
 from rt_robot_os.plan.report import Report
+from rt_robot_os.plan.result import TaskResult
+from rt_robot_os.plan.result import Verdict
 from rt_robot_os.plan.sensitivity import FACTOR_MAXIMUM
 from rt_robot_os.plan.sensitivity import Sensitivity
 from rt_robot_os.plan.table import ms
@@ -50,6 +50,7 @@ def report_lines(report: Report) -> Iterator[str]:
     if report.sensitivity is not None:
         yield from _sensitivity_lines(report.sensitivity, report)
     yield from _phase_lines(report)
+    yield from _exceeded_lines(report)
     for note in report.robot.notes:
         yield from _wrapped(f'note: {note}')
     yield ''
@@ -203,6 +204,17 @@ def _peak(peak: Peak) -> str:
     count = len(peak.tasks)
     work = f' with {ms(peak.work_ns)} ms of work' if peak.work_ns else ''
     return f'at most {count} task{"s" if count != 1 else ""}{work} ({_names(peak.tasks)})'
+
+
+def _exceeded_lines(report: Report) -> Iterator[str]:
+    """Compare with what was measured: a bound that was exceeded is wrong."""
+    for result in report.analysis.tasks:
+        measured_ns = report.robot.responses_ns.get(result.task.name, 0)
+        if result.response_ns is not None and measured_ns > result.response_ns:
+            yield from _wrapped(
+                f'note: {result.task.name}: a response of {ms(measured_ns)} ms was measured, more '
+                f'than the bound of {ms(result.response_ns)} ms: other programs or the host took '
+                'the CPU away, or a time is too low')
 
 
 # ---- verdict -----------------------------------------------------------------------------------

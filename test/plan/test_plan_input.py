@@ -125,8 +125,9 @@ def test_any_set_is_analysed_or_refused(
 
 # ---- the file of a measurement -----------------------------------------------------------------
 
-MEASURED = Measured(10 ** 9, {'imu': MeasuredTask(80, 5_000_000, 200, 200, 90_000, 4000, 60_000)},
-                    26_000, {'map': 7000}, {'gps': 'silent'}, ('SCHED_FIFO priority 80',), True)
+MEASURED_TASK = MeasuredTask(80, 5_000_000, 200, 200, 90_000, 4000, 60_000, 200_000)
+MEASURED = Measured(10 ** 9, {'imu': MEASURED_TASK}, 26_000, {'map': 7000},
+                    {'gps': 'silent'}, ('SCHED_FIFO priority 80',), True)
 
 
 def test_what_is_saved_is_read_back(tmp_path: Path) -> None:

@@ -22,6 +22,8 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.plan.measured import Measured
+from rt_robot_os.plan.measured import MeasuredTask
 from rt_robot_os.plan.measured import read_measured
 from rt_robot_os.plan.program import run
 from rt_robot_os.plan.table import ms
@@ -150,6 +152,19 @@ def test_a_core_that_cannot_start_is_told(
     assert 'plan: the core ended with code 2; see its message above' in capsys.readouterr().err
 
 
+def test_a_measured_response_above_its_bound_is_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = MeasuredTask(40, 20_000_000, 500, 500, 90_000, 5_000, 40_000, 12_345_000)
+    Measured(10 ** 10, {'guard': seen}).save(tmp_path / 'm.json')
+    measured = ('--measured', str(tmp_path / 'm.json'))
+    assert plan(*TIMES, *measured) == 0
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'note: guard: a response of 12.345 ms was measured, more than the bound of ' in text
+    # With other priorities it says nothing about this robot.
+    assert plan(*TIMES, *measured, ros=('guard.priority:=41',)) == 0
+    assert 'was measured, more than' not in capsys.readouterr().out
+
+
 # ---- tables ------------------------------------------------------------------------------------
 
 def test_numbers_have_as_many_digits_as_matter() -> None:
@@ -161,3 +176,6 @@ def test_numbers_have_as_many_digits_as_matter() -> None:
 def test_a_table_is_aligned() -> None:
     assert list(table(('task', 'C\nms'), [('a', '1.0'), ('bcdef', '10.0')])) == [
         'task      C', '         ms', 'a       1.0', 'bcdef  10.0']
+    wide = list(table(('task', 'what'), [('a_very_long_name', 'x' * 90)]))
+    assert max(len(line) for line in wide) == 100
+    assert wide[1].startswith('a_very_.. x')

@@ -28,10 +28,10 @@ from rt_robot_os.plan import analyse
 from rt_robot_os.plan import Event
 from rt_robot_os.plan import Verdict
 from rt_robot_os.plan.given import Given
+from rt_robot_os.plan.given import RobotTasks
 from rt_robot_os.plan.measured import Measured
 from rt_robot_os.plan.measured import MeasuredTask
 from rt_robot_os.plan.robot import robot_tasks
-from rt_robot_os.plan.robot import RobotTasks
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 
@@ -45,7 +45,7 @@ def shipped(**overrides: object) -> RobotSettings:
 
 
 def seen(priority: int, period_ns: int, execution_ns: int = 100_000) -> MeasuredTask:
-    return MeasuredTask(priority, period_ns, 1000, 1000, execution_ns, 20_000, 50_000)
+    return MeasuredTask(priority, period_ns, 1000, 1000, execution_ns, 20_000, 50_000, 90_000)
 
 
 def measured(robot: RobotTasks, **more: object) -> Measured:
