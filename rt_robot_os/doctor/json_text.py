@@ -58,6 +58,8 @@ def document(report: Report) -> Mapping[str, Any]:
         'machine': dict(report.machine),
         'wanted': {'cpu': wanted.cpu, 'priority': wanted.priority,
                    'lock_memory': wanted.lock_memory, 'ports': list(wanted.ports),
+                   'cpu_latency_us': wanted.cpu_latency_us, 'spin_us': wanted.spin_us,
+                   'watchdog': wanted.watchdog, 'black_box_folder': wanted.black_box_folder,
                    'source': wanted.source},
         'counts': {state.value: report.count(state) for state in State},
         'to_mend': [line.check.key for line in report.to_mend],

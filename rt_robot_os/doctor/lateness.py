@@ -31,7 +31,7 @@ class Lateness:
     A call that comes 2.3 periods late serves one release and has missed two.
 
     :param period_ns: of the grid.
-    :param skipped: calls at the start that do not count: caches and page tables are cold.
+    :param skipped: releases at the start that do not count: caches and page tables are cold.
     """
 
     __slots__ = ('histogram', 'missed', 'next_ns', '_period_ns', '_skipped')
@@ -50,8 +50,8 @@ class Lateness:
             return
         missed = late_ns // self._period_ns
         self.next_ns += (missed + 1) * self._period_ns
-        if self._skipped:
-            self._skipped -= 1
+        if self._skipped > 0:
+            self._skipped -= missed + 1
             return
         self.missed += missed
         self.histogram.add(late_ns)

@@ -112,8 +112,12 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
                                 if device.port.startswith('/')))
     if cpu is not None:
         source += ', --cpu'
-    return Wanted(settings.core.cpu if cpu is None else cpu, settings.core.scheduler_priority,
-                  settings.core.lock_memory, ports, source)
+    core = settings.core
+    return Wanted(
+        cpu=core.cpu if cpu is None else cpu, priority=core.scheduler_priority,
+        lock_memory=core.lock_memory, ports=ports, cpu_latency_us=core.cpu_latency_us,
+        spin_us=core.spin_us, watchdog=settings.watchdog.device,
+        black_box_folder=core.black_box_folder, source=source)
 
 
 def parse(argv: Sequence[str]) -> tuple[Options, Wanted]:

@@ -63,7 +63,7 @@ GROUPS = (
     Group('load', 'load', load.CHECKS),
     Group('python', 'Python', python.CHECKS),
     Group('ros', 'ROS 2', ros.CHECKS),
-    Group('serial', 'serial ports', serial.CHECKS),
+    Group('serial', 'ports of devices', serial.CHECKS),
     Group('leftovers', 'earlier runs', leftovers.CHECKS),
 )
 

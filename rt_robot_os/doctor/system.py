@@ -46,7 +46,11 @@ class Wanted:
 
     :ivar cpu: -1 the last one allowed, -2 none.
     :ivar priority: SCHED_FIFO 1..99; 0 stays an ordinary process.
-    :ivar ports: serial ports of the configured devices.
+    :ivar ports: serial ports and I2C buses of the configured devices.
+    :ivar cpu_latency_us: asked of ``/dev/cpu_dma_latency``; -1 nothing.
+    :ivar spin_us: how early the kernel wakes to spin.
+    :ivar watchdog: a watchdog of the machine that is fed; empty without.
+    :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
     :ivar source: where that is written.
     """
 
@@ -54,6 +58,10 @@ class Wanted:
     priority: int = 80
     lock_memory: bool = True
     ports: tuple[str, ...] = ()
+    cpu_latency_us: int = -1
+    spin_us: float = 0.0
+    watchdog: str = ''
+    black_box_folder: str = ''
     source: str = 'the default configuration'
 
 

@@ -80,7 +80,8 @@ def _job(system: System, seconds: float) -> str:
     cpu = core_cpu(system)
     return json.dumps({
         'cpu': -2 if cpu is None else cpu, 'priority': system.wanted.priority,
-        'lock_memory': system.wanted.lock_memory, 'seconds': seconds, 'parent': os.getpid()})
+        'lock_memory': system.wanted.lock_memory, 'seconds': seconds, 'parent': os.getpid(),
+        'cpu_latency_us': system.wanted.cpu_latency_us, 'spin_us': system.wanted.spin_us})
 
 
 def measure(system: System, seconds: float,

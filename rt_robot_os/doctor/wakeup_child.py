@@ -31,26 +31,37 @@ from typing import Any
 from rt_robot_os.doctor.lateness import Lateness
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime
+from rt_robot_os.linux.cpu_latency import HeldCpuLatency
+from rt_robot_os.linux.cpu_latency import hold_cpu_latency
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
 PERIOD_NS = NS_PER_MS
 SKIPPED = 100
 
 
-def prepare(job: Mapping[str, Any]) -> list[realtime.RtResult]:
-    """Set the process up in the order in which the core does it."""
+def prepare(job: Mapping[str, Any]) -> tuple[list[realtime.RtResult], HeldCpuLatency | None]:
+    """
+    Set the process up in the order in which the core does it.
+
+    :return: what Linux granted, and what has to be held until the end.
+    """
+    held = None
     results = [realtime.set_timer_slack()]
     if job['cpu'] != -2:
         results.append(realtime.set_affinity(job['cpu']))
     if job['lock_memory']:
         results.append(realtime.lock_memory())
+    if job['cpu_latency_us'] >= 0:
+        result, held = hold_cpu_latency(job['cpu_latency_us'])
+        results.append(result)
     realtime.freeze_garbage()
     if job['priority']:
         results.append(realtime.set_fifo(job['priority']))
-    return results
+    return results, held
 
 
 def bare(duration_ns: int) -> Lateness:
@@ -65,10 +76,10 @@ def bare(duration_ns: int) -> Lateness:
     return lateness
 
 
-def in_kernel(duration_ns: int) -> Lateness:
+def in_kernel(duration_ns: int, spin_ns: int) -> Lateness:
     """Let the kernel run one task, which does nothing but look at the clock."""
     lateness = Lateness(PERIOD_NS, SKIPPED)
-    kernel = Kernel()
+    kernel = Kernel(spin_ns=spin_ns)
     now_ns = time.monotonic_ns
 
     def job() -> None:
@@ -86,10 +97,13 @@ def main(argument: str) -> int:
     job = json.loads(argument)
     if not die_with_parent(job['parent'], signal.SIGKILL):
         return 0
-    results = prepare(job)
+    results, held = prepare(job)
     half_ns = round(job['seconds'] * NS_PER_S / 2)
-    answer = {'machine': bare(half_ns).result(), 'kernel': in_kernel(half_ns).result(),
+    spin_ns = round(job['spin_us'] * NS_PER_US)
+    answer = {'machine': bare(half_ns).result(), 'kernel': in_kernel(half_ns, spin_ns).result(),
               'refused': [result.step for result in results if not result.ok]}
+    if held is not None:
+        held.close()
     print(json.dumps(answer))
     return 0
 

@@ -197,7 +197,11 @@ def test_idle_states_that_are_disabled_do_not_count(machine) -> None:
 
 def test_who_may_hold_the_latency_device_is_told_how(machine) -> None:
     finding = _only(machine('laptop', denied=[]), 'cpu.idle')
-    assert 'exec 3>/dev/cpu_dma_latency' in finding.remedy.note
+    assert 'core.cpu_latency_us:=0' in _commands(finding)
+    finding = _only(machine('laptop', denied=[], wanted={'cpu_latency_us': 0}), 'cpu.idle')
+    assert (finding.state, 'prevents' in finding.found) == (OK, True)
+    finding = _only(machine('laptop', wanted={'cpu_latency_us': 0}), 'cpu.idle')
+    assert finding.state is WARN
 
 
 @pytest.mark.parametrize('bits, words', [('50005', 'voltage'), ('8', 'too hot')])
@@ -278,6 +282,35 @@ def test_a_port_is_named_once_by_the_name_that_stays(machine) -> None:
 def test_a_port_in_a_container_is_passed_in(machine) -> None:
     system = machine('docker', wanted={'ports': ['/dev/ttyUSB0']})
     assert '--device /dev/ttyUSB0' in _only(system, 'serial.permission').remedy.note
+
+
+def test_an_i2c_bus_that_is_not_there_or_not_allowed(machine) -> None:
+    wanted = {'ports': ['/dev/i2c-1']}
+    finding = _only(machine('laptop', {'/dev/ttyUSB0': None}, wanted=wanted), 'serial.permission')
+    assert 'modprobe i2c-dev' in _commands(finding)
+    system = machine('laptop', {'/dev/ttyUSB0': None, '/dev/i2c-1': ''}, wanted=wanted,
+                     denied=['/dev/i2c-1'], groups={'/dev/i2c-1': 'i2c'})
+    assert 'usermod -aG i2c' in _commands(_only(system, 'serial.permission'))
+    assert _only(system, 'serial.grabbers').state is ABSENT
+
+
+def test_the_configured_watchdog(machine) -> None:
+    wanted = {'watchdog': '/dev/watchdog'}
+    assert _only(machine('laptop'), 'limits.watchdog').state is ABSENT
+    finding = _only(machine('laptop', wanted=wanted), 'limits.watchdog')
+    assert 'modprobe softdog' in _commands(finding)
+    files = {'/dev/watchdog': ''}
+    assert _only(machine('laptop', files, wanted=wanted), 'limits.watchdog').state is OK
+    finding = _only(machine('laptop', files, wanted=wanted, denied=['/dev/watchdog']),
+                    'limits.watchdog')
+    assert 'KERNEL=="watchdog"' in _commands(finding)
+
+
+def test_the_folder_of_the_black_box_needs_room_as_well(machine) -> None:
+    system = machine('raspberry_pi', {'/data/x': ''}, wanted={'black_box_folder': '/data/box'},
+                     denied=['/data'])
+    states = [(one.subject, one.state) for one in found(system, 'memory.disk')]
+    assert states == [('/users/pi/.ros/log', OK), ('/data/box', BAD)]
 
 
 def test_many_files_of_dds(machine) -> None:

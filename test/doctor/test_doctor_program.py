@@ -47,7 +47,7 @@ def _start(*arguments: str, before: str = '', variables: dict[str, str] | None =
 
 
 def test_this_machine_as_json() -> None:
-    process = _start('--json', '--seconds', '0.2')
+    process = _start('--json', '--seconds', '0.6')
     output, errors = process.communicate(timeout=120)
     value = json.loads(output)
     assert errors == ''

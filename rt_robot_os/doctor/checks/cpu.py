@@ -42,8 +42,7 @@ from rt_robot_os.doctor.system import System
 _WAKE_LIMIT_US = 20
 _HOT_MARGIN_C = 5.0
 DMA_LATENCY = '/dev/cpu_dma_latency'
-# Held open by the shell: four zero bytes ask for a latency of 0 us.
-_HOLD = f"exec 3>{DMA_LATENCY}; printf '\\0\\0\\0\\0' >&3"
+_HOLD = 'core.cpu_latency_us: 0'
 _PI_THROTTLED = '/sys/devices/platform/soc/soc:firmware/get_throttled'
 
 
@@ -121,17 +120,25 @@ def idle(system: System) -> Iterator[Finding]:
     if not deep:
         yield ok(f'CPU {cpu}: the deepest is {seen}')
         return
+    asked = system.wanted.cpu_latency_us
+    may = system.may(DMA_LATENCY, os.W_OK)
+    if 0 <= asked <= _WAKE_LIMIT_US and may:
+        yield ok(f'CPU {cpu}: {deep[-1][1]}, which core.cpu_latency_us: {asked} prevents')
+        return
     states = [re.sub(r'.*/', '', folder) for folder, _ in deep]
     files = ' '.join(f'{folder}/disable' for folder, _ in deep)
     if len(deep) > 1:
         numbers = ','.join(state.removeprefix('state') for state in states)
         files = f'{CPU}/cpu{cpu}/cpuidle/state{{{numbers}}}/disable'
     more = f', and {len(deep) - 1} more above {_WAKE_LIMIT_US} us' if len(deep) > 1 else ''
-    note = 'until the next boot'
-    if system.may(DMA_LATENCY, os.W_OK):
-        note += f'; or only for what this shell starts: {_HOLD}'
-    yield warn(f'CPU {cpu}: {deep[-1][1]}{more}', of_machine(
-        system, f'echo 1 | sudo tee {files}', note=note), weight=60)
+    told = f'CPU {cpu}: {deep[-1][1]}{more}'
+    if may:
+        command = 'ros2 run rt_robot_os robot --ros-args -p core.cpu_latency_us:=0'
+        yield warn(told, Remedy((command,), 'or in your parameter file'), weight=60)
+    else:
+        yield warn(told, of_machine(system, f'echo 1 | sudo tee {files}',
+                                    note=f'until the next boot; {_HOLD} would do it, see below'),
+                   weight=60)
 
 
 def dma_latency(system: System) -> Iterator[Finding]:
@@ -140,7 +147,7 @@ def dma_latency(system: System) -> Iterator[Finding]:
         yield absent(f'there is no {DMA_LATENCY} here')
     elif system.may(DMA_LATENCY, os.W_OK):
         yield ok(f'{DMA_LATENCY} can be written')
-    elif not _idle_states(system, core_cpu(system) or 0)[0]:
+    elif not _idle_states(system, core_cpu(system) or 0)[0] and system.wanted.cpu_latency_us < 0:
         yield ok(f'{DMA_LATENCY} cannot be written, but there is no deep sleep to prevent')
     else:
         rule = 'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660"'
@@ -148,8 +155,7 @@ def dma_latency(system: System) -> Iterator[Finding]:
             system, f"echo '{rule}' |", '  sudo tee /etc/udev/rules.d/99-cpu-dma-latency.rules',
             'sudo groupadd -f realtime && sudo udevadm control --reload',
             'sudo udevadm trigger --name-match=cpu_dma_latency',
-            note=f'then, as a member of that group, in the shell that starts the robot: {_HOLD}'),
-            weight=10)
+            note=f'then, as a member of that group, set {_HOLD}'), weight=10)
 
 
 def siblings(system: System) -> Iterator[Finding]:
@@ -218,7 +224,7 @@ CHECKS = (
     Check('cpu.idle', 'idle states',
           'a CPU that sleeps deeply needs this long to wake up for the next release', idle),
     Check('cpu.dma_latency', 'idle by request',
-          'a program that holds this device open keeps the CPUs awake just while it runs',
+          'core.cpu_latency_us keeps the CPUs awake through this device, just while the core runs',
           dma_latency),
     Check('cpu.siblings', 'SMT sibling',
           'what runs on the sibling slows the core down, real-time priority or not', siblings),

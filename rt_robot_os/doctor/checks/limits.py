@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import os
 
 from rt_robot_os.doctor.facts import CAP_IPC_LOCK
 from rt_robot_os.doctor.facts import CAP_SYS_NICE
@@ -36,6 +37,7 @@ from rt_robot_os.doctor.finding import ok
 from rt_robot_os.doctor.finding import Remedy
 from rt_robot_os.doctor.finding import unknown
 from rt_robot_os.doctor.finding import warn
+from rt_robot_os.doctor.remedies import of_machine
 from rt_robot_os.doctor.remedies import realtime_limits
 from rt_robot_os.doctor.system import System
 
@@ -149,6 +151,25 @@ def signals(system: System) -> Iterator[Finding]:
         'then log out of all sessions and in again'), weight=80)
 
 
+def watchdog(system: System) -> Iterator[Finding]:
+    """Look whether the configured watchdog of the machine can be fed."""
+    device = system.wanted.watchdog
+    if not device:
+        yield absent('watchdog.device is not configured')
+    elif not system.exists(device):
+        yield warn(f'{device} is not there', Remedy(
+            ('sudo modprobe softdog',), 'the watchdog of Linux itself, where the machine has '
+            'none; in a container: --device ' + device), weight=60)
+    elif system.may(device, os.W_OK):
+        yield ok(f'{device} can be written')
+    else:
+        rule = f'KERNEL=="{os.path.basename(device)}", GROUP="realtime", MODE="0660"'
+        yield warn(f'{device} cannot be written by this user', of_machine(
+            system, f"echo '{rule}' |", '  sudo tee /etc/udev/rules.d/99-watchdog.rules',
+            'sudo groupadd -f realtime && sudo udevadm control --reload',
+            f'sudo udevadm trigger --name-match={os.path.basename(device)}'), weight=60)
+
+
 CHECKS = (
     Check('limits.scheduler', 'SCHED_FIFO',
           'without it any other program on the CPU can delay the core by milliseconds', scheduler),
@@ -157,4 +178,6 @@ CHECKS = (
           memory_lock),
     Check('limits.signals', 'pending signals',
           "the kernel's timer needs one entry of the user's signal queue", signals),
+    Check('limits.watchdog', 'watchdog',
+          'a machine that hangs is restarted only by a watchdog that somebody feeds', watchdog),
 )

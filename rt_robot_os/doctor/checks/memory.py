@@ -110,28 +110,32 @@ def _log_folder(system: System) -> str:
 
 
 def disk(system: System) -> Iterator[Finding]:
-    """Look whether the folder of the logs can be written and has room."""
-    folder = _log_folder(system)
-    if not folder.startswith('/'):
-        yield unknown('neither ROS_LOG_DIR, ROS_HOME nor HOME is set')
-        return
+    """Look whether the folders of the logs and of the black box can be written and have room."""
+    folders = [_log_folder(system), *filter(None, (system.wanted.black_box_folder,))]
+    for folder in dict.fromkeys(folders):
+        if folder.startswith('/'):
+            yield _room(system, folder)
+        else:
+            yield unknown('neither ROS_LOG_DIR, ROS_HOME nor HOME is set')
+
+
+def _room(system: System, folder: str) -> Finding:
     nearest = folder
     while nearest != '/' and not system.exists(nearest):
         nearest = os.path.dirname(nearest)
     elsewhere = Remedy(('export ROS_LOG_DIR=/tmp/ros_log',), 'or any folder of your own')
     if not system.may(nearest, os.W_OK):
-        yield bad(f'{folder} cannot be written or made', elsewhere, weight=90)
-        return
+        return bad(f'{folder} cannot be written or made', elsewhere, subject=folder, weight=90)
     megabytes = system.free_bytes(nearest) >> 20
     told = f'{megabytes} MB free for {folder}'
     if megabytes >= _DISK_WARN_MB:
-        yield ok(told)
-    else:
-        state = bad if megabytes < _DISK_BAD_MB else warn
-        quoted = shlex.quote(folder)
-        yield state(told, Remedy((f'du -sh {quoted} && ls -t {quoted} | tail',
-                                  'export ROS_LOG_DIR=/mnt/larger/ros_log'),
-                                 'delete old logs, or write them elsewhere'), weight=50)
+        return ok(told, subject=folder)
+    quoted = shlex.quote(folder)
+    state = bad if megabytes < _DISK_BAD_MB else warn
+    return state(told, Remedy((f'du -sh {quoted} && ls -t {quoted} | tail',
+                               'export ROS_LOG_DIR=/mnt/larger/ros_log'),
+                              'delete old logs, or write them elsewhere'), subject=folder,
+                 weight=50)
 
 
 def shared(system: System) -> Iterator[Finding]:

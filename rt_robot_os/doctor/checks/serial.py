@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serial ports: may this user open them, who else does, and how long an adapter holds bytes."""
+"""Serial ports and I2C buses: may this user open them, who else does, what holds bytes back."""
 
 from __future__ import annotations
 
@@ -55,10 +55,6 @@ def _target(system: System, port: str) -> str:
         return port
 
 
-def _none(system: System) -> Finding | None:
-    return None if _ports(system) else absent('no serial adapter is plugged in')
-
-
 def _by_id(system: System, port: str) -> str:
     """Give the name of a port that stays the same when it is plugged in elsewhere."""
     for path in system.glob('/dev/serial/by-id/*'):
@@ -69,22 +65,34 @@ def _by_id(system: System, port: str) -> str:
 
 def permission(system: System) -> Iterator[Finding]:
     """Look at each port whether this user may open it; none is opened."""
-    none = _none(system)
-    if none:
-        yield none
+    if not _ports(system):
+        yield absent('no serial adapter is plugged in')
         return
     for port in _ports(system):
         if not system.exists(port):
-            note = ('give it to the container: --device ' + port if container(system)
-                    else 'plug it in; ls /dev/serial/by-id shows the names')
-            yield warn(f'{port} is not there, but in {system.wanted.source}', Remedy((), note),
-                       subject=port, weight=60)
+            yield warn(f'{port} is not there, but in {system.wanted.source}',
+                       _missing(system, port), subject=port, weight=60)
         elif system.may(port, os.R_OK | os.W_OK):
             stable = _by_id(system, port)
             yield ok(f'{port} may be opened' + (f'; write it as {stable}' if stable else ''),
                      subject=port)
         else:
             yield _forbidden(system, port)
+
+
+def _missing(system: System, port: str) -> Remedy:
+    if container(system):
+        return Remedy((), 'give it to the container: --device ' + port)
+    if not _is_i2c(port):
+        return Remedy((), 'plug it in; ls /dev/serial/by-id shows the names')
+    if system.exists('/boot/firmware/config.txt'):
+        return Remedy(("echo 'dtparam=i2c_arm=on' | sudo tee -a /boot/firmware/config.txt",
+                       'sudo modprobe i2c-dev && sudo reboot'))
+    return Remedy(('sudo modprobe i2c-dev && ls /dev/i2c-*',))
+
+
+def _is_i2c(port: str) -> bool:
+    return os.path.basename(port).startswith('i2c-')
 
 
 def _forbidden(system: System, port: str) -> Finding:
@@ -102,9 +110,8 @@ def _forbidden(system: System, port: str) -> Finding:
 
 def grabbers(system: System) -> Iterator[Finding]:
     """Look for daemons that open serial ports by themselves."""
-    none = _none(system)
-    if none:
-        yield none
+    if all(map(_is_i2c, _ports(system))):
+        yield absent('no serial adapter is plugged in')
         return
     clean = True
     if running(system, 'ModemManager'):
