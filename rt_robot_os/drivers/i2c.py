@@ -28,6 +28,8 @@ the delay and charges it to the task. Read few bytes at a time, and run the bus 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
 import errno
 import os
 import re
@@ -64,9 +66,9 @@ class I2cTransport(Protocol):
 
 class I2cBus:
     """
-    One bus, shared by the devices on it.
+    One bus as one device sees it.
 
-    :ivar path: where it is, as the first device wrote it.
+    :ivar path: where it is, as the device's configuration says.
     :ivar transfers: transactions that went well.
     :ivar failures: transactions that did not.
     :ivar gone: the bus itself went away; it has to be opened anew.
@@ -121,16 +123,21 @@ class I2cBus:
         self.transfers += 1
         return answer
 
-    def close(self) -> None:
-        """Let go of the bus; does not raise."""
-        self._transport.close()
+
+@dataclass
+class _Open:
+    """An open bus and who is on it."""
+
+    transport: I2cTransport
+    users: list[I2cBus] = field(default_factory=list)
 
 
 class I2cBuses:
     """
     The buses that are open, each once however many devices are on it.
 
-    A device takes its bus when it is opened and gives it back when it is closed.
+    A device takes its bus when it is opened and gives it back when it is closed. What it gets is
+    its own, so that errors name the port as it is in its configuration; what is below is shared.
     """
 
     def __init__(self, opener: Callable[[str], I2cTransport] | None = None) -> None:
@@ -140,8 +147,8 @@ class I2cBuses:
         :param opener: opens what carries the bytes; by default what the path is.
         """
         self._opener = opener
-        self._open: dict[str, I2cBus] = {}
-        self._users: dict[I2cBus, int] = {}
+        self._open: dict[str, _Open] = {}
+        self._left: list[_Open] = []
 
     def take(self, path: str) -> I2cBus:
         """
@@ -150,23 +157,31 @@ class I2cBuses:
         :raises DeviceError: it cannot be opened; the message says what to do.
         """
         real = os.path.realpath(path)
-        bus = self._open.get(real)
-        if bus is None or bus.gone:
-            bus = I2cBus(path, (self._opener or open_transport)(path))
-            self._open[real] = bus
-        self._users[bus] = self._users.get(bus, 0) + 1
+        found = self._open.get(real)
+        if found is not None and any(bus.gone for bus in found.users):
+            # Those who are still on it will notice, and open the new one.
+            self._left.append(self._open.pop(real))
+            found = None
+        if found is None:
+            found = self._open[real] = _Open((self._opener or open_transport)(path))
+        bus = I2cBus(path, found.transport)
+        found.users.append(bus)
         return bus
 
     def give_back(self, bus: I2cBus) -> None:
-        """Say that a device needs the bus no more; the last one closes it."""
-        left = self._users.get(bus, 0) - 1
-        if left > 0:
-            self._users[bus] = left
-            return
-        if self._users.pop(bus, None) is not None:
-            bus.close()
-        for real in [key for key, value in self._open.items() if value is bus]:
-            del self._open[real]
+        """Say that a device needs its bus no more; the last one closes what is below."""
+        for each in (*self._open.values(), *self._left):
+            if bus in each.users:
+                each.users.remove(bus)
+                if not each.users:
+                    each.transport.close()
+        self._open = {real: each for real, each in self._open.items() if each.users}
+        self._left = [each for each in self._left if each.users]
+
+    @property
+    def open_count(self) -> int:
+        """Give the number of open buses."""
+        return len(self._open) + len(self._left)
 
 
 # The open files of this process: as global as /dev is.

@@ -24,6 +24,7 @@ there every address has a file of its own, and a task that preempts another cann
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 from typing import Any
 from typing import Final
@@ -31,6 +32,10 @@ from typing import Final
 import smbus2
 
 SMBUS_BLOCK: Final = 32
+# Linux waits one second for a bus that is held low, in which nothing of the core would run. The
+# longest transfer of a driver takes 12 ms at 100 kHz; the rest is for chips that hold the clock.
+_TIMEOUT_MS: Final = 50
+_I2C_TIMEOUT: Final = 0x0702  # its unit is 10 ms
 _SYSFS: Final = '/sys/bus/i2c/devices'
 
 
@@ -94,6 +99,11 @@ def _open(path: str) -> Any:
     except OSError:
         bus.close()  # it was opened and found to be no bus
         raise
+    descriptor: Any = bus.fd
+    try:
+        fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_MS // 10)
+    except OSError:
+        pass  # then it is the one second
     return bus
 
 

@@ -30,8 +30,8 @@ from rt_robot_os.drivers.encoders.i2c_packets import MAXIMUM
 from rt_robot_os.drivers.encoders.i2c_packets import parse_answer
 from rt_robot_os.drivers.encoders.i2c_packets import request
 
-# An adapter of Linux gives up after one second.
-_TIMEOUT_S: Final = 1.0
+# Longer than that of a real bus: the chips are in an ordinary process, of a busy machine perhaps.
+_TIMEOUT_S: Final = 0.3
 
 
 class SocketTransport:
@@ -53,18 +53,21 @@ class SocketTransport:
 
         :raises OSError: with the errno that Linux has for it.
         """
-        connection = self._connections.get(address)
+        # Taken out for as long as it lasts: when it is cut short, by a time-out or by the kernel
+        # aborting the task, the answer may come later, and is not that of the next one.
+        connection = self._connections.pop(address, None)
         if connection is None:
             connection, self._spare = self._spare or self._connect(), None
-            self._connections[address] = connection
         try:
             connection.send(request(address, data, size))
             packet = connection.recv(MAXIMUM)
-        except (BlockingIOError, TimeoutError):
-            # The answer may come later and must not be taken for that of the next transaction.
-            del self._connections[address]
+        except TimeoutError:
             connection.close()
             raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from None
+        except BaseException:
+            connection.close()
+            raise
+        self._connections[address] = connection
         parsed = parse_answer(packet)
         if parsed is None:
             raise OSError(errno.ECONNRESET, os.strerror(errno.ECONNRESET))

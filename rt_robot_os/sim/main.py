@@ -32,6 +32,7 @@ from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import FAULTS
+from rt_robot_os.sim.faults import I2C_FAULTS
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log
@@ -41,7 +42,7 @@ from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.sim.server import SimServer
 
 _USAGE_ERROR: Final = 2
-_FAULT_HELP: Final = ', '.join(FAULTS)
+_FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}'
 _SIGNALS: Final = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 

@@ -132,7 +132,7 @@ class I2cContract:
             for part in ('dut: I2C bus /dev/i2c-7', address, self.named, self.stranger,
                          'change type or address'):
                 assert part in text, text
-            assert not rig.device.buses._open
+            assert rig.device.buses.open_count == 0
 
     def test_a_chip_that_nobody_knows(self) -> None:
         rig = I2cRig(self.simulator, self.driver, {}, {})
@@ -290,7 +290,7 @@ class I2cContract:
             rig.run(500)
             rig.device.close()
             rig.device.close()
-            assert not rig.device.buses._open
+            assert rig.device.buses.open_count == 0
             assert rig.device.fileno() is None
             rig.device.open()
             assert rig.run(1000) > 0

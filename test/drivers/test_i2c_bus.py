@@ -85,25 +85,38 @@ def test_a_bus_is_opened_once_and_closed_by_the_last(tmp_path: Path) -> None:
 
     buses = I2cBuses(opener)
     first, second = buses.take(str(tmp_path / 'bus')), buses.take(str(tmp_path / 'link'))
-    assert first is second and len(made) == 1
+    assert len(made) == buses.open_count == 1
+    assert (first.path, second.path) == (str(tmp_path / 'bus'), str(tmp_path / 'link'))
     buses.give_back(first)
-    assert not made[0].closed
-    buses.give_back(first)
-    assert made[0].closed == 1
     buses.give_back(first)  # once too often
-    assert made[0].closed == 1
-    assert buses.take(str(tmp_path / 'bus')) is not first and len(made) == 2
+    assert not made[0].closed
+    buses.give_back(second)
+    assert made[0].closed == 1 and buses.open_count == 0
+    buses.take(str(tmp_path / 'bus'))
+    assert len(made) == 2
 
 
 def test_a_bus_that_went_away_is_not_shared_any_more() -> None:
-    buses = I2cBuses(lambda path: ScriptedTransport(failing(errno.ENODEV)))
-    old = buses.take('/dev/i2c-1')
+    made: list[ScriptedTransport] = []
+
+    def opener(path: str) -> ScriptedTransport:
+        made.append(ScriptedTransport(failing(errno.ENODEV)))
+        return made[-1]
+
+    buses = I2cBuses(opener)
+    old, other = buses.take('/dev/i2c-1'), buses.take('/dev/i2c-1')
     with pytest.raises(DeviceError, match='the bus is gone'):
         old.transfer(8, b'', 1)
     new = buses.take('/dev/i2c-1')
-    assert new is not old
+    assert len(made) == buses.open_count == 2
     buses.give_back(old)
-    assert buses.take('/dev/i2c-1') is new
+    assert not made[0].closed
+    buses.give_back(other)
+    assert made[0].closed and not made[1].closed
+    buses.take('/dev/i2c-1')
+    assert len(made) == 2
+    buses.give_back(new)
+    assert not made[1].closed
 
 
 def test_transfers_and_failures_are_counted() -> None:
@@ -173,7 +186,8 @@ class KernelBus:
         class Bus(smbus2.SMBus):  # type: ignore[misc]
             def open(self, path: str) -> None:  # noqa: A003
                 kernel.opened += 1
-                self.fd, self.funcs = None, smbus2.I2cFunc(kernel.functions)
+                self.fd = os.open('/dev/null', os.O_RDWR)
+                self.funcs = smbus2.I2cFunc(kernel.functions)
 
             def i2c_rdwr(self, *messages: Any) -> None:
                 assert len({m.addr for m in messages}) == 1
@@ -228,17 +242,33 @@ def test_drivers_run_over_smbus2_on_both_kinds_of_adapters(
         kernel.now_ns += 1_000_000
         for i, device in enumerate(devices):
             samples[i] += device.read(kernel.now_ns)
+    for device in devices:
+        device.close()
     assert samples[0] == pytest.approx(75, abs=5) and samples[1] == pytest.approx(60, abs=5)
+
+
+def test_the_time_out_of_the_adapter_is_set(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from rt_robot_os.drivers import i2c_linux
+    calls: list[tuple[int, int]] = []
+    monkeypatch.setattr(i2c_linux.fcntl, 'ioctl', lambda fd, what, value: calls.append(
+        (what, value)))
+    kernel = KernelBus(I2cPort(tmp_path / 'bus'), smbus2.I2cFunc.I2C)
+    monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
+    i2c_linux.LinuxTransport('/dev/i2c-1').close()
+    assert calls == [(0x0702, 5)]  # 50 ms, in the unit of linux/i2c-dev.h
 
 
 def test_what_smbus_cannot_do_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from rt_robot_os.drivers.i2c_linux import LinuxTransport
     kernel = KernelBus(I2cPort(tmp_path / 'bus'), smbus2.I2cFunc.SMBUS_I2C_BLOCK)
     monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
-    bus = I2cBus('/dev/i2c-1', LinuxTransport('/dev/i2c-1'))
+    below = LinuxTransport('/dev/i2c-1')
+    bus = I2cBus('/dev/i2c-1', below)
     for data, size in ((b'\0', 33), (bytes(40), 0), (b'', 1)):
         with pytest.raises(DeviceError, match='the adapter cannot do this transfer'):
             bus.transfer(0x76, data, size)
+    below.close()
 
 
 def test_a_chip_that_linux_has_is_not_talked_to(
@@ -251,11 +281,13 @@ def test_a_chip_that_linux_has_is_not_talked_to(
     monkeypatch.setattr(i2c_linux, '_SYSFS', str(tmp_path))
     kernel = KernelBus(I2cPort(tmp_path / 'bus'), smbus2.I2cFunc.I2C)
     monkeypatch.setattr(smbus2, 'SMBus', kernel.smbus())
-    bus = I2cBus('/dev/i2c-1', i2c_linux.LinuxTransport('/dev/i2c-1'))
+    below = i2c_linux.LinuxTransport('/dev/i2c-1')
+    bus = I2cBus('/dev/i2c-1', below)
     with pytest.raises(DeviceError, match='busy .the Linux driver bmp280 has the device.*0076'):
         bus.read_block(0x76, 0xD0, 1)
     with pytest.raises(DeviceError, match='no device answers'):
         bus.read_block(0x77, 0xD0, 1)
+    below.close()
 
 
 # --- the socket ----------------------------------------------------------------------------------
@@ -279,9 +311,9 @@ def test_both_paths_lead_to_one_bus(served: I2cPort) -> None:
     buses = I2cBuses()
     one = buses.take(str(served.socket_path.with_name('baro')))
     two = buses.take(str(served.socket_path.with_name('imu')))
-    assert one is two
+    assert buses.open_count == 1
     assert one.read_block(0x76, 0xD0, 1) == b'\x58'
-    assert one.read_block(0x68, 0x75, 1) == b'\x68'
+    assert two.read_block(0x68, 0x75, 1) == b'\x68'
     with pytest.raises(DeviceError, match='address 0x33: no device answers'):
         one.read_block(0x33, 0, 1)
     buses.give_back(one)
@@ -303,6 +335,9 @@ def test_a_transaction_within_another_gets_its_own_answer(served: I2cPort) -> No
 
         def recv(self, size: int) -> bytes:
             return outer.recv(size)
+
+        def close(self) -> None:
+            outer.close()
 
     preempted: Any = Preempted()
     transport._connections[0x76] = preempted
@@ -328,12 +363,40 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
         served: I2cPort, monkeypatch: pytest.MonkeyPatch) -> None:
     from rt_robot_os.drivers import i2c_socket
     monkeypatch.setattr(i2c_socket, '_TIMEOUT_S', 0.0005)
-    bus = I2cBus('bus', SocketTransport(str(served.socket_path)))
+    below = SocketTransport(str(served.socket_path))
+    bus = I2cBus('bus', below)
     with pytest.raises(DeviceError, match='the transfer timed out'):
         bus.read_block(0x76, 0x88, 200)
     monkeypatch.setattr(i2c_socket, '_TIMEOUT_S', 5.0)
     assert bus.read_block(0x76, 0xD0, 1) == b'\x58'
-    bus.close()
+    below.close()
+
+
+def test_a_task_that_is_aborted_in_a_transaction_spoils_no_other(
+        served: I2cPort, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Aborted(BaseException):
+        pass
+
+    transport = SocketTransport(str(served.socket_path))
+    transport.transfer(0x76, b'\xd0', 1)
+    true = transport._connections[0x76]
+
+    class Cut:
+        """A connection in whose middle the task is aborted."""
+
+        def send(self, packet: bytes) -> None:
+            true.send(packet)
+            raise Aborted
+
+        def close(self) -> None:
+            true.close()
+
+    cut: Any = Cut()
+    transport._connections[0x76] = cut
+    with pytest.raises(Aborted):
+        transport.transfer(0x76, b'\x88', 24)
+    assert transport.transfer(0x76, b'\xd0', 1) == b'\x58'
+    transport.close()
 
 
 @pytest.mark.parametrize('packet', [b'x', b'\x09\x76\x01\x00', bytes(5000)])
@@ -353,13 +416,14 @@ def test_nobody_behind_the_socket(tmp_path: Path) -> None:
     port = I2cPort(tmp_path / 'i2c-sim')
     path = port.link('baro')
     port.plug()
-    transport = I2cBus('bus', SocketTransport(str(path)))
+    below = SocketTransport(str(path))
+    transport = I2cBus('bus', below)
     port.unplug()
     port.unplug()
     with pytest.raises(DeviceError, match='the bus is gone'):
         transport.read_block(0x76, 0, 1)
     assert transport.gone
-    transport.close()
+    below.close()
     with pytest.raises(DeviceError, match='does not exist'):
         open_transport(str(path))
     assert os.listdir(tmp_path) == []

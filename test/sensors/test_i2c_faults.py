@@ -149,13 +149,13 @@ def test_many_chips_share_one_bus_and_none_loses_anything() -> None:
     robot.add('c', 'mpu6050', address=0x68)
     robot.add('d', 'mpu6050', address=0x69, output_rate_hz=200.0)
     robot.run(5)
-    assert len(robot.buses._open) == 1
+    assert robot.buses.open_count == 1
     for name, rate in (('a', 25), ('b', 20), ('c', 100), ('d', 200)):
         assert robot.samples(name, 2) == pytest.approx(2 * rate, abs=4)
         statistics = robot.devices[name].device.statistics()
         assert statistics.lost_samples == statistics.rejected_frames == 0
     robot.manager.close()
-    assert not robot.buses._open
+    assert robot.buses.open_count == 0
 
 
 def test_the_same_robot_runs_the_same_each_time() -> None:

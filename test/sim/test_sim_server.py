@@ -30,6 +30,7 @@ from typing import Any
 import pytest
 from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
+from rt_robot_os.drivers.i2c_socket import SocketTransport
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim import main as commands
 from rt_robot_os.sim.pty_port import PtyPort
@@ -185,6 +186,28 @@ def test_simulator(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         _, rest = process.communicate(timeout=20)
         assert (process.returncode, rest) == (0, '')
+    assert os.listdir(tmp_path) == []
+
+
+def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
+    with running('main', 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
+        output = Lines(process.stdout)
+        paths = dict(output.next_line().split() for _ in range(2))
+        assert paths == {'imu': str(tmp_path / 'imu'), 'baro': str(tmp_path / 'baro')}
+        bus = SocketTransport(paths['imu'])
+        assert bus.transfer(0x68, b'\x75', 1) == b'\x68'
+        assert bus.transfer(0x76, b'\xd0', 1) == b'\x58'
+        assert process.stdin is not None
+        process.stdin.write('baro nack 600\nbaro short 1\n')
+        process.stdin.flush()
+        assert "no fault 'short': use one of silent" in Lines(process.stderr).next_line()
+        with pytest.raises(OSError, match='Remote I/O'):
+            while True:
+                bus.transfer(0x76, b'\xd0', 1)
+        assert bus.transfer(0x68, b'\x75', 1) == b'\x68'
+        bus.close()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=20) == 0
     assert os.listdir(tmp_path) == []
 
 
