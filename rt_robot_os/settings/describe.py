@@ -94,7 +94,18 @@ Each name in `modules` has a section with these keys and those of its class.
 """
 
 _TASK_TEXT: Final = """\
-The section of a device or a module may also say this of its task.
+The section of a device or a module may also say this of its task. What contradicts itself is
+refused: a budget above the period with `on_budget: abort`, a deadline that no overrun policy can
+keep, `failure: safe_state` for a class without a method `safe_state()`, modules that release each
+other in a circle. So is a new rate that would contradict.
+
+With `failure: restart` a module is deactivated and activated again, not configured; a device is
+closed and opened anew. A task that was stopped or is in its safe state is held until it is
+re-armed: `ros2 service call /robot/rearm std_srvs/srv/Trigger`.
+"""
+
+_WATCHDOG_TEXT: Final = """\
+It watches the tasks with `critical: true`; see `docs/watchdog.md`.
 """
 
 _TOPIC_TEXT: Final = """\
@@ -114,7 +125,8 @@ def describe(catalogue: Catalogue | None = None) -> str:
         _HEAD,
         _section('The robot', '', ROBOT),
         _section('`core`: the real-time process', '', CORE),
-        _section('`watchdog`: what happens when a critical task stands still', '', WATCHDOG),
+        _section('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
+                 WATCHDOG),
         _section('Devices', _DEVICE_TEXT, _without_task(DEVICE)),
         _section('Modules', _MODULE_TEXT, _without_task(MODULE)),
         _section('Tasks', _TASK_TEXT, TASK),

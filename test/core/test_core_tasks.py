@@ -236,6 +236,26 @@ def test_a_device_that_is_restarted_is_opened_anew(make_core: MakeCore) -> None:
     assert managed.faults == 0
 
 
+def test_a_driver_that_runs_away_is_aborted_and_opened_anew(make_core: MakeCore) -> None:
+    core = make_core(IMU.replace('100.0}', '100.0, budget_us: 1000, on_budget: abort, failure: '
+                                 'restart, restart_s: 0.1}'))
+    managed = core.sensors.devices[0]
+    opened: list[str] = []
+    managed.device.open = lambda: opened.append('open')  # type: ignore[method-assign]
+    managed.device.close = lambda: None  # type: ignore[method-assign]
+
+    def read(now_ns: int) -> int:
+        if len(opened) == 1 and now_ns > core.kernel.start_ns + S // 5:
+            core.kernel.clock.spend(5 * MS)
+        return 1
+
+    managed.device.read = read  # type: ignore[method-assign]
+    run(core, S)
+    statistics = core.kernel.task('imu').statistics()
+    assert (statistics.aborted, statistics.state) == (1, TaskState.ACTIVE)
+    assert opened == ['open', 'open'] and managed.state is DeviceState.ACTIVE
+
+
 def test_a_device_with_outputs_has_a_safe_state(make_core: MakeCore) -> None:
     core = make_core(IMU)
     device = core.sensors.devices[0].device

@@ -24,6 +24,7 @@ import pytest
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.watchdog import Watchdog
+from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import TaskState
@@ -157,6 +158,17 @@ def test_all_tasks_with_a_safe_state_go_there() -> None:
     assert robot.task.state is other.state is TaskState.SAFE
     assert plain.state is TaskState.ACTIVE
     assert robot.fed[-1] > S + 900 * MS  # what is safe is fed
+
+
+@pytest.mark.parametrize('failure', list(FailurePolicy))
+def test_a_task_that_pauses_or_was_stopped_goes_to_its_safe_state_too(
+        failure: FailurePolicy) -> None:
+    robot = Robot('safe_state', failure=failure, restart_ns=5 * S, restart_maximum_ns=5 * S)
+    robot.trouble = lambda: robot.kernel.now_ns() > S + 100 * MS and fail()
+    robot.run(1.0)
+    assert robot.task.state is TaskState.SAFE
+    assert robot.safe == 1
+    assert robot.fed[-1] > S + 900 * MS
 
 
 def test_rearmed_tasks_are_judged_anew() -> None:
