@@ -238,6 +238,7 @@ class Answers:
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
+            'black_box': core.black_box.statistics(),
             'accepted': core.link.accepted, 'refused': core.link.refused,
             'realtime': [asdict(result) for result in core.realtime]})
         session.post(encode_json(Kind.REPLY, {}, seq=number))

@@ -145,6 +145,10 @@ class BlackBoxKeeper:
             self._note(Severity.ERROR, 'not saved: its writer does not take it '
                        f'({error}); look for its message above')
 
+    def statistics(self) -> dict[str, int]:
+        """Count dumps that were saved, dumps that were lost, and faults that came too soon."""
+        return {'saved': self.saved, 'lost': self.lost, 'held_back': self.held_back}
+
     def facts(self) -> dict[str, str | int]:
         """Say what a dump does not: whose it is, and the time of day."""
         return {'robot': self._robot, 'pid': os.getpid(),

@@ -96,7 +96,8 @@ class Diagnostics:
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
                    'clients_refused': now.core['refused'], 'pid': now.core['pid'],
-                   'watchdog': watchdog}
+                   'watchdog': watchdog,
+                   **{f'black_box_{key}': n for key, n in now.core['black_box'].items()}}
         return _status(f'{self._name}: core', level, message, values)
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
