@@ -22,6 +22,7 @@ from datetime import datetime
 import os
 from pathlib import Path
 import re
+import tempfile
 
 from rt_robot_os.blackbox.dump_file import SUFFIX
 from rt_robot_os.blackbox.dump_file import write_parts
@@ -35,12 +36,21 @@ _REASON_MAXIMUM = 40
 
 
 def default_folder() -> Path:
-    """Give ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``."""
+    """
+    Give ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``.
+
+    A user without a home, as in some containers, has the folder for temporary files.
+    """
     explicit = os.environ.get('ROS_LOG_DIR')
     if explicit:
-        return Path(explicit).expanduser()
-    home = os.environ.get('ROS_HOME')
-    return (Path(home).expanduser() if home else Path.home() / '.ros') / 'log'
+        return expanded(explicit)
+    home = expanded(os.environ.get('ROS_HOME') or '~/.ros')
+    return home / 'log' if home.parts[:1] != ('~',) else Path(tempfile.gettempdir())
+
+
+def expanded(folder: str) -> Path:
+    """Replace ``~`` by the user's home, where there is one."""
+    return Path(os.path.expanduser(folder))
 
 
 def file_name(robot: str, reason: str, moment: datetime) -> str:

@@ -225,7 +225,8 @@ def _jobs(dump: BlackBoxDump) -> tuple[Job, ...]:
     found, depths = slices([Span(start_ns, end_ns) for _, _, start_ns, end_ns, _ in raw],
                            _begin_ns(dump) if dump.full else None)
     late = _late(dump, raw)
-    jobs = [Job(task, release_ns, start_ns, end_ns,
+    # A task that an event released again while it runs has forgotten its first release.
+    jobs = [Job(task, min(release_ns, start_ns), start_ns, end_ns,
                 Outcome(outcome) if 0 <= outcome <= Outcome.RUNNING else Outcome.FAILED,
                 tuple(found[index]), depths[index], late.get(index, 0))
             for index, (task, release_ns, start_ns, end_ns, outcome) in enumerate(raw)]

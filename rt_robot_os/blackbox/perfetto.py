@@ -63,6 +63,7 @@ class _Document:
         self._robot = robot
         self._names: dict[int, str] = {}
         self._base_ns = min([history.from_ns, *(j.release_ns for j in history.jobs),
+                             *(m.at_ns for m in history.moments),
                              *(b.from_ns for b in history.blocked),
                              *(h.enter_ns for h in history.holds)])
 

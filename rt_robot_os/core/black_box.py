@@ -22,12 +22,12 @@ import itertools
 import json
 import marshal
 import os
-from pathlib import Path
 import socket
 import subprocess
 import sys
 
 from rt_robot_os.blackbox.folder import default_folder
+from rt_robot_os.blackbox.folder import expanded
 from rt_robot_os.blackbox.parts import live_parts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.reports import Report
@@ -59,8 +59,8 @@ class BlackBoxWriter:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
             self._process = subprocess.Popen(
                 [sys.executable, '-m', 'rt_robot_os.blackbox.writer_process',
-                 str(theirs.fileno()), str(Path(folder).expanduser() if folder
-                                           else default_folder()), robot],
+                 str(theirs.fileno()), str(expanded(folder) if folder else default_folder()),
+                 robot],
                 pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
     def close(self) -> None:

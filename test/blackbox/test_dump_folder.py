@@ -20,6 +20,7 @@ from __future__ import annotations
 from datetime import datetime
 import os
 from pathlib import Path
+import tempfile
 
 from black_box_stories import Story
 from black_box_stories import TEXTS
@@ -65,6 +66,13 @@ def test_the_folder_is_that_of_ros(monkeypatch: pytest.MonkeyPatch) -> None:
     assert default_folder() == Path('/other/log')
     monkeypatch.setenv('ROS_LOG_DIR', '/logs')
     assert default_folder() == Path('/logs')
+
+
+def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ('ROS_LOG_DIR', 'ROS_HOME', 'HOME'):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(os, 'getuid', lambda: 123_456_789)
+    assert default_folder() == Path(tempfile.gettempdir())
 
 
 def test_the_oldest_dumps_of_a_robot_give_way(tmp_path: Path) -> None:

@@ -93,6 +93,11 @@ def test_jobs_that_still_run_are_there_with_what_preempted_them() -> None:
         'imu': (Outcome.OK, ((12 * MS, 13 * MS),), 2)}
 
 
+def test_a_job_that_was_released_again_while_it_runs_does_not_start_before_its_release() -> None:
+    job, = _history([], at_ns=20 * MS, running=((PLANNER, 15 * MS, 10 * MS),)).jobs
+    assert job.latency_ns == 0
+
+
 def test_an_empty_black_box_is_understood() -> None:
     history = _history([])
     assert history.jobs == history.moments == history.blocked == ()
