@@ -27,6 +27,8 @@ from typing import Final
 
 from rt_robot_os.drivers.decoders.maxbotix import MaxBotixDecoder
 from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+from rt_robot_os.drivers.decoders.scip import checksum
+from rt_robot_os.drivers.decoders.scip import LINE_CHARACTERS
 from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
 from rt_robot_os.drivers.decoders.xbus import XbusDecoder
@@ -54,11 +56,18 @@ def _is_maxbotix(data: bytes) -> bool:
     return len(decoder.feed(data)) > 1 and decoder.rejected_bytes < len(data) // 4
 
 
+def _is_scip(data: bytes) -> bool:
+    # A scan is longer than what is kept: look for its lines.
+    lines = [line for line in data.split(b'\n')[1:-1] if len(line) == LINE_CHARACTERS + 1]
+    return len(lines) > 2 and all(checksum(line[:-1]) == line[-1] for line in lines)
+
+
 # What is asked for sure, with the driver's name; the surest first.
 _KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
     ('UBX messages', 'ublox', _is_ubx),
     ('NMEA 0183 sentences', 'nmea', _is_nmea),
     ('Xbus messages', 'xsens', _is_xbus),
+    ('SCIP scans', 'hokuyo', _is_scip),
     ('WitMotion frames', 'witmotion', _is_witmotion),
     ('MaxBotix readings', 'maxbotix', _is_maxbotix),
 )

@@ -30,6 +30,7 @@ DRIVERS: Final[PluginRegistry[Device]] = PluginRegistry(
         'bmp280': 'rt_robot_os.drivers.bmp280:Bmp280',
         'bmp388': 'rt_robot_os.drivers.bmp388:Bmp388',
         'bno055': 'rt_robot_os.drivers.bno055:Bno055',
+        'hokuyo': 'rt_robot_os.drivers.hokuyo:Hokuyo',
         'maxbotix': 'rt_robot_os.drivers.maxbotix:MaxBotix',
         'mpu6050': 'rt_robot_os.drivers.mpu6050:Mpu6050',
         'ms5611': 'rt_robot_os.drivers.ms5611:Ms5611',

@@ -39,10 +39,14 @@ from rt_robot_os.sim.player import load_log
 from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.registry import SIMULATORS
+from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 
 _USAGE_ERROR: Final = 2
 _FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}'
+_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
+_BAUD: Final = 9600
+_SCAN_BAUD: Final = 500000
 _SIGNALS: Final = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -80,9 +84,12 @@ def player(argv: Sequence[str] | None = None) -> int:
     arguments = _player_parser().parse_args(argv)
     try:
         lines = load_log(arguments.file)
-        pieces = by_nmea_time(lines) if arguments.times else at_line_speed(lines)
+        pieces = _PACES[arguments.pace](lines)
+        baud = arguments.baud
+        if baud is None:
+            baud = _SCAN_BAUD if arguments.pace == 'scans' else _BAUD
         playing = Player(
-            pieces, PtyPort(arguments.link), arguments.baud, loop=arguments.loop,
+            pieces, PtyPort(arguments.link), baud, loop=arguments.loop,
             speed=arguments.speed, wait_for_reader=arguments.wait)
         playing.port.plug()
     except (ConfigError, DeviceError) as error:
@@ -156,9 +163,14 @@ def _player_parser() -> argparse.ArgumentParser:
         prog='player', description='Play a recorded log of bytes through a pty.')
     parser.add_argument('file', help='the log; lines beginning with # are left out')
     parser.add_argument('--link', required=True, help='path that the driver opens')
-    parser.add_argument('--baud', type=int, default=9600, help='speed of the line (%(default)s)')
-    parser.add_argument('--times', action='store_true',
-                        help='begin each epoch at the time in its NMEA sentences')
+    parser.add_argument('--baud', type=int,
+                        help=f'speed of the line ({_BAUD}; {_SCAN_BAUD} with --scans)')
+    pace = parser.add_mutually_exclusive_group()
+    pace.add_argument('--times', action='store_const', const='times', dest='pace', default='line',
+                      help='begin each epoch at the time in its NMEA sentences')
+    pace.add_argument('--scans', action='store_const', const='scans', dest='pace',
+                      help='the log holds scans of a Hokuyo URG-04LX, one a line, in the format '
+                      'of BreezySLAM; read it with type: hokuyo and configure: false')
     parser.add_argument('--loop', action='store_true', help='begin again at the end')
     parser.add_argument('--speed', type=float, default=1.0, help='times faster than recorded')
     parser.add_argument('--wait', action='store_true', help='begin when somebody reads')

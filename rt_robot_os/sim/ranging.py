@@ -77,7 +77,8 @@ class SimulatedSharp(SimulatedRange):
     """A converter with Sharp range finders on its first channels; below 0.1 m they are wrong."""
 
     SETTINGS = common_settings(25.0, 1000.0) + _wall(0.08, 1.0) + (
-        Field('model', str, 'gp2y0a21', 'Whose fit gives the voltage.', choices=tuple(encode.SHARP_FITS)),
+        Field('model', str, 'gp2y0a21', 'Whose fit gives the voltage.',
+              choices=tuple(encode.SHARP_FITS)),
         Field('channels', int, 1, 'Channels that it sends, all of the same wall.', minimum=1,
               maximum=16),
     )

@@ -30,6 +30,7 @@ SIMULATORS: Final[PluginRegistry[Simulated]] = PluginRegistry(
         'bmp280': 'rt_robot_os.sim.bmp280:SimulatedBmp280',
         'bmp388': 'rt_robot_os.sim.bmp388:SimulatedBmp388',
         'bno055': 'rt_robot_os.sim.bno055:SimulatedBno055',
+        'hokuyo': 'rt_robot_os.sim.hokuyo:SimulatedHokuyo',
         'maxbotix': 'rt_robot_os.sim.ranging:SimulatedMaxBotix',
         'mpu6050': 'rt_robot_os.sim.mpu6050:SimulatedMpu6050',
         'ms5611': 'rt_robot_os.sim.ms5611:SimulatedMs5611',

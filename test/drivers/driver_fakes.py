@@ -44,6 +44,9 @@ _FIELDS: dict[str, dict[str, Any]] = {
         'linear_acceleration': _VECTOR, 'linear_acceleration_covariance': 9,
     },
     'sensor_msgs/msg/MagneticField': {'magnetic_field': _VECTOR, 'magnetic_field_covariance': 9},
+    'sensor_msgs/msg/LaserScan': dict.fromkeys((
+        'angle_min', 'angle_max', 'angle_increment', 'time_increment', 'scan_time', 'range_min',
+        'range_max')),
     'sensor_msgs/msg/Range': dict.fromkeys((
         'radiation_type', 'field_of_view', 'min_range', 'max_range', 'range', 'variance')),
     'sensor_msgs/msg/NavSatFix': {
@@ -124,7 +127,9 @@ class FakePublisher:
 
     def __init__(self, publication: Publication) -> None:
         self.publication = publication
-        self.msg: Any = FakeMessage(_FIELDS[publication.message])
+        lengths = {name: size for name, size in publication.fixed.items()
+                   if isinstance(size, int)}
+        self.msg: Any = FakeMessage({**_FIELDS[publication.message], **lengths})
         self.stamps: list[int] = []
         self.samples: list[Any] = []
 

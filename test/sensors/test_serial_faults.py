@@ -58,6 +58,9 @@ CASES = {
     'witmotion': Case(100),
     'nmea': Case(5, {'baud': 38400}, {'rate_hz': 5.0}, 'gps/fix',
                  'these are WitMotion frames at .* baud: set type: witmotion'),
+    'hokuyo': Case(10, topic='scan', silent='silent for 1 s: check its power .it needs up to'),
+    'hokuyo that scans': Case(10, {'configure': False}, {'scanning': True}, 'scan',
+                              silent='silent for 1 s: check its power .it needs up to'),
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
     'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
     'ublox': Case(5, {'output_rate_hz': 5.0}, {'rate_hz': 5.0}, 'gps/fix',
@@ -229,3 +232,13 @@ def test_a_converter_without_the_channel_is_told(monkeypatch: pytest.MonkeyPatch
     assert bench.errors('dut')[0].startswith('it sends channel ')
     assert 'none of [4, 5]: set channels' in bench.errors('dut')[0]
     assert bench.devices['dut'].state is not DeviceState.ACTIVE
+
+
+def test_another_scanner_is_told_with_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    dut = bench.add('dut', 'hokuyo', {}, {'product': 'UTM-30LX'})
+    bench.run(3)
+    assert bench.errors('dut') == [
+        'the settings do not fit: it is UTM-30LX(simulated), so set steps_per_turn: 1440, '
+        'front_step: 540']
+    assert dut.state is not DeviceState.ACTIVE
