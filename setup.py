@@ -50,6 +50,7 @@ setup(
             'core = rt_robot_os.cli.core:main',
             'doctor = rt_robot_os.cli.doctor:main',
             'echo = rt_robot_os.cli.echo:main',
+            'i2c_bridge = rt_robot_os.cli.i2c_bridge:main',
             'plan = rt_robot_os.cli.plan:main',
             'player = rt_robot_os.sim.main:player',
             'robot = rt_robot_os.cli.robot:main',

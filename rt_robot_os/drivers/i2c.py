@@ -114,7 +114,7 @@ class I2cBus:
             answer = self._transport.transfer(address, data, size)
         except OSError as error:
             self.failures += 1
-            self.gone = self.gone or error.errno in _GONE
+            self.gone = self.gone or is_gone(error)
             raise _transfer_error(self.path, address, error) from error
         if len(answer) != size:
             self.failures += 1
@@ -210,6 +210,11 @@ def open_transport(path: str) -> I2cTransport:
     except OSError as error:
         raise _open_error(path, error) from error
     raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')
+
+
+def is_gone(error: OSError) -> bool:
+    """Say whether the open bus is of no use any more after this error."""
+    return error.errno in _GONE
 
 
 def _open_error(path: str, error: OSError) -> DeviceError:

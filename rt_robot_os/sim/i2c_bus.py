@@ -29,10 +29,12 @@ from typing import Final
 from typing import Protocol
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 CLOCK_HZ: Final = 400_000
 _BITS: Final = 9  # eight and the acknowledgement
+_HELD_NS: Final = 50 * NS_PER_MS  # the time-out that the driver sets on a real adapter
 
 
 class Chip(Protocol):
@@ -119,7 +121,7 @@ class EmulatedBus:
             return errno.ENODEV, b'', 0
         if any(each.holds_bus(now_ns) for each in self._chips.values()):
             self.failures += 1
-            return errno.ETIMEDOUT, b'', 0
+            return errno.ETIMEDOUT, b'', _HELD_NS
         try:
             if chip is None:
                 raise OSError(errno.EREMOTEIO, 'nobody has this address')

@@ -22,12 +22,12 @@ would on a real bus.
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 import select
 import socket
 from typing import Final
+from typing import Protocol
 
 from rt_robot_os.drivers.encoders.i2c_packets import answer
 from rt_robot_os.drivers.encoders.i2c_packets import MAXIMUM
@@ -39,17 +39,35 @@ _MAX_CONNECTIONS: Final = 128
 _MAX_ROUNDS: Final = 64
 
 
+class Carrier(Protocol):
+    """What does the transactions."""
+
+    def transfer(
+        self, address: int, data: bytes, size: int, now_ns: int,
+    ) -> tuple[int, bytes, int]:
+        """
+        Do one transaction.
+
+        :return: errno (0 when it went well), the bytes read, and for how long to hold them back.
+        """
+
+
 class I2cPort:
     """
     A bus and the socket that leads to it.
 
-    :ivar bus: the chips.
+    :ivar bus: the emulated chips.
     :ivar socket_path: of the socket.
     """
 
-    def __init__(self, socket_path: Path) -> None:
-        """Keep the path; nothing is opened."""
+    def __init__(self, socket_path: Path, carrier: Carrier | None = None) -> None:
+        """
+        Keep the path; nothing is opened.
+
+        :param carrier: does the transactions; by default the emulated chips.
+        """
         self.bus = EmulatedBus()
+        self._carrier: Carrier = carrier or self.bus
         self.socket_path = socket_path
         self._links: list[Path] = []
         self._listener: socket.socket | None = None
@@ -164,9 +182,7 @@ class I2cPort:
         if wanted is None:
             self._drop(connection.fileno())
             return
-        number, data, duration_ns = self.bus.transfer(*wanted, now_ns)
-        if number == errno.ETIMEDOUT:
-            return  # as on a bus that is held: nothing comes back
+        number, data, duration_ns = self._carrier.transfer(*wanted, now_ns)
         self._busy_until_ns = max(self._busy_until_ns, now_ns) + duration_ns
         self._answers.append((self._busy_until_ns, connection.fileno(), answer(number, data)))
 
