@@ -91,8 +91,11 @@ class _Analyser:
             self._give_up()
         ticks = math.fsum(cost / period for period, _, cost in self._tick_loads())
         jobs = math.fsum(self._overhead.job_ns / s.period_ns for s in self._all)
-        work = math.fsum((s.task.execution_ns or 0) / s.period_ns for s in self._all)
-        return Analysis(tuple(self._found.values()), work + jobs + ticks, jobs + ticks)
+        work, service = (math.fsum(
+            (s.task.execution_ns or 0) / s.period_ns for s in self._all if s.task.judged is judged)
+            for judged in (True, False))
+        return Analysis(
+            tuple(self._found.values()), work + jobs + ticks, service, jobs + ticks)
 
     # ---- loads -------------------------------------------------------------------------------
 

@@ -37,6 +37,7 @@ def document(report: Report) -> dict[str, Any]:
         'summary': '\n'.join(verdict_lines(report)),
         'remedy': report.remedy,
         'utilisation': analysis.utilisation,
+        'utilisation_of_service': analysis.service,
         'utilisation_of_kernel': analysis.overhead,
         'overhead': asdict(report.robot.overhead),
         'hyper_period_ns': report.hyper_period_ns,

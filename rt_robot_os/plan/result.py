@@ -79,18 +79,20 @@ class Analysis:
     What came out.
 
     :ivar tasks: by priority, the highest first, then as they were given.
-    :ivar utilisation: of all tasks that are known, with the kernel's own time.
+    :ivar utilisation: of the tasks that are judged and known, with the kernel's own time.
+    :ivar service: of the others that are known, if each of their jobs took its longest time.
     :ivar overhead: the kernel's own time alone.
     """
 
     tasks: tuple[TaskResult, ...]
     utilisation: float
+    service: float
     overhead: float
 
     @property
     def failed(self) -> tuple[TaskResult, ...]:
-        """Give the tasks that make the set not schedulable."""
-        return tuple(r for r in self.tasks if r.verdict.bad)
+        """Give the tasks that make the set not schedulable; for others there is time or not."""
+        return tuple(r for r in self.tasks if r.verdict.bad and r.task.judged)
 
     @property
     def unjudged(self) -> tuple[TaskResult, ...]:

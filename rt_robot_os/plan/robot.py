@@ -120,9 +120,15 @@ class _Builder:
 
     def _add_modules(self) -> None:
         for module in self._settings.modules:
-            events = self._wiring.events(self._wiring.waking(module.name), module.priority)
-            unknown = '' if events or module.rate_hz else 'nothing is known that releases it'
-            self._add(module.name, 'module', module.priority, module.rate_hz, module.task, events,
+            rate_hz = module.rate_hz
+            if self._wiring.is_coroutine(module.name):
+                rate_hz = 0.0
+                events, unknown = self._outside(
+                    module.name, 'it is a coroutine, which says itself when it goes on')
+            else:
+                events = self._wiring.module_events(module.name, module.priority)
+                unknown = '' if events or rate_hz else 'nothing is known that releases it'
+            self._add(module.name, 'module', module.priority, rate_hz, module.task, events,
                       unknown)
 
     def _add_core(self) -> None:
@@ -142,7 +148,7 @@ class _Builder:
             commands.append(Event('', period_from_rate(self._given.rates_hz[COMMANDS])))
         self._add(COMMANDS, 'core', core.command_priority, 0.0, _NO_TASK, tuple(commands),
                   unknown, judged=False)
-        service = self._wiring.events(self._wiring.outputs(), core.link_priority)
+        service = self._wiring.outputs_events(core.link_priority)
         self._add_service('link/service', core.link_priority, 0.0,
                           (*service, Event(COMMANDS, requests_ns)))
         events, unknown = self._outside('link/accept', 'how often clients connect is not known')
@@ -242,7 +248,9 @@ class _Builder:
         resources = {name for task in self._tasks for name in task.sections}
         problems += [f'--held {name}: no such resource, {did_you_mean(name, resources)}'
                      for name in self._given.held_ns if name not in resources]
-        released = {COMMANDS, 'link/accept', *(n for n in known if n.endswith('/arrival'))}
+        released = {COMMANDS, 'link/accept', *(
+            name for name in known
+            if name.endswith('/arrival') or self._wiring.is_coroutine(name))}
         problems += [f'--rate {name}: it is not released from outside; what is: '
                      f'{", ".join(sorted(released))}'
                      for name in self._given.rates_hz if name in known and name not in released]

@@ -41,11 +41,13 @@ class Stream:
     :ivar parents: the streams of the task that releases; empty for a timer or the world outside.
     :ivar timer: the task's own timer makes it.
     :ivar ticks: it comes with a signal of its own: from a timer or from outside.
+    :ivar waits: its releases do not come within the job of a parent.
     :ivar chain_ns: bound from the first release of the chain to the end of the job; it grows
         while the analysis iterates.
     """
 
-    __slots__ = ('task', 'period_ns', 'jitter_ns', 'parents', 'timer', 'ticks', 'chain_ns')
+    __slots__ = ('task', 'period_ns', 'jitter_ns', 'parents', 'timer', 'ticks', 'waits',
+                 'chain_ns')
 
     def __init__(self, task: PlannedTask, period_ns: int, jitter_ns: int,
                  parents: Sequence[Stream] = (), timer: bool = False) -> None:
@@ -55,6 +57,7 @@ class Stream:
         self.parents = tuple(parents)
         self.timer = timer
         self.ticks = not self.parents
+        self.waits = False
         self.chain_ns = 0
 
     @property
@@ -69,8 +72,9 @@ class Stream:
         Such a chain lies within a busy period of that level. What a logical parent publishes at
         its deadline may come long after its job.
         """
-        return all(p.task.priority >= level and not p.task.logical and p.inside(level)
-                   for p in self.parents)
+        return not self.waits and all(
+            p.task.priority >= level and not p.task.logical and p.inside(level)
+            for p in self.parents)
 
     def jitter_at(self, level: int) -> int:
         """
@@ -132,5 +136,12 @@ class StreamTable:
             self.problems[task.name] = (f'{event.source} releases it, and '
                                         f'{self.problems[event.source]}')
         if event.period_ns:
-            return [Stream(task, event.period_ns, event.jitter_ns, parents)] if parents else []
-        return [Stream(task, parent.period_ns, event.jitter_ns, [parent]) for parent in parents]
+            found = [Stream(task, event.period_ns, event.jitter_ns, parents)] if parents else []
+        else:
+            found = [Stream(task, parent.period_ns * event.every, event.jitter_ns, [parent])
+                     for parent in parents]
+        if event.waits:
+            for stream in found:
+                stream.waits = True
+                stream.jitter_ns += 2 * stream.period_ns
+        return found

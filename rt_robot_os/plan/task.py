@@ -41,11 +41,15 @@ class Event:
         source makes one.
     :ivar jitter_ns: how much later than on a regular grid one may come, besides what the source
         itself is late.
+    :ivar every: only every n-th job of the source makes one; without a ``period_ns``.
+    :ivar waits: others have to publish as well before it comes: up to two periods later.
     """
 
     source: str = ''
     period_ns: int = 0
     jitter_ns: int = 0
+    every: int = 1
+    waits: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,5 +175,6 @@ def _release_problems(task: PlannedTask, known: set[str]) -> Iterable[str]:
             yield f'is released by {event.source!r}, which is no task of this set'
         if not event.source and not event.period_ns:
             yield 'an event from outside needs a period_ns: the least time between two'
-        if not _whole(event.period_ns, 0) or not _whole(event.jitter_ns, 0):
-            yield f'{event!r}: times must be whole numbers, 0 or more'
+        if not (_whole(event.period_ns, 0) and _whole(event.jitter_ns, 0)
+                and _whole(event.every, 1)):
+            yield f'{event!r}: times must be whole numbers, 0 or more, and every 1 or more'

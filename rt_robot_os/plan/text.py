@@ -94,7 +94,8 @@ def _row(result: TaskResult, origin: str) -> tuple[str, ...]:
         ('?' if unknown else 'no end') if response_ns is None else ms(response_ns),
         ms(limit_ns) if limit_ns else '-',
         percent(-result.late_ns / limit_ns) if limit_ns and response_ns is not None else '-',
-        result.verdict.value.upper() if result.verdict.bad else result.verdict.value)
+        result.verdict.value.upper() if result.verdict.bad and task.judged
+        else result.verdict.value)
 
 
 def _blocking_lines(report: Report) -> Iterator[str]:
@@ -146,6 +147,9 @@ def _utilisation(report: Report) -> str:
     text = (f'utilisation: {percent(analysis.utilisation)} % of one CPU{without}; '
             f'{percent(analysis.overhead)} % of it the kernel itself, at '
             f'{overhead.job_ns / 1000:g} us a job and {overhead.tick_ns / 1000:g} us a tick')
+    if analysis.service:
+        text += (f". The core's own tasks: {percent(analysis.service)} %, if each of their jobs "
+                 'took its longest time')
     if analysis.utilisation > THROTTLED:
         text += ('. Linux holds a real-time process that computes more than 95 % of the time up '
                  'for 50 ms a second (kernel.sched_rt_runtime_us): compute less')

@@ -16,10 +16,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import replace
+import math
 
 from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.modules.ports import WAKE_ON_ALL
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.plan.task import Event
 from rt_robot_os.settings import DeviceSettings
@@ -57,7 +61,8 @@ class Wiring:
     def __init__(self, settings: RobotSettings) -> None:
         self._settings = settings
         self._sources: dict[str, list[Source]] = {}
-        self._waking: dict[str, tuple[str, ...]] = {}
+        self._wakes: dict[str, dict[str, bool | int | str]] = {}
+        self._coroutines: set[str] = set()
         for device in settings.devices:
             self._add_device(device)
         for module in settings.modules:
@@ -84,37 +89,70 @@ class Wiring:
         module = module_class(entry.type)(entry.name, entry.settings)
         for each in module.publications():
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
-        self._waking[entry.name] = module.waking_topics()
+        self._wakes[entry.name] = module.wakes()
+        if getattr(module, 'run', None) is not None:
+            self._coroutines.add(entry.name)
 
     def outputs(self) -> tuple[str, ...]:
         """Give the topics that ROS sees, each once."""
         return tuple(dict.fromkeys(
             mirror.topic for mirror in self._settings.mirrors if mirror.direction == 'out'))
 
-    def waking(self, module: str) -> tuple[str, ...]:
-        """Give the topics whose publications release a module."""
-        return self._waking.get(module, ())
+    def is_coroutine(self, module: str) -> bool:
+        """Say whether a module is an ``async def run``, which says itself when it goes on."""
+        return module in self._coroutines
 
-    def events(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
+    def outputs_events(self, priority: int) -> tuple[Event, ...]:
+        """Say what releases the task of a priority that carries topics to ROS."""
+        return self._events(dict.fromkeys(self.outputs(), 1), priority)
+
+    def module_events(self, module: str, priority: int) -> tuple[Event, ...]:
+        """Say what releases a module that wakes on topics."""
+        wakes = self._wakes.get(module, {})
+        together = [topic for topic, wake in wakes.items() if wake == WAKE_ON_ALL]
+        single = {topic: int(wake) for topic, wake in wakes.items() if wake != WAKE_ON_ALL}
+        return self._events(single, priority) + self._together(together, priority)
+
+    def _together(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
         """
-        Say what releases a task of a priority that wakes on topics.
+        Say what releases a task when each of some topics has something new.
+
+        It is released once for each publication of any of them at most, and once more for what
+        was there before: the one that comes least often counts.
+        """
+        if not topics:
+            return ()
+        slowest = min(topics, key=self._rate_hz)
+        return tuple(replace(event, waits=True) for event in self._events({slowest: 1}, priority))
+
+    def _rate_hz(self, topic: str) -> float:
+        """Give the rate of a topic; infinity when it is not known."""
+        return sum(source.topic_rate_hz or source.task_rate_hz or math.inf
+                   for source in self._sources.get(topic, ()))
+
+    def _events(self, topics: Mapping[str, int], priority: int) -> tuple[Event, ...]:
+        """
+        Say what releases a task of a priority that wakes on every n-th sample of topics.
 
         What one job of a task at or above this priority publishes, on any of the topics, makes
         one release: the others find it waiting already.
         """
-        by_task: dict[str, list[Source]] = {}
-        for topic in topics:
+        by_task: dict[str, list[tuple[Source, int]]] = {}
+        for topic, every in topics.items():
             for source in self._sources.get(topic, ()):
-                by_task.setdefault(source.task, []).append(source)
+                by_task.setdefault(source.task, []).append((source, every))
         found: list[Event] = []
         for name, sources in by_task.items():
-            rates = [source.topic_rate_hz for source in sources]
-            task_rate_hz = sources[0].task_rate_hz
-            seldom = all(rates) and (not task_rate_hz or sum(rates) < task_rate_hz)
-            if seldom or (all(rates) and priority > sources[0].priority):
+            rates = [source.topic_rate_hz / every for source, every in sources]
+            first = sources[0][0]
+            above = priority > first.priority
+            seldom = all(rates) and (not first.task_rate_hz or sum(rates) < first.task_rate_hz)
+            if seldom or (all(rates) and above):
                 # What arrived since the poll before comes together: a jitter of one poll.
-                jitter_ns = period_from_rate(task_rate_hz) if task_rate_hz else 0
+                jitter_ns = period_from_rate(first.task_rate_hz) if first.task_rate_hz else 0
                 found += (Event(name, period_from_rate(rate), jitter_ns) for rate in rates)
+            elif above or len(sources) == 1:
+                found += (Event(name, every=every) for _, every in sources)
             else:
                 found.append(Event(name))
         return tuple(found)

@@ -58,9 +58,7 @@ def test_a_task_may_grow_as_far_as_told(seed: int) -> None:
 
 def test_a_task_nobody_waits_for_may_grow_without_limit() -> None:
     growth = load_margins([task('a', 2, 1, 10), task('b', 1, 1, 100, judged=False)]).growth
-    # 'b' has no deadline; more work than time would be too much all the same.
-    assert [(g.task, g.execution_ns is None) for g in growth] == [('a', False), ('b', False)]
-    assert 85 <= (growth[1].execution_ns or 0) <= 90
+    assert [(g.task, g.execution_ns is None) for g in growth] == [('a', False), ('b', True)]
 
 
 def advice(tasks: list[PlannedTask]) -> str:

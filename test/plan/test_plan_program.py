@@ -33,6 +33,7 @@ from rt_robot_os.ros.core_process import CoreProcess
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
 
+ROBOT = str(Path(__file__).with_name('plan_robot.yaml'))
 TIMES = [f'--execution={name}={us}' for name, us in (
     ('imu', 300), ('gps', 400), ('guard', 100), ('link/commands', 150))]
 
@@ -45,8 +46,8 @@ class NoCore(CoreProcess):
 
 
 def plan(*arguments: str, ros: tuple[str, ...] = ()) -> int:
-    more = ['--ros-args', *(part for each in ros for part in ('-p', each))] if ros else []
-    return run([*arguments, *more], NoCore)
+    more = [part for each in ros for part in ('-p', each)]
+    return run([*arguments, '--ros-args', '--params-file', ROBOT, *more], NoCore)
 
 
 def test_without_execution_times_the_code_is_3_and_the_remedy_is_told(
@@ -127,8 +128,8 @@ def test_the_real_core_is_measured_and_kept(
     monkeypatch.setenv('RT_ROBOT_OS_RUNTIME_DIR', str(tmp_path / 'run'))
     kept = tmp_path / 'measured.json'
     # How long it takes depends on the machine: whatever the verdict, the times are known.
-    code = run(['--measure', '0.5', '--save-measured', str(kept), '--json', '--ros-args', '-p',
-                'core.lock_memory:=false'], CoreProcess)
+    code = run(['--measure', '0.5', '--save-measured', str(kept), '--json', '--ros-args',
+                '--params-file', ROBOT, '-p', 'core.lock_memory:=false'], CoreProcess)
     found = json.loads(capsys.readouterr().out)
     assert code in (0, 1)
     origins = {task['name']: task['execution_from'] for task in found['tasks']}
