@@ -25,6 +25,7 @@ from pathlib import Path
 from rt_robot_os.core.answers import Answers
 from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
+from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.tasks import add_module_task
@@ -81,11 +82,13 @@ class Core:
         self.bus = Bus(self.kernel)
         self.reports = Reports()
         self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
+        self._failures = FailureLog(
+            self.kernel, functools.partial(self.note, Severity.ERROR),
+            lambda failure: self.black_box.fault(f'task {failure.task!r}: {failure.error}'))
         self.realtime: tuple[RtResult, ...] = ()
         self.sensors = SensorManager(self.kernel, self.bus, self.reports)
         self.modules: list[Module] = []
         self._active: list[Module] = []
-        self._failures_seen = 0
         self._output: int | None = None
         self._written = 0
         self._cpu_latency: HeldCpuLatency | None = None
@@ -228,12 +231,7 @@ class Core:
 
     def _watch(self) -> None:
         """Tell people of failed jobs and save the black box, at the lowest priority."""
-        total = self.kernel.failures_total
-        new = min(total - self._failures_seen, len(self.kernel.failures))
-        self._failures_seen = total
-        for failure in list(self.kernel.failures)[len(self.kernel.failures) - new:]:
-            self.note(Severity.ERROR, failure.task, str(failure))
-            self.black_box.fault(f'task {failure.task!r}: {failure.error}')
+        self._failures.watch()
         self.black_box.watch()
         self.guard.ready()
         self._write_reports()

@@ -178,7 +178,9 @@ class RobotNode(LifecycleNode):
     def _log(self, severity: int, text: str) -> None:
         # rclpy remembers a call site by its severity, so each has a line of its own.
         logger = self.get_logger()
-        if severity >= Severity.ERROR:
+        if severity >= Severity.FATAL:
+            logger.fatal(text)
+        elif severity >= Severity.ERROR:
             logger.error(text)
         elif severity >= Severity.WARN:
             logger.warning(text)
