@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import Consequences
+from rt_robot_os.kernel.task import Task
 
 
 class Alarms(Consequences):
@@ -32,8 +33,21 @@ class Alarms(Consequences):
 
     __slots__ = ()
 
+    def _arm_for(self, task: Task, level: int) -> None:
+        """Let the alarm come for the next release, or at the end of the budget of a new job."""
+        alarm_ns = due_ns = self._timers[0][0]
+        if self.spin_ns:
+            alarm_ns = self._early_ns(level)
+        if task.aborts:
+            task.limit_ns = task.budget_ns
+            alarm_ns = min(alarm_ns, self.now_ns() + task.budget_ns)
+        self._arm(alarm_ns)
+        # Spinning depends on who runs, budgets end: these must be looked at each time.
+        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
+
     def _arm(self, alarm_ns: int) -> None:
-        """Let the alarm come at a time, which is another than before."""
+        if alarm_ns == self._armed_ns:
+            return
         if alarm_ns == self._spare_ns:
             self.clock.swap()
             self._spare_ns = 0
@@ -41,20 +55,31 @@ class Alarms(Consequences):
             self.clock.arm(alarm_ns)
         self._armed_ns = alarm_ns
 
-    def _arm_ahead(self, alarm_ns: int) -> None:
-        """Set the alarm, and the other for what comes after, if that is cheap to say."""
+    def _arm_ahead(self, level: int, look_ns: int) -> None:
+        """
+        Set the alarm, and the other one for what comes after, if that is cheap to say.
+
+        :param level: of what goes on then.
+        :param look_ns: when its budget may end.
+        """
+        first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
+        alarm_ns = due_ns = first[0]
+        spin_ns = self.spin_ns
+        if spin_ns:
+            alarm_ns = self._early_ns(level)
+        if look_ns < alarm_ns:
+            alarm_ns = look_ns
+            spare_ns = due_ns - spin_ns
+        else:
+            spare_ns = due_ns + first[3] if first[3] else NEVER_NS
+            if due_ns < second < spare_ns:
+                spare_ns = second
+            if due_ns < third < spare_ns:
+                spare_ns = third
+            spare_ns -= spin_ns
+        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
         if alarm_ns != self._armed_ns:
             self._arm(alarm_ns)
-        first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
-        due_ns = first[0]
-        spare_ns = due_ns + first[3] if first[3] else NEVER_NS
-        if due_ns < second < spare_ns:
-            spare_ns = second
-        if due_ns < third < spare_ns:
-            spare_ns = third
-        spare_ns -= self.spin_ns
-        if alarm_ns < due_ns - self.spin_ns:  # the end of a budget comes first
-            spare_ns = due_ns - self.spin_ns
         if spare_ns != self._spare_ns:
             self._spare_ns = spare_ns
             self.clock.arm_spare(spare_ns)

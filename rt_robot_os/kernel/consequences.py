@@ -32,6 +32,8 @@ from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.ran_instead import ran_instead
 from rt_robot_os.kernel.state import KernelState
 from rt_robot_os.kernel.statistics import DeadlineMiss
+from rt_robot_os.kernel.task import FOLLOW
+from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
@@ -86,10 +88,11 @@ class Consequences(KernelState):
             kept = min(unserved, task.spec.catch_up - len(task.backlog))
             task.backlog.extend(first_ns + n * task.period_ns for n in range(kept))
             task.missed += unserved - kept
-            task.follow = True
+            task.follow |= FOLLOW
         elif policy is OverrunPolicy.REPHASE:
             task.missed += unserved - 1
-            task.rephasing = task.follow = True
+            task.rephasing = True
+            task.follow |= FOLLOW
             return REMOVED
         else:
             task.missed += unserved
@@ -116,7 +119,21 @@ class Consequences(KernelState):
         self._queues[task.priority].append(task)
         self._ready |= self._bits[task.priority]
 
-    # ---- deadlines ---------------------------------------------------------------------------
+    # ---- limits ------------------------------------------------------------------------------
+
+    def _long_execution(self, task: Task, execution_ns: int) -> None:
+        """Look at a job that computed for longer than the longest so far, or than its budget."""
+        longest_ns = task.execution.maximum_ns = max(task.execution.maximum_ns, execution_ns)
+        task.execution_limit_ns = min(longest_ns, task.budget_ns)
+        task.budget_exceeded += execution_ns > task.budget_ns
+
+    def _long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
+        """Look at a job that ended later after its release than any so far, or too late."""
+        response_ns = end_ns - release_ns
+        longest_ns = task.response_maximum_ns = max(task.response_maximum_ns, response_ns)
+        task.response_limit_ns = min(longest_ns, task.deadline_ns)
+        if response_ns > task.deadline_ns:
+            self._late(task, release_ns, end_ns)
 
     def _late(self, task: Task, release_ns: int, end_ns: int) -> None:
         """Note that a job ended after its deadline."""
@@ -132,16 +149,18 @@ class Consequences(KernelState):
 
     # ---- budgets -----------------------------------------------------------------------------
 
-    def _police(self, task: Task, used_ns: int, now_ns: int) -> int:
+    def _police(self, task: Task, used_ns: int) -> int:
         """
         Strike the interrupted task if it has used what it may.
 
         :param used_ns: its computing time.
         :return: when to look again.
         """
+        now_ns = self.now_ns()
         if used_ns >= task.limit_ns:
             if not task.struck:
-                task.struck = task.follow = True
+                task.struck = True
+                task.follow |= FOLLOW
                 task.strikes += 1
                 self.record((ABORT, task, now_ns, used_ns))
             first = task.strikes == 1
@@ -164,12 +183,12 @@ class Consequences(KernelState):
     def _follow(self, task: Task, failure: FailureReport | None, now_ns: int) -> None:
         """Do what is due when a job has ended."""
         policy, task.wanted = task.wanted, None
-        task.follow = bool(task.successors)
+        held = task.follow & HELD
+        task.follow = FOLLOW if task.successors else 0
         if failure is not None:
             self._note_failure(failure)
             policy = policy or task.spec.failure
-        if task.held:
-            task.held = 0
+        if held:
             for resource in self._resources.values():
                 resource.abandon(task)
             self._note_failure(FailureReport(
@@ -185,7 +204,7 @@ class Consequences(KernelState):
             self._rephase(task, now_ns)
         elif task.backlog and not task.pending:
             self._queue(task, task.backlog.popleft(), task.period_ns)
-            task.follow = True
+            task.follow |= FOLLOW
         for successor in task.successors:
             self._make_ready(successor, now_ns)
 
@@ -217,7 +236,7 @@ class Consequences(KernelState):
         self._note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
         if task.busy or task.pending:
-            task.follow = True
+            task.follow |= FOLLOW
         else:
             task.wanted = None
             self._apply(task, policy, now_ns)
@@ -264,4 +283,4 @@ class Consequences(KernelState):
         task.function = job
         self._make_ready(task, now_ns)
         if function is task.on_safe_state:
-            task.follow = True
+            task.follow |= FOLLOW

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.one_shot import OneShot
+from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ class AsyncBody:
                 f'task {self.task.name!r} awaited {awaited!r}: only what releases tasks can be '
                 'awaited: subscription.next(), kernel.sleep(ns), ticks of kernel.every(hz), '
                 'event.wait(). asyncio needs a process of its own')
-        if self.task.held:
+        if self.task.follow & HELD:
             return TaskError(f'task {self.task.name!r} awaits inside a resource: nobody could '
                              'enter it meanwhile; leave it before')
         return None

@@ -114,7 +114,8 @@ class Kernel(Declarations):
 
     def _prepare(self, duration_ns: int | None) -> None:
         self._interrupted = True  # something may be readable already
-        self.pending, self._armed_ns, self._spare_ns, self._ready = False, 0, 0, 0
+        self.pending, self._ready = False, 0
+        self._armed_ns = self._armed_due_ns = self._spare_ns = 0
         start_ns = self.now_ns()
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS
@@ -170,7 +171,7 @@ class Kernel(Declarations):
                 self._dispatch(IDLE_LEVEL)
                 continue
             next_ns = self._timers[0][0]
-            self._arm_ahead(next_ns if not self.spin_ns else self._early_ns(IDLE_LEVEL))
+            self._arm_ahead(IDLE_LEVEL, NEVER_NS)
             if self.on_idle is not None:
                 self._idle(self.on_idle, next_ns - now_ns)
             clock.hold()

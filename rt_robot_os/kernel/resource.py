@@ -83,7 +83,7 @@ class Resource:
             kernel.locked = False
             raise self._misuse(task)
         self.holder = task
-        task.held += 1  # type: ignore[union-attr]
+        task.follow += 1  # type: ignore[union-attr]
         self._below = below = kernel._level
         if self.ceiling > below:
             kernel._level = self.ceiling
@@ -105,7 +105,7 @@ class Resource:
             self.held_maximum_ns = held_ns
         self.entries += 1
         kernel.record((CEILING, task, self._enter_ns, leave_ns, self.name))
-        task.held -= 1  # type: ignore[union-attr]
+        task.follow -= 1  # type: ignore[union-attr]
         kernel._level = below
         kernel.locked = False
         if kernel.pending or kernel._ready >> below + 1 or task.struck:  # type: ignore[union-attr]

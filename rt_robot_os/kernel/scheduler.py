@@ -43,14 +43,14 @@ from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import OK
+from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import REMOVED
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
-from rt_robot_os.kernel.histogram import BUCKETS
+from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_US
 
-_LAST_BUCKET = BUCKETS - 1
 _BLOCKED_NS = 50 * NS_PER_US
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
 # not leave too few for those that preempt it.
@@ -99,7 +99,7 @@ class Scheduler(Alarms):
         self.locked = False
         if self.pending:
             self.settle()
-        if current is not None and current.struck and not current.held:
+        if current is not None and current.struck and not current.follow & HELD:
             self._strike(current)
 
     settle = _on_tick
@@ -121,12 +121,10 @@ class Scheduler(Alarms):
             self._release_due(now_ns)
         if self._ready.bit_length() - 1 > level:
             self._dispatch(level)
-        alarm_ns = self._timers[0][0] if not self.spin_ns else self._early_ns(level)
+        look_ns = NEVER_NS
         if current is not None and current.limit_ns:
-            used_ns = entry_ns - current.start_ns - stolen_ns
-            look_ns = self._police(current, used_ns, self.now_ns())
-            alarm_ns = min(alarm_ns, look_ns)
-        self._arm_ahead(alarm_ns)
+            look_ns = self._police(current, entry_ns - current.start_ns - stolen_ns)
+        self._arm_ahead(level, look_ns)
         self._current, self._level = current, level
         self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
 
@@ -205,12 +203,8 @@ class Scheduler(Alarms):
             task.busy = True
             release_ns = task.release_ns  # an event may release it again while it runs
             self._current, self._level = task, level
-            alarm_ns = timers[0][0] if not self.spin_ns else self._early_ns(level)
-            if task.aborts:
-                task.limit_ns = task.budget_ns
-                alarm_ns = min(alarm_ns, now_ns() + task.budget_ns)
-            if alarm_ns != self._armed_ns:
-                self._arm(alarm_ns)
+            if task.aborts or timers[0][0] != self._armed_due_ns:
+                self._arm_for(task, level)
             start_ns = now_ns()
             previous_ns, task.start_ns = task.start_ns, start_ns
             self._stolen_ns = 0
@@ -237,20 +231,40 @@ class Scheduler(Alarms):
                 failure = FailureReport(
                     task.name, 0, 'an exception that raised another when it was looked at', ())
             end_ns = now_ns()
-            execution_ns = end_ns - start_ns - self._stolen_ns
-            self._account(task, release_ns, start_ns, previous_ns, execution_ns)
             self.record((JOB, task, release_ns, start_ns, end_ns, outcome))
-            response_ns = end_ns - release_ns
-            if response_ns > task.response_maximum_ns:
-                task.response_maximum_ns = response_ns
-            if response_ns > task.deadline_ns:
-                self._late(task, release_ns, end_ns)
-            if execution_ns > task.budget_ns:
-                task.budget_exceeded += 1
+            execution_ns = end_ns - start_ns - self._stolen_ns
+            # Counting is written out here: a call for each histogram would cost as much again.
+            # The arithmetic is that of rt_robot_os.kernel.histogram.bucket.
+            task.runs += 1
+            task.execution_total_ns += execution_ns
+            shift = execution_ns.bit_length() - 4
+            task.execution_counts[
+                execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)] += 1
+            if execution_ns > task.execution_limit_ns:
+                self._long_execution(task, execution_ns)
+            latency_ns = start_ns - release_ns
+            shift = latency_ns.bit_length() - 4
+            task.latency_counts[
+                latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)] += 1
+            if latency_ns > task.latency.maximum_ns:
+                task.latency.maximum_ns = latency_ns
+            if end_ns - release_ns > task.response_limit_ns:
+                self._long_response(task, release_ns, end_ns)
+            if previous_ns >= 0:
+                gap_ns = start_ns - previous_ns
+                if gap_ns > task.gap_maximum_ns:
+                    task.gap_maximum_ns = gap_ns
+                if task.period_ns:
+                    jitter_ns = abs(gap_ns - task.interval_ns)
+                    shift = jitter_ns.bit_length() - 4
+                    task.jitter_counts[
+                        jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)] += 1
+                    if jitter_ns > task.jitter.maximum_ns:
+                        task.jitter.maximum_ns = jitter_ns
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             task.busy = False
-            if failure is not None or task.follow or task.held:
+            if failure is not None or task.follow:
                 task.failures += outcome == FAILED
                 self._follow(task, failure, end_ns)
             # The second condition finds an alarm whose handler had no room left on the stack.
@@ -258,36 +272,3 @@ class Scheduler(Alarms):
                 self.pending = False
                 self._release_due(now_ns())
         self._current, self._level = None, floor
-
-    def _account(self, task: Task, release_ns: int, start_ns: int, previous_ns: int,
-                 execution_ns: int) -> None:
-        """Count a job; the arithmetic is that of :func:`rt_robot_os.kernel.histogram.bucket`."""
-        latency_ns = start_ns - release_ns
-        histogram = task.latency
-        shift = latency_ns.bit_length() - 4
-        index = latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)
-        histogram.counts[index if index < _LAST_BUCKET else _LAST_BUCKET] += 1
-        if latency_ns > histogram.maximum_ns:
-            histogram.maximum_ns = latency_ns
-
-        histogram = task.execution
-        shift = execution_ns.bit_length() - 4
-        index = execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)
-        histogram.counts[index if index < _LAST_BUCKET else _LAST_BUCKET] += 1
-        if execution_ns > histogram.maximum_ns:
-            histogram.maximum_ns = execution_ns
-        task.execution_total_ns += execution_ns
-
-        task.runs += 1
-        if previous_ns >= 0:
-            gap_ns = start_ns - previous_ns
-            if gap_ns > task.gap_maximum_ns:
-                task.gap_maximum_ns = gap_ns
-            if task.period_ns:
-                jitter_ns = abs(gap_ns - task.interval_ns)
-                histogram = task.jitter
-                shift = jitter_ns.bit_length() - 4
-                index = jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)
-                histogram.counts[index if index < _LAST_BUCKET else _LAST_BUCKET] += 1
-                if jitter_ns > histogram.maximum_ns:
-                    histogram.maximum_ns = jitter_ns

@@ -45,6 +45,9 @@ if TYPE_CHECKING:
 RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0
 
+HELD = (1 << 16) - 1
+FOLLOW = 1 << 16
+
 
 @dataclass(frozen=True)
 class TaskSpec:
@@ -114,11 +117,13 @@ class Task:
 
     :ivar pending: it waits for its turn, or is held (``state``).
     :ivar busy: a job of it is on the stack.
-    :ivar follow: something is to be looked at when the job that runs now has ended.
+    :ivar follow: not 0: something is to be looked at when the job that runs now has ended. The
+        bits of ``HELD`` count the resources that it is inside of.
     :ivar aborts: a job that exceeds the budget is struck.
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
     :ivar strikes: times that it was; the last one waits to be delivered while ``struck``.
-    :ivar held: resources that it is inside of.
+    :ivar execution_limit_ns: longer jobs are looked at: the longest so far, or the budget.
+    :ivar response_limit_ns: the same for the time from release to end, with the deadline.
     :ivar logical: what publishes its outputs at the deadline, if that was declared.
     :ivar coroutine: what it is made of when it is written as one.
     """
@@ -126,13 +131,14 @@ class Task:
     __slots__ = (
         'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns',
         'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending',
-        'busy', 'follow', 'held', 'strikes', 'struck', 'backlog', 'rephasing', 'state',
-        'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart',
-        'on_safe_state', 'successors', 'logical', 'coroutine', 'release_ns', 'start_ns',
-        'releases', 'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
+        'busy', 'follow', 'strikes', 'struck', 'backlog', 'rephasing', 'state', 'wanted',
+        'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart', 'on_safe_state',
+        'successors', 'logical', 'coroutine', 'release_ns', 'start_ns', 'releases',
+        'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
         'budget_exceeded', 'deadline_missed', 'last_miss', 'latency', 'execution',
         'jitter', 'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns',
-        'execution_total_ns', '_rearm')
+        'response_limit_ns', 'execution_limit_ns', 'latency_counts', 'execution_counts',
+        'jitter_counts', 'execution_total_ns', '_rearm')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
                  on_restart: Callable[[], object] | None = None,
@@ -154,6 +160,10 @@ class Task:
         self.latency = Histogram()
         self.execution = Histogram()
         self.jitter = Histogram()
+        # The dispatcher's short ways to them.
+        self.latency_counts = self.latency.counts
+        self.execution_counts = self.execution.counts
+        self.jitter_counts = self.jitter.counts
         self.backlog: deque[int] = deque()  # times of releases that catch_up keeps
         self._rearm = rearm
         self.rest()
@@ -164,10 +174,9 @@ class Task:
         self.function: Callable[[], object] = self.body
         self.pending = False
         self.busy = False
-        self.follow = bool(self.successors)
+        self.follow = FOLLOW if self.successors else 0
         self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
         self.limit_ns = 0
-        self.held = 0
         self.strikes = 0
         self.struck = False
         self.backlog.clear()
@@ -206,6 +215,7 @@ class Task:
             self._check_period(period_ns)
         if not self.spec.deadline_ns:
             self.deadline_ns = period_ns
+            self.response_limit_ns = min(self.response_maximum_ns, period_ns)
         self.period_ns = period_ns
 
     def _check_period(self, period_ns: int) -> None:
@@ -226,7 +236,7 @@ class Task:
         self.bucket_runs = 0
         self.last_miss: DeadlineMiss | None = None
         self.gap_maximum_ns = self.blocked_maximum_ns = self.execution_total_ns = 0
-        self.response_maximum_ns = 0
+        self.response_maximum_ns = self.response_limit_ns = self.execution_limit_ns = 0
         for histogram in (self.latency, self.execution, self.jitter):
             histogram.clear()
 
