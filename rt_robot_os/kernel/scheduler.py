@@ -121,10 +121,11 @@ class Scheduler(Alarms):
             self._release_due(now_ns)
         if self._ready.bit_length() - 1 > level:
             self._dispatch(level)
-        look_ns = NEVER_NS
         if current is not None and current.limit_ns:
-            look_ns = self._police(current, entry_ns - current.start_ns - stolen_ns)
-        self._arm_ahead(level, look_ns)
+            self._arm_ahead(
+                level, self._police(current, entry_ns - current.start_ns - stolen_ns))
+        elif self._timers[0][0] != self._armed_due_ns or not self._spare_ns:
+            self._arm_ahead(level, NEVER_NS)
         self._current, self._level = current, level
         self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
 

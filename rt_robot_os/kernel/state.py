@@ -59,10 +59,11 @@ class KernelState:
 
     # Slots are the fastest attributes, and there are more than an inline dictionary holds.
     __slots__ = (
-        'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total', 'failures',
-        'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted', '_stopping',
-        '_stop_reason', '_current', '_level', '_stolen_ns', '_armed_ns', '_armed_due_ns', '_spare_ns', '_ready',
-        '_queues', '_bits', '_timers', '_end_ns', '_recursion_limit', '_one_shots', '_resources')
+        'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total',
+        'failures', 'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted',
+        '_stopping', '_stop_reason', '_current', '_level', '_stolen_ns', '_armed_ns',
+        '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
+        '_recursion_limit', '_one_shots', '_resources')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
@@ -84,7 +85,7 @@ class KernelState:
         self._level = IDLE_LEVEL
         self._stolen_ns = 0
         self._armed_ns = 0
-        self._armed_due_ns = 0  # the release for which the alarm is set, if it need not be looked at
+        self._armed_due_ns = 0  # the release that the alarm is for, if nothing else matters
         self._spare_ns = 0
         self._ready = 0
         self._queues: list[deque[Task]] = [deque() for _ in range(_LEVELS)]
