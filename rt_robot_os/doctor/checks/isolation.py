@@ -168,7 +168,7 @@ def irqbalance(system: System) -> Iterator[Finding]:
             weight=30)
 
 
-def mitigated_ticks(system: System) -> Iterator[Finding]:
+def boot(system: System) -> Iterator[Finding]:
     """Look for boot parameters that work against real time."""
     given = command_line(system)
     harmful = {'nohz': 'off', 'highres': 'off', 'idle': 'nomwait', 'nosmp': '', 'maxcpus': '1'}
@@ -199,5 +199,5 @@ CHECKS = (
           'an interrupt that was moved away by hand comes back', irqbalance),
     Check('isolation.boot', 'boot parameters',
           'some parameters take away the timers or the CPUs that real time needs',
-          mitigated_ticks),
+          boot),
 )
