@@ -55,6 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     peers = [peer for peer in PEERS if wanted.only in peer.name and _installed(peer)]
     _print_conditions(peers)
     try:
+        if wanted.job:
+            _print_job(peers, wanted.runs)
         if wanted.xio:
             _print_xio(recordings.xio(wanted.xio), peers, wanted.runs)
         if wanted.broad:
@@ -73,6 +75,8 @@ def _parser() -> argparse.ArgumentParser:
                         help='the recording xio_sensor_data.csv of x-io Technologies')
     parser.add_argument('--broad', type=Path, metavar='FOLDER',
                         help='trials of BROAD (github.com/dlaidig/broad), .hdf5 or .mat')
+    parser.add_argument('--job', action='store_true',
+                        help='measure what a job of the module costs')
     parser.add_argument('--only', default='', metavar='TEXT', help='filters with this in the name')
     parser.add_argument('--runs', type=int, default=7, help='runs to measure the cost (7)')
     return parser
@@ -105,6 +109,20 @@ def _print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 def _name(peer: Peer) -> str:
     return f'{peer.name}, {peer.axes} axes'
+
+
+def _print_job(peers: Iterable[Peer], runs: int) -> None:
+    # Only here: it needs the message packages of ROS 2, and the rest does not.
+    from rt_robot_os.bench.attitude.step_cost import costs
+    known_names = {peer.name for peer in peers}
+    names = tuple(name for name in ('mahony', 'vqf') if name in known_names)
+    if not names:
+        raise ConfigError(['--job measures mahony and vqf: leave --only away'])
+    found = costs(names, runs)
+    print(f'CPU time of a job with a new sample: microseconds, median and range of {runs} runs.\n')
+    _print_table(('module', 'median', 'runs', 'times the copy'), (
+        (cost.name, f'{cost.median:.1f}', f'{cost.lowest:.1f} to {cost.highest:.1f}',
+         f'{cost.median / found[0].median:.1f}') for cost in found))
 
 
 # ---- the recording of x-io ------------------------------------------------------------------
