@@ -108,6 +108,8 @@ def _row(axes: Any, row: Row, top: float) -> None:
     for boxes, colour in ((row.running, _RUN), (row.late, _LATE)):
         axes.broken_barh(boxes, (base - 0.40, 0.40), facecolors=colour, edgecolors=colour,
                          linewidth=0.8)
+    axes.broken_barh(row.late, (base - 0.40, 0.40), facecolors='none', edgecolors=_INK,
+                     hatch='xxx', linewidth=0)
     axes.broken_barh(row.held, (base - 0.30, 0.30), facecolors=_HOLD, edgecolors=_HOLD,
                      linewidth=0.8)
     axes.broken_barh(row.blocking, (base - 0.50, 0.10), facecolors=_BLOCK, edgecolors=_INK,
@@ -145,7 +147,7 @@ def _legend(axes: Any) -> None:
     boxes = [patch(facecolor=_RUN, label='runs'),
              patch(facecolor='white', edgecolor=_PREEMPTED, hatch='////', label='preempted'),
              patch(facecolor=_WAIT, label='waits for its start'),
-             patch(facecolor=_LATE, label='late, failed or aborted'),
+             patch(facecolor=_LATE, edgecolor=_INK, hatch='xxx', label='late, failed or aborted'),
              patch(facecolor=_BLOCK, edgecolor=_INK, label='native call that blocks others'),
              patch(facecolor=_HOLD, label='holds a resource')]
     names = ('release', 'publication', 'interrupt', 'overrun')

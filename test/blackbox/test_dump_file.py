@@ -39,7 +39,9 @@ from rt_robot_os.blackbox import parts
 from rt_robot_os.blackbox import read_dump
 from rt_robot_os.blackbox import understand
 from rt_robot_os.blackbox import write_parts
+from rt_robot_os.blackbox.kinds import KINDS
 from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.kernel import black_box
 from rt_robot_os.kernel import BlackBoxDump
 
 FUNCTION = HealthCheck.function_scoped_fixture
@@ -79,6 +81,10 @@ def test_what_is_written_is_read(tmp_path: Path, story: Story, reason: str,
     found = read_dump(path)
     assert found.dump == dump
     assert found.facts == facts
+
+
+def test_the_kinds_have_the_numbers_of_the_kernel() -> None:
+    assert [getattr(black_box, kind.upper()) for kind in KINDS] == list(range(len(KINDS)))
 
 
 def test_parts_need_no_file() -> None:
