@@ -32,14 +32,14 @@ from types import MappingProxyType
 from typing import Any
 
 from rt_robot_os.drivers.device import Device
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.sensors.state import DeviceState
+from rt_robot_os.sensors.state import of_arrival
+from rt_robot_os.sensors.state import reason_of
 from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.sensors.state import SensorStatistics
 from rt_robot_os.topics import Bus
@@ -47,8 +47,6 @@ from rt_robot_os.units import NS_PER_S
 
 RECOVERY_RATE_HZ = 20.0
 _CHECKS_PER_TIMEOUT = 8
-# What holds for the task that reads on interrupt as well; the grid is the other one's.
-_SHARED = ('budget_ns', 'on_budget', 'restart_ns', 'restart_maximum_ns', 'resources')
 
 
 class ManagedDevice:
@@ -98,7 +96,7 @@ class ManagedDevice:
                 self.device.write(now_ns)
             samples = self.device.read(now_ns)
         except Exception as error:
-            self._fault(_reason(error))
+            self._fault(reason_of(error))
             return
         if samples:
             self._alive_ns = now_ns
@@ -134,7 +132,7 @@ class ManagedDevice:
         try:
             self.device.open()
         except Exception as error:
-            self._fault(_reason(error))
+            self._fault(reason_of(error))
             return
         self._port_open = True
         self.opened += 1
@@ -184,7 +182,7 @@ class ManagedDevice:
         try:
             self.device.close()
         except Exception as error:
-            self._note(Severity.ERROR, f'could not be closed: {_reason(error)}')
+            self._note(Severity.ERROR, f'could not be closed: {reason_of(error)}')
 
     def statistics(self) -> SensorStatistics:
         """Take the statistics."""
@@ -229,17 +227,6 @@ class ManagedDevice:
         self._note(Severity.INFO, text)
 
 
-def _reason(error: Exception) -> str:
-    """Say what went wrong; anything but a DeviceError is a defect of the driver: say where."""
-    if isinstance(error, DeviceError):
-        return str(error)
-    place = error.__traceback__
-    while place is not None and place.tb_next is not None:
-        place = place.tb_next
-    where = f' ({place.tb_frame.f_code.co_filename}:{place.tb_lineno})' if place else ''
-    return f'its driver is defective: {type(error).__name__}: {error}{where}'
-
-
 class SensorManager:
     """
     All devices of a robot; add them, then run the kernel.
@@ -273,7 +260,6 @@ class SensorManager:
         publications = device.publications()
         for p in publications:
             self._bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
-        device.bind([self._bus.publisher(p.topic) for p in publications])
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
         device.resources = {each.name: each for each in declared.get('resources', ())}
         managed.task = self._kernel.add_task(
@@ -281,21 +267,13 @@ class SensorManager:
             on_restart=managed.restart,
             on_safe_state=managed.safe_state if hasattr(device, 'safe_state') else None,
             **declared)
+        device.bind([self._bus.publisher(p.topic, managed.task) for p in publications])
         if interrupt:
-            managed.arrival = self._add_arrival(managed, priority, declared)
+            managed.arrival = self._kernel.add_task(
+                f'{device.name}/arrival', managed.take, priority=priority,
+                on_restart=managed.restart, **of_arrival(declared))
         self._devices[device.name] = managed
         return managed
-
-    def _add_arrival(self, managed: ManagedDevice, priority: int, declared: Mapping[str, Any]
-                     ) -> Task:
-        failure = declared.get('failure', FailurePolicy.CONTINUE)
-        if failure is FailurePolicy.SAFE_STATE:
-            # Bytes are read by the polling task too, which decides for the device.
-            failure = FailurePolicy.STOP
-        return self._kernel.add_task(
-            f'{managed.device.name}/arrival', managed.take, priority=priority,
-            on_restart=managed.restart, failure=failure,
-            **{key: declared[key] for key in _SHARED if key in declared})
 
     @property
     def devices(self) -> Sequence[ManagedDevice]:

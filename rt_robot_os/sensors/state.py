@@ -16,11 +16,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.units import NS_PER_S
+
+_SHARED = ('budget_ns', 'on_budget', 'failure', 'restart_ns', 'restart_maximum_ns', 'resources')
 
 
 class DeviceState(Enum):
@@ -70,3 +76,23 @@ class RecoverySettings:
     timeout_ns: int = NS_PER_S
     retry_ns: int = NS_PER_S // 2
     retry_maximum_ns: int = 10 * NS_PER_S
+
+
+def of_arrival(declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what holds for the task that reads on interrupt as well; the grid is the other's."""
+    found = {key: declared[key] for key in _SHARED if key in declared}
+    if found.get('failure') is FailurePolicy.SAFE_STATE:
+        # Bytes are read by the polling task too, which decides for the device.
+        found['failure'] = FailurePolicy.STOP
+    return found
+
+
+def reason_of(error: Exception) -> str:
+    """Say what went wrong; anything but a DeviceError is a defect of the driver: say where."""
+    if isinstance(error, DeviceError):
+        return str(error)
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    where = f' ({place.tb_frame.f_code.co_filename}:{place.tb_lineno})' if place else ''
+    return f'its driver is defective: {type(error).__name__}: {error}{where}'

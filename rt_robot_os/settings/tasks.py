@@ -127,6 +127,7 @@ def check_tasks(
             for key, remedy in contradictions(rate_hz, task_of(part)):
                 _reject(part.section, key, remedy, problems)
         _check_class(part, problems)
+        _check_interrupt(part, problems)
         if any(use.wakes for use in uses.get(part.name) or ()) and rate_hz and (
                 task_of(part).logical_execution):
             _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
@@ -168,6 +169,12 @@ def _check_class(part: Part, problems: Problems) -> None:
         kind = part.section.values['type']
         _reject(part.section, 'failure', f'{kind!r} has no method safe_state(): choose restart or '
                 'stop, or write one', problems)
+
+
+def _check_interrupt(part: Part, problems: Problems) -> None:
+    if part.section.values.get('read') == 'interrupt' and task_of(part).logical_execution:
+        _reject(part.section, 'logical_execution', 'with read: interrupt its samples come out as '
+                'they arrive, not at its deadline: choose read: poll', problems)
 
 
 def _check_resources(parts: Sequence[Part], problems: Problems) -> None:

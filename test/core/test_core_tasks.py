@@ -155,6 +155,29 @@ cmd_vel: {message: geometry_msgs/msg/Twist}
     assert seen == [4 * MS + MS // 2, 14 * MS + MS // 2]
 
 
+def test_a_device_with_logical_execution_publishes_at_its_deadline(make_core: MakeCore) -> None:
+    core = make_core(IMU.replace('100.0}', '100.0, logical_execution: true, deadline_us: 4000}'))
+    managed = core.sensors.devices[0]
+    device: Any = managed.device
+    imu = core.bus.subscribe('imu/data', 'test')
+    device.open = lambda: None
+
+    def read(now_ns: int) -> int:
+        device._publishers[0].publish(now_ns)
+        return 1
+
+    device.read = read
+    seen: list[int] = []
+
+    def look() -> None:
+        while imu.take():
+            seen.append((core.kernel.now_ns() - core.kernel.start_ns) % (10 * MS))
+
+    core.kernel.add_task('look', look, priority=90, rate_hz=1000.0, phase_ns=MS // 2)
+    run(core, S // 5)
+    assert len(seen) > 5 and set(seen) == {4 * MS + MS // 2}
+
+
 def test_a_shared_resource_is_one(make_core: MakeCore) -> None:
     core = prepare(make_core("""\
 modules: [low, high]

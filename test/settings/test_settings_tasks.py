@@ -206,6 +206,15 @@ def test_logical_execution_and_an_input_that_wakes_contradict(problems_of: Judge
         'instants at which inputs are taken: let it read without wake',)
 
 
+def test_logical_execution_and_reading_on_interrupt_contradict(
+        good: str, problems_of: Judge) -> None:
+    found = problems_of(good.replace('rate_hz: 20, p', 'read: interrupt, logical_execution: true, '
+                                     'rate_hz: 20, p'))
+    assert found == (
+        'robot.yaml:14: gps.logical_execution = true: with read: interrupt its samples come out '
+        'as they arrive, not at its deadline: choose read: poll',)
+
+
 def test_a_module_that_releases_itself_is_a_circle(problems_of: Judge) -> None:
     found = problems_of(RELAYS.replace('into: r, out: p', 'into: p, out: p'))
     assert found == (
