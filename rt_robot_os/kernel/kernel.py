@@ -100,8 +100,8 @@ class Kernel(Declarations):
             self.locked = True
             self._interrupts.disarm()
             self.clock.detach()
-            self._abandon()
             self.running = False
+            self._abandon()
             self._close_coroutines()
             self.locked = self.pending = False
             self._level, self._current = IDLE_LEVEL, None
