@@ -167,6 +167,11 @@ class _Builder:
     def _add(self, name: str, owner: str, priority: int, rate_hz: float, declared: TaskSettings,
              events: tuple[Event, ...] = (), unknown: str = '', judged: bool = True) -> None:
         execution_ns, origin = self._execution(name, declared)
+        if declared.budget_us and (execution_ns or 0) > declared.budget_us * NS_PER_US:
+            then = 'aborted' if declared.on_budget == 'abort' else 'counted as too long'
+            self._notes.append(
+                f'{name}: budget_us is {declared.budget_us:g}, and a job may take '
+                f'{(execution_ns or 0) / NS_PER_US:.0f} us: such a job is {then}')
         seen = self._seen(name)
         period_ns = period_from_rate(rate_hz) if rate_hz else 0
         self._tasks.append(PlannedTask(

@@ -105,6 +105,12 @@ def test_a_declared_time_that_was_exceeded_is_told() -> None:
     assert 'imu: execution_us is 90, but 100 us were measured: raise it' in notes
 
 
+def test_a_budget_below_the_execution_time_is_told() -> None:
+    settings = settings_of(guard__execution_us=300.0, guard__budget_us=200.0)
+    assert robot_tasks(settings).notes == (
+        'guard: budget_us is 200, and a job may take 300 us: such a job is counted as too long',)
+
+
 def test_a_device_that_did_not_deliver_was_not_measured() -> None:
     settings = settings_of()
     found = robot_tasks(settings, measured(robot_tasks(settings), idle={'gps': 'silent'}))
