@@ -217,8 +217,8 @@ class SerialDevice(Device, Generic[FrameT]):
                     arrival_ns = self._last_frame_ns
                 samples += self.handle(frame, arrival_ns)
                 self._last_frame_ns = arrival_ns
-            if frames and self.is_set_up():
-                self._alive_ns = self._last_frame_ns
+                if self.is_set_up():
+                    self._alive_ns = arrival_ns
         samples += self.idle(now_ns)
         self._previous_read_ns = now_ns
         self._samples += samples
