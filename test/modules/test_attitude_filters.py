@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
+import random
 
 from attitude_motion import angle
 from attitude_motion import EARTH
@@ -238,6 +239,22 @@ def test_a_new_field_that_stays_is_believed_in_the_end(make: Make) -> None:
     follow(attitude, motion, 100.0, rate_hz=50.0)
     assert not attitude.field_rejected
     assert off(attitude.attitude, motion.truth).heading < 2.0
+
+
+def test_a_noisy_magnetometer_is_used(make: Make) -> None:
+    noise = random.Random(1)
+    attitude, motion = make(), Motion(turning=swing)
+    for sample in motion.samples(60.0):
+        x, y, z = (v + noise.gauss(0.0, 2.5e-6) for v in sample.field or STILL)
+        attitude.update(sample.rate, sample.acceleration, (x, y, z), sample.dt_s)
+        if motion.time_s > 30.0:
+            assert off(attitude.attitude, sample.truth).heading < 3.0
+    believed = 0
+    for sample in motion.samples(5.0):
+        x, y, z = (v + noise.gauss(0.0, 2.5e-6) for v in sample.field or STILL)
+        attitude.update(sample.rate, sample.acceleration, (x, y, z), sample.dt_s)
+        believed += not attitude.field_rejected
+    assert believed > 400
 
 
 def test_a_field_of_another_unit_is_as_good(make: Make) -> None:

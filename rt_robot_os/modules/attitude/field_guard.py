@@ -72,12 +72,12 @@ class FieldGuard:
         part = dt_s / (dt_s + _SMOOTH_S)
         self._now_length += part * (length - self._now_length)
         self._now_dip += part * (dip_rad - self._now_dip)
-        if self._near(self.length, self.dip_rad) and not self._leaps(length, dip_rad):
+        if self._near(self.length, self.dip_rad):
             self._good_s += dt_s
             if self._good_s >= _UNDISTURBED_S:
                 self._follow(dt_s)
                 self._rejected_s = max(0.0, self._rejected_s - 2 * dt_s)
-                return 1.0
+                return 0.0 if self._leaps(length, dip_rad) else 1.0
         else:
             self._good_s = 0.0
         self._consider(turning_rad_s, dt_s)
@@ -89,7 +89,7 @@ class FieldGuard:
                 and abs(self._now_dip - dip_rad) < _DIP_RAD)
 
     def _leaps(self, length: float, dip_rad: float) -> bool:
-        """See at once what the smoothed field shows a few samples later."""
+        """See at once what the smoothed field shows a few samples later, or a noisy sample."""
         return (abs(length - self._now_length) > _LENGTH_PART * self.length
                 or abs(dip_rad - self._now_dip) > _DIP_RAD)
 
