@@ -36,7 +36,6 @@ from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Unavailable
 from rt_robot_os.bench.helper import load_function
 from rt_robot_os.bench.result import Status
-from rt_robot_os.bench.surroundings import Surroundings
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import die_with_parent
 
@@ -49,7 +48,6 @@ _META = 'meta'
 
 def _work(job: dict[str, Any], folder: Path) -> Outcome:
     harness = Harness(job['arguments'], job['cpu'], job['priority'], folder)
-    surroundings = Surroundings()
     try:
         measured = load_function(job['worker'])(harness)
     except ImportError as error:
@@ -64,7 +62,7 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
             return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
-    figures = {**surroundings.figures(), **measured.figures}
+    figures = {**harness.surroundings.figures(), **measured.figures}
     return Outcome(Status.OK, '', measured.samples, figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])
 

@@ -105,18 +105,26 @@ def _draw(axes: Any, plot: Plot) -> None:
         axes.set_yscale('log')
     for axis, logarithmic in ((axes.xaxis, plot.x_log), (axes.yaxis, plot.y_log)):
         if logarithmic:
-            axis.set_major_formatter(_plain_numbers())
+            low, high = axis.get_view_interval()
+            axis.set_major_formatter(_plain_numbers('1'))
+            axis.set_minor_formatter(_plain_numbers('25' if high < 30 * low else ''))
     axes.grid(True, which='major', color='#dddddd', linewidth=0.6)
     axes.set_axisbelow(True)
     if len(plot.series) > 1:
         axes.legend(loc='upper left', bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 
 
-def _plain_numbers() -> Any:
-    """Write 0.001 and 100000 as such, which people read faster than powers."""
-    return import_module('matplotlib.ticker').FuncFormatter(lambda value, position: f'{value:g}'
-                                                            if 1e-4 <= value < 1e6
-                                                            else f'{value:.0e}')
+def _plain_numbers(digits: str) -> Any:
+    """
+    Write 0.001 and 100,000 as such, which people read faster than powers.
+
+    :param digits: only numbers that begin with one of them.
+    """
+    def text(value: float, position: object) -> str:
+        plain = f'{value:,.0f}' if value >= 1 else f'{value:g}'
+        return plain if plain.lstrip('0.')[:1] in tuple(digits) else ''
+
+    return import_module('matplotlib.ticker').FuncFormatter(text)
 
 
 def _curve(axes: Any, series: Series, colour: str, number: int) -> None:

@@ -26,6 +26,7 @@ from typing import Any
 from rt_robot_os.bench.case import Samples
 from rt_robot_os.bench.case import UNPINNED
 from rt_robot_os.bench.helper import Helper
+from rt_robot_os.bench.surroundings import Surroundings
 from rt_robot_os.linux import realtime
 from rt_robot_os.linux.realtime import RtResult
 
@@ -54,6 +55,7 @@ class Harness:
     :param arguments: those of its :class:`rt_robot_os.bench.case.Run`.
     :param folder: for files; gone afterwards.
     :ivar priority: of SCHED_FIFO that was asked for; 0 for none.
+    :ivar surroundings: counters since the set-up.
     :ivar realtime: what became of each step of the set-up.
     """
 
@@ -62,6 +64,7 @@ class Harness:
         self.arguments = arguments
         self.priority = priority
         self.folder = folder
+        self.surroundings = Surroundings()
         self.realtime: list[RtResult] = []
         self._cpu = cpu
         self._allowed = sorted(os.sched_getaffinity(0))
@@ -82,6 +85,7 @@ class Harness:
             realtime.freeze_garbage()
         if self.priority:
             self.realtime.append(realtime.set_fifo(self.priority))
+        self.surroundings = Surroundings()
 
     @property
     def own_cpu(self) -> int:

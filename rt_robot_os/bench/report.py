@@ -82,7 +82,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
 
 
 def _needs(results: Sequence[CaseResult]) -> Iterator[Block]:
-    needs = [need for result in results for need in result.needs]
+    needs = [need for result in results for need in result.needs if need.known]
     if not needs:
         return
     yield Heading('Which system for which need', 2)
@@ -118,10 +118,13 @@ def _verdicts(results: Sequence[CaseResult]) -> Iterator[Block]:
     yield Grid(('aim', 'case', 'limit', 'measured', 'range', 'paper', 'verdict'),
                [_verdict(name, aim) for name, aim in aims],
                [_KINDS[aim.verdict] for _, aim in aims], 2)
-    reasons = [f'{aim.text} ({name}): {aim.reason}' for name, aim in aims if aim.reason]
+    reasons: dict[str, list[str]] = {}
+    for name, aim in aims:
+        if aim.reason:
+            reasons.setdefault(aim.reason, []).append(f'{aim.text} ({name})')
     if reasons:
         yield Paragraph('Missed, and the reason as far as the samples tell it:')
-        yield Bullets(reasons)
+        yield Bullets([f'{"; ".join(texts)}: {reason}.' for reason, texts in reasons.items()])
 
 
 def _verdict(name: str, aim: Aim) -> Sequence[str]:

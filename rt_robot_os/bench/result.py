@@ -205,6 +205,11 @@ class Need:
     at_most: bool = True
     case: str = ''
 
+    @property
+    def known(self) -> bool:
+        """Tell whether it was measured for any system."""
+        return any(metric is not None for metric in self.systems.values())
+
     def gives(self, system: str) -> bool | None:
         """Tell whether a system gives it; None when that is not known."""
         metric = self.systems.get(system)

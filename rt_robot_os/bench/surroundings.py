@@ -49,7 +49,7 @@ class Surroundings:
             'cpu_ms': (usage.ru_utime + usage.ru_stime) * 1000}
 
     def figures(self) -> dict[str, float]:
-        """Give what happened, the set-up of the measurement included."""
+        """Give what happened since then."""
         now = self._now()
         return {_PREFIX + name: now[name] - before for name, before in self._before.items()}
 

@@ -121,6 +121,7 @@ def aim_lines(aims: Sequence[Aim]) -> Iterator[str]:
     repeated = any(aim.measured and len(aim.measured.values) > 1 for aim in aims)
     yield (f'{"aim".ljust(width)}  {"limit":>9}  {"measured":>9}  {"verdict":<12}'
            f'{"  range" if repeated else ""}').rstrip()
+    told: set[str] = set()
     for aim in aims:
         unit = f' {aim.unit}' if aim.unit else ''
         limit = f'{"<=" if aim.at_most else ">="} {aim.limit:g}{unit}'
@@ -128,7 +129,10 @@ def aim_lines(aims: Sequence[Aim]) -> Iterator[str]:
         spread = '' if aim.measured is None else _range(aim.measured)
         yield (f'{aim.text.ljust(width)}  {limit:>9}  {measured:>9}  '
                f'{aim.verdict.value:<12}  {spread}').rstrip()
-        yield from _wrapped(f'reason: {aim.reason}' if aim.reason else '', '    ')
+        if aim.reason:
+            yield from _wrapped('reason: ' + ('as above' if aim.reason in told else aim.reason),
+                                '    ')
+            told.add(aim.reason)
         yield from _wrapped(f'paper: {aim.paper}' if aim.paper else '', '    ')
 
 
@@ -149,7 +153,7 @@ def case_lines(result: CaseResult) -> Iterator[str]:
 
 def closing_lines(results: Sequence[CaseResult]) -> Iterator[str]:
     """Write what all cases together say: which system for which need, and the verdicts."""
-    yield from need_lines([need for result in results for need in result.needs])
+    yield from need_lines([need for result in results for need in result.needs if need.known])
     yield verdict_line(results)
 
 

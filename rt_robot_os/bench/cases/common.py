@@ -96,5 +96,5 @@ def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
 def disturbances(outcomes: Outcomes, key: str) -> str:
     """Say what disturbed a run, as far as its counters tell; the worst of the repeats."""
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
-    return told[-1] if told else ('nothing outside is known to have disturbed it: it is the cost '
-                                  'of the program itself, or of the virtual machine')
+    return told[-1] if told else ('no disturbance was counted: it is the cost of the program '
+                                  'itself, of the interpreter, or of the virtual machine')

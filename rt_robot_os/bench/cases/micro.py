@@ -24,6 +24,7 @@ from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
+from rt_robot_os.bench.cases import common
 from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Column
@@ -94,9 +95,11 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
              for key in ('together', 'spread', 'wake')]
     aims = (
         Aim('publish, take and copy 64 B', 0.5,
-            outcomes.metric('operations', _cost('publish+take 64', _PS_PER_US, 0.5)), 'us'),
+            outcomes.metric('operations', _cost('publish+take 64', _PS_PER_US, 0.5)), 'us',
+            why=common.disturbances(outcomes, 'operations')),
         Aim('CPU time of a job, 100 tasks released together', 2.0,
-            outcomes.metric('together', _cost('cpu_ns', _NS_PER_US, 0.5)), 'us'),
+            outcomes.metric('together', _cost('cpu_ns', _NS_PER_US, 0.5)), 'us',
+            why=common.disturbances(outcomes, 'together')),
     )
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims)
 

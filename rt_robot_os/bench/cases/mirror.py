@@ -166,15 +166,26 @@ def _cost(name: str, part: float) -> Callable[[Outcome], float | None]:
     return of
 
 
+def _sending(outcomes: Outcomes) -> str:
+    """Say what the system call that wakes the client costs by itself."""
+    floor = outcomes.metric('floor', _cost('difference_ns', 0.5))
+    bare = '' if floor is None else f'{floor.median:.1f} us of it are '
+    return (f'{bare}the system call that sends to and wakes another process, which in a virtual '
+            'machine costs an interrupt between processors; '
+            + common.disturbances(outcomes, 'core'))
+
+
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, {column: _cost(name, part) for column, part in (
         ('p10', 0.1), ('p50', 0.5), ('p90', 0.9))}, label)
         for key, name, label in _ROWS if key in outcomes.runs]
     aims = (
         Aim('core: CPU time to mirror an Imu', _LIMIT_US,
-            outcomes.metric('core', _cost('difference_ns', 0.5)), 'us'),
+            outcomes.metric('core', _cost('difference_ns', 0.5)), 'us',
+            why=_sending(outcomes)),
         Aim('node: CPU time to publish a mirrored Imu', _LIMIT_US,
-            outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us'),
+            outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us',
+            why=common.disturbances(outcomes, 'node 0')),
     )
     isolation, isolation_aims, plot = _isolation(outcomes)
     return CaseResult(

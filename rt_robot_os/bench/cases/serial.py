@@ -68,7 +68,7 @@ def _loads(options: Options) -> Sequence[int]:
 
 def _plan(options: Options) -> Sequence[Run]:
     interval_ns = _INTERVAL_FULL_NS if options.full else _INTERVAL_NS
-    seconds = _FULL_S if options.full else max(1.1, options.seconds)
+    seconds = _FULL_S if options.full else max(1.4, options.seconds)
 
     def run(key: str, label: str, worker: str, priority: int, processes: int, inside: int) -> Run:
         return Run(key, label, f'rt_robot_os.bench.workers.serial:{worker}', {

@@ -97,7 +97,9 @@ def _evaluate_start(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row('robot', {
         'first_s': first, 'sample_s': _figure('first_sample_ns', NS_PER_S)})]
     aims = [Aim('from the start to the first /imu/data', _LIMIT_S,
-                outcomes.metric('robot', first), 's')]
+                outcomes.metric('robot', first), 's',
+                why='most of it is the start of two interpreters and DDS discovery, which takes '
+                    'the longer the busier the machine is')]
     return CaseResult(START.name, START.title,
                       (Table('', _START_COLUMNS, rows, _START_NOTES),), aims)
 
@@ -107,7 +109,8 @@ def _evaluate_memory(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row('robot', {
         'resident': resident, 'proportional': _figure('core_proportional', _BYTES_PER_MB),
         'node': _figure('node_resident', _BYTES_PER_MB), 'growth': _growth, 'rate': _rate})]
-    aims = [Aim('resident size of the core', _LIMIT_MB, outcomes.metric('robot', resident), 'MB')]
+    aims = [Aim('resident size of the core', _LIMIT_MB, outcomes.metric('robot', resident), 'MB',
+                why='the modules and topics of the configuration')]
     return CaseResult(MEMORY.name, MEMORY.title,
                       (Table('', _MEMORY_COLUMNS, rows, _MEMORY_NOTES),), aims)
 

@@ -82,7 +82,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         'copy': _per_second('copy', size, size / 1e6), 'ratio': _ratio(size),
     }, f'rt_robot_os, {size_text(size)}') for size in SIZES]
     aims = (Aim('64 KB: time / time of three memcpy', 2.0, outcomes.metric(
-        'rings', lambda o: _third(_ratio(64 * 1024)(o)))),)
+        'rings', lambda o: _third(_ratio(64 * 1024)(o))),
+        why=common.disturbances(outcomes, 'rings')),)
     series = []
     for kind, label in (('ring', 'rt_robot_os'), ('copy', 'memcpy')):
         known = [(size, metric.median) for size in SIZES if (metric := outcomes.metric(

@@ -116,7 +116,11 @@ def abort(harness: Harness) -> Measured:
 
 
 def interrupt(harness: Harness) -> Measured:
-    """Note how long after a write of another process to a pipe the task runs that reads it."""
+    """
+    Note how long after a write to a pipe the task runs that reads it.
+
+    ``own``: a less important task of the kernel writes; else another process.
+    """
     a = harness.arguments
     total_ns = a['warmup_ns'] + a['measure_ns']
     room = 2 * total_ns // a['period_ns'] + 100
@@ -141,15 +145,26 @@ def interrupt(harness: Harness) -> Measured:
 
     task = tested.add_task('read', read, priority=50)
     tested.add_interrupt(fd, task)
+    if a['own']:
+        tested.add_task('write', lambda: os.write(fd, _MOMENT.pack(now_ns())), priority=10,
+                        rate_hz=NS_PER_S / a['period_ns'])
     try:
-        with harness.helper(_WRITER, {'path': str(path), 'period_ns': a['period_ns']},
-                            same_cpu=False):
+        if a['own']:
             harness.prepare(freeze=True)
             tested.run(total_ns)
+        else:
+            _with_writer(harness, tested, path, total_ns)
     finally:
         os.close(fd)
     warm = min(count[0] // 2, a['warmup_ns'] // a['period_ns'])
     return Measured({'late_ns': late[warm:count[0]]})
+
+
+def _with_writer(harness: Harness, tested: Kernel, path: Path, total_ns: int) -> None:
+    arguments = {'path': str(path), 'period_ns': harness.arguments['period_ns']}
+    with harness.helper(_WRITER, arguments, same_cpu=False):
+        harness.prepare(freeze=True)
+        tested.run(total_ns)
 
 
 def writer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
