@@ -54,6 +54,8 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
         name = (error.name or '').partition('.')[0]
         if name == _OWN or not name:
             return Outcome(Status.FAILED, f'ImportError: {error}')
+        if not isinstance(error, ModuleNotFoundError):
+            return Outcome(Status.MISSING, f'this version of {name} has not got it ({error})')
         remedy = f'; remedy: pip install {_REMEDIES[name]}' if name in _REMEDIES else ''
         return Outcome(Status.MISSING, f'{name} is not installed ({error}){remedy}')
     except Unavailable as error:

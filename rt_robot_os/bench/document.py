@@ -79,7 +79,8 @@ def write_samples(folder: Path, name: str, outcomes: Outcomes) -> None:
     meta: dict[str, list[dict[str, Any]]] = {}
     for key in outcomes.runs:
         meta[key] = [{'status': outcome.status.value, 'reason': outcome.reason,
-                      'figures': dict(outcome.figures)} for outcome in outcomes.all(key)]
+                      'figures': dict(outcome.figures),
+                      'realtime': list(outcome.realtime)} for outcome in outcomes.all(key)]
         for repeat, outcome in enumerate(outcomes.all(key)):
             for sample, values in outcome.samples.items():
                 arrays[f'{key}/{repeat}/{sample}'] = values
@@ -108,5 +109,7 @@ def read_samples(folder: Path, name: str, runs: Sequence[Run]) -> Outcomes:
     for key in outcomes.runs:
         for repeat, one in enumerate(meta.get(key, ())):
             outcomes.add(key, Outcome(Status(one['status']), one['reason'],
-                                      samples.get((key, str(repeat)), {}), one['figures']))
+                                      samples.get((key, str(repeat)), {}), one['figures'],
+                                      [(step, in_force, reason)
+                                       for step, in_force, reason in one['realtime']]))
     return outcomes

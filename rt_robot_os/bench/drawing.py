@@ -107,7 +107,7 @@ def _draw(axes: Any, plot: Plot) -> None:
         if logarithmic:
             low, high = axis.get_view_interval()
             axis.set_major_formatter(_plain_numbers('1'))
-            axis.set_minor_formatter(_plain_numbers('25' if high < 30 * low else ''))
+            axis.set_minor_formatter(_plain_numbers('25' if high < 60 * low else ''))
     axes.grid(True, which='major', color='#dddddd', linewidth=0.6)
     axes.set_axisbelow(True)
     if len(plot.series) > 1:

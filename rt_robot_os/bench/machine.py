@@ -22,7 +22,9 @@ from pathlib import Path
 import platform
 from typing import Any
 
-_PACKAGES = ('rt-robot-os', 'numpy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps')
+_PACKAGES = ('rt-robot-os', 'numpy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps',
+             'horus-robotics', 'matplotlib')
+_DISTRO = 'jazzy'
 _ROS = ('rclpy', 'rmw_fastrtps_cpp', 'fastrtps', 'rt_robot_os')
 
 
@@ -115,20 +117,29 @@ def describe() -> dict[str, Any]:
 
 
 def summary(machine: dict[str, Any]) -> list[str]:
-    """Say the same in lines for people, with what makes the figures doubtful."""
+    """Say the same in lines for people."""
     place = machine['virtual'] or 'not virtual'
     if machine['container']:
         place += ', container'
-    lines = [
+    return [
         f'{machine["cpu"]}, {machine["cores"]} cores ({len(machine["cores_allowed"])} allowed), '
         f'{place}',
         f'Linux {machine["kernel"]} {machine["preemption"]}, Python {machine["python"]}'
         + ''.join(f', {name} {version}' for name, version in machine['packages'].items()
                   if name in ('numpy', 'ros-rclpy', 'rclpy')),
         'load average ' + ' '.join(f'{load:.2f}' for load in machine['load_average'])]
+
+
+def warnings(machine: dict[str, Any]) -> list[str]:
+    """Say what makes the figures doubtful."""
+    lines = []
     cores = len(machine['cores_allowed'])
     if cores == 1:
         lines.append('One core only: what runs beside the measured process disturbs it.')
     if machine['load_average'][0] > cores / 2:
         lines.append('The machine is busy with other work, which is in the figures as well.')
+    if machine['ros_distro'] not in ('', _DISTRO):
+        lines.append(f'ROS_DISTRO is {machine["ros_distro"]!r}, this package is made for '
+                     f'{_DISTRO}: what rclpy of that distribution has not got is left out. '
+                     f'Remedy: a shell in which ROS 2 {_DISTRO} or none is sourced.')
     return lines

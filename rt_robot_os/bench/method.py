@@ -69,8 +69,6 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
             'A virtual machine: when its host gives the CPU to others, everything in it stands '
             'still. That makes the tails (p99.9, max) of all systems, of bare C as well; compare '
             'them with the rows of the floor, and judge by p50, p99 and the ratios.')
-    if len(machine['cores_allowed']) == 1:
-        lines.append('One CPU: what runs beside the measured process disturbs it.')
     if machine['load_average'][0] > len(machine['cores_allowed']) / 2:
         lines.append(f'The machine was busy with other work (load average '
                      f'{machine["load_average"][0]:.1f}) when this began: do not quote.')

@@ -30,6 +30,7 @@ from rt_robot_os.bench.blocks import Heading
 from rt_robot_os.bench.blocks import Paragraph
 from rt_robot_os.bench.blocks import Picture
 from rt_robot_os.bench.machine import summary
+from rt_robot_os.bench.machine import warnings
 from rt_robot_os.bench.method import method
 from rt_robot_os.bench.method import PEERS
 from rt_robot_os.bench.result import Aim
@@ -64,7 +65,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield Paragraph(f'Measured from {content["started"]} to {content["ended"]}, all systems in '
                     'turns on one machine.' + (' Interrupted: cases are missing.'
                                                if content['interrupted'] else ''))
-    yield Bullets(summary(content['machine']))
+    yield Bullets([*summary(content['machine']), *warnings(content['machine'])])
     yield from _needs(results)
     yield from _verdicts(results)
     yield Heading('Cases', 2)
@@ -172,7 +173,7 @@ def _grid(table: Table) -> Grid:
                 spread(row.metrics.get(c.key)) if c.spread else _cell(row.metrics.get(c.key))
                 for c in columns)))
         else:
-            what = 'not installed' if row.status is Status.MISSING else 'failed'
+            what = 'not available' if row.status is Status.MISSING else 'failed'
             rows.append((row.label, f'{what}: {row.reason}'))
         kinds.append(_kind(row))
     return Grid(('', *headings), rows, kinds)

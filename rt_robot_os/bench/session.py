@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from datetime import timezone
+from pathlib import Path
 import shlex
 import sys
 import textwrap
@@ -50,6 +51,7 @@ from rt_robot_os.bench.stamps import cost_ns
 from rt_robot_os.bench.text import case_lines
 from rt_robot_os.bench.text import WIDTH
 
+_PATHS = ('--json', '--out')
 _PROBE = Run('probe', 'privileges', 'rt_robot_os.bench.workers.probe:prepare', {}, 1.0)
 
 
@@ -72,13 +74,13 @@ class Session:
         self.machine = machine.describe()
         self.conditions: dict[str, Any] = {
             'started': datetime.now(timezone.utc).isoformat(timespec='seconds'),
-            'command': shlex.join(['ros2', 'run', 'rt_robot_os', 'bench', *argv]),
+            'command': command(argv),
             'harness_ns_per_sample': cost_ns(), 'realtime': self._realtime}
 
     def introduce(self) -> None:
         """Say what is measured on, and how long it takes."""
         options = self._request.options
-        for line in machine.summary(self.machine):
+        for line in (*machine.summary(self.machine), *machine.warnings(self.machine)):
             _say(line)
         _say(f'{options.repeats} x {options.seconds:g} s each, in turns; the median of the '
              f'repeats is shown. Taking a sample costs '
@@ -151,6 +153,20 @@ class Session:
         print(f'written: {self._request.out / PAGE_FILE}')
         if not drawing.available():
             print(drawing.REMEDY)
+
+
+def command(argv: Sequence[str]) -> str:
+    """Give the line that repeats a call; folders and files by their last name."""
+    words, path_follows = [], False
+    for word in argv:
+        option, equals, value = word.partition('=')
+        if path_follows:
+            word = Path(word).name
+        elif equals and option in _PATHS:
+            word = f'{option}={Path(value).name}'
+        words.append(word)
+        path_follows = word in _PATHS
+    return shlex.join(['ros2', 'run', 'rt_robot_os', 'bench', *words])
 
 
 def _say(text: str) -> None:

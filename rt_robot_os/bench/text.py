@@ -107,7 +107,7 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _not_measured(row: Row, label_width: int, told: set[str]) -> Iterator[str]:
-    what = 'not installed' if row.status is Status.MISSING else 'failed'
+    what = 'not available' if row.status is Status.MISSING else 'failed'
     text = f'{what}, as above' if row.reason in told else f'{what}: {row.reason}'
     told.add(row.reason)
     room = max(20, WIDTH - label_width - len(_GAP))

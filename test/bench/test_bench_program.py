@@ -77,7 +77,7 @@ def test_tables_verdicts_and_what_linux_refuses_are_shown(
     assert said.count('SCHED_FIFO priority 80: not permitted') == 1
     assert said.count('CPU 1') == 1
     assert 'rt_robot_os kernel' in said
-    assert 'not installed: rclpy is not installed' in said
+    assert 'not available: rclpy is not installed' in said
     assert 'not measured' in said
     assert 'aims: 2 of 4 reached, 0 missed, 2 not measured' in said
     assert max(len(line) for line in said.splitlines()) <= WIDTH
@@ -124,7 +124,7 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     assert _run('--quick', '--repeats', '2', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()
     for words in ('Which system for which need', 'Aims and verdicts', 'How each system is run',
-                  'rt_robot_os kernel', 'not installed: rclpy', 'bench --quick --repeats 2'):
+                  'rt_robot_os kernel', 'not available: rclpy', 'bench --quick --repeats 2'):
         assert words in said, words
     # Names of XML name spaces are no addresses that are fetched.
     fetched = re.findall(r'(?:src|href)="(?!#)[^"]*"|url\((?!#)|@import|<script', said)

@@ -24,6 +24,7 @@ import pytest
 from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.result import Verdict
+from rt_robot_os.bench.stats import frequencies
 from rt_robot_os.bench.stats import inside_any
 from rt_robot_os.bench.stats import percentile
 from rt_robot_os.bench.stats import timing
@@ -117,3 +118,24 @@ def test_a_metric_is_the_median_of_the_repeats_with_their_range() -> None:
 def test_a_verdict_compares_the_median_with_the_limit(
         measured: Metric | None, at_most: bool, verdict: Verdict) -> None:
     assert Aim('x', 5.0, measured, 'us', at_most).verdict is verdict
+
+
+def test_the_frequency_of_a_punctual_module_is_exact_whatever_the_window() -> None:
+    starts = np.arange(0, 4000) * MS + 20_000
+    for every in (1, 20):
+        found = frequencies(starts[::every], every, 500 * MS, 3700 * MS, 1000 * MS)
+        assert found.tolist() == [1000.0] * 3
+
+
+def test_a_missed_call_and_a_stall_between_two_windows_make_it_lower() -> None:
+    starts = np.array([n * MS for n in range(3000) if n != 500 and not 980 <= n < 1020])
+    found = frequencies(starts, 1, 0, 3000 * MS, 1000 * MS)
+    assert found[0] == pytest.approx(1000.0 * (979 - 1) / 979)
+    assert found[1] == pytest.approx(1000.0 * 980 / 1020)
+    assert found[2] == 1000.0
+
+
+def test_a_module_that_stopped_has_no_frequency() -> None:
+    starts = np.arange(0, 1000) * MS
+    assert frequencies(starts, 1, 0, 3000 * MS, 1000 * MS).tolist()[1:] == [0.0, 0.0]
+    assert frequencies(np.zeros(0, np.int64), 1, 0, 10 * MS, 3000 * MS).tolist() == [0.0]

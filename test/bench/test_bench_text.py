@@ -64,8 +64,8 @@ def test_a_table_shows_medians_ranges_and_what_is_missing() -> None:
         '              p50   p99       range    of due',
         'ours         22.5  22.5  21.0..30.0       100',
         'few samples  1.50     -           -         -',
-        'theirs       not installed: rclpy is not installed',
-        'again        not installed, as above',
+        'theirs       not available: rclpy is not installed',
+        'again        not available, as above',
         '',
         'A note.']
 

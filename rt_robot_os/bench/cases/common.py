@@ -95,6 +95,10 @@ def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
 
 def disturbances(outcomes: Outcomes, key: str) -> str:
     """Say what disturbed a run, as far as its counters tell; the worst of the repeats."""
+    refused = [step for outcome in outcomes.measured(key)
+               for step, in_force, _ in outcome.realtime if not in_force and 'FIFO' in step]
+    if refused:
+        return f'{refused[0]} was refused: every other process of the machine can delay it'
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
     return told[-1] if told else ('no disturbance was counted: it is the cost of the program '
                                   'itself, of the interpreter, or of the virtual machine')

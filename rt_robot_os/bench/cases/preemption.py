@@ -198,7 +198,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         Aim('... than the best of all rclpy rows', _PEER_RATIO,
             common.best_ratio(outcomes, all_rclpy, 'kernel', _latency(0.99)), at_most=False,
             why='a switch interval of 0.1 ms makes the threads of rclpy hand over sooner; the '
-                'kernel is at the floor of the machine already and cannot make up for that'),
+                f'kernel cannot be earlier than the floor of the machine; {why}'),
     )
     needs = (Need('1 kHz over 20 ms of Python, p99 late 100 us', _NEED_US, 'us',
                   {**common.systems(outcomes, _latency(0.99)),

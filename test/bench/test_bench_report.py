@@ -1,0 +1,113 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the report is made of: plots, needs, Markdown, the progress bar, the command to repeat."""
+
+from __future__ import annotations
+
+import io
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from rt_robot_os.bench.blocks import Grid
+from rt_robot_os.bench.markdown import markdown
+from rt_robot_os.bench.plot import histogram
+from rt_robot_os.bench.plot import tail
+from rt_robot_os.bench.progress import duration
+from rt_robot_os.bench.progress import Progress
+from rt_robot_os.bench.result import Metric
+from rt_robot_os.bench.result import Need
+from rt_robot_os.bench.session import command
+from rt_robot_os.bench.text import need_lines
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@given(st.lists(st.integers(1_000, 10**9), min_size=1, max_size=500))
+def test_a_tail_falls_from_one_to_the_largest_sample(values: list[int]) -> None:
+    found = tail('x', np.array(values, np.int64), 1e3)
+    assert found.x[0] == pytest.approx(min(values) / 1e3)
+    assert found.x[-1] == pytest.approx(max(values) / 1e3)
+    assert list(found.x) == sorted(found.x)
+    assert found.y[0] == 1.0
+    assert found.y[-1] == pytest.approx(1 / len(values))
+    for x, y in zip(found.x, found.y):
+        assert sum(value >= x * 1e3 - 0.01 for value in values) >= y * len(values) - 0.01
+
+
+@given(st.lists(st.integers(1, 10**9), min_size=1, max_size=500))
+def test_a_histogram_leaves_no_sample_out(values: list[int]) -> None:
+    found = histogram('x', np.array(values, np.int64), 1e3, 1.0, 1e4)
+    assert sum(found.y) == pytest.approx(100.0)
+
+
+def test_nothing_measured_is_no_curve() -> None:
+    assert tail('x', np.zeros(0, np.int64), 1e3).x == ()
+
+
+def test_a_need_tells_who_gives_it() -> None:
+    need = Need('late by 1 ms', 1000.0, 'us', {
+        'rt_robot_os': Metric((40.0,)), 'best rclpy': Metric((20_000.0,)), 'HORUS': None})
+    assert [need.gives(name) for name in ('rt_robot_os', 'best rclpy', 'HORUS')] == [
+        True, False, None]
+    lines = list(need_lines([need]))
+    assert lines[0].split()[-3:] == ['rt_robot_os', 'best', 'rclpy']
+    assert lines[1].split()[-4:] == ['40.0', 'yes', '20000', 'no']
+    assert list(need_lines([Need('nobody', 1.0, '', {'HORUS': None})])) == []
+
+
+def test_a_table_in_markdown_keeps_bars_and_indents() -> None:
+    said = markdown([Grid(('', 'p50, us'), [('a|b', '1.0'), ('  of which', '0.5'),
+                                            ('rclpy', 'not available: no')],
+                          ['', '', 'absent'])], 'images/')
+    assert said.splitlines() == [
+        '|  | p50, us |', '|---|---:|', r'| a\|b | 1.0 |', '| &nbsp;&nbsp;of which | 0.5 |',
+        '| rclpy | not available: no |']
+
+
+def test_the_bar_fills_and_goes_away() -> None:
+    terminal = Terminal()
+    progress = Progress(terminal, 10.0)
+    progress.show('first')
+    progress.done(5.0)
+    progress.show('second')
+    progress.clear()
+    shown = terminal.getvalue().split('\r\x1b[K')
+    assert shown[1].startswith('[........................]   0 %')
+    assert shown[2].startswith('[############............]  50 %')
+    assert shown[2].endswith('second')
+    assert shown[-1] == ''
+
+
+def test_without_a_terminal_there_is_no_bar() -> None:
+    stream = io.StringIO()
+    Progress(stream, 10.0).show('first')
+    assert stream.getvalue() == ''
+
+
+@pytest.mark.parametrize('seconds, text', [(5, '5 s'), (89, '89 s'), (600, '10 min'),
+                                           (86_400, '24.0 h')])
+def test_durations_are_written_as_people_do(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_the_command_names_no_folder_of_the_machine() -> None:
+    assert command(['delay', '--out', '/home/me/r', '--json=/tmp/x.json', '--full']) == (
+        'ros2 run rt_robot_os bench delay --out r --json=x.json --full')
