@@ -131,7 +131,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                 + common.disturbances(outcomes, 'interrupt')))
     series = [tail(outcomes.runs[key].label, np.concatenate(
         [o.samples['late_ns'] for o in outcomes.measured(key)]), 1e3)
-        for key in ('floor', 'interrupt', 'own', 'abort', 'python', 'slack') if outcomes.measured(key)]
+        for key in ('floor', 'interrupt', 'own', 'abort', 'python', 'slack')
+        if outcomes.measured(key)]
     plot = Plot('late', 'How soon the mechanisms of the kernel act', 'delay, us',
                 'part that is later', series, 'Further left and lower is better.', True, True)
     return CaseResult(CASE.name, CASE.title, (
