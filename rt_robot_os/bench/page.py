@@ -40,6 +40,7 @@ th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e
   font-variant-numeric: tabular-nums; vertical-align: top; }
 th { font-weight: 600; vertical-align: bottom; }
 .w { text-align: left; }
+td { white-space: nowrap; } td.w { white-space: normal; }
 td.w:first-child { white-space: pre-wrap; min-width: 14rem; }
 tr.ours { font-weight: 600; background: #eef6ee; }
 tr.quoted { font-style: italic; background: #f5f2e8; }
@@ -50,7 +51,7 @@ figure { margin: 1rem 0; } figcaption { font-size: 13px; color: #444; }
 svg { max-width: 100%; height: auto; }
 code, pre { font: 13px/1.4 ui-monospace, monospace; background: #f4f4f4; }
 code { padding: 0 .2em; } pre { padding: .6rem; overflow-x: auto; }
-nav { font-size: 13px; columns: 2; }
+nav { font-size: 14px; line-height: 1.8; }
 """
 
 
@@ -74,9 +75,13 @@ def _anchor(text: str) -> str:
 
 
 def _contents(blocks: Iterable[Block]) -> str:
-    links = ''.join(f'<li><a href="#{_anchor(b.text)}">{escape(b.text)}</a></li>'
-                    for b in blocks if isinstance(b, Heading) and b.level in (2, 3))
-    return f'<nav><ul>{links}</ul></nav>'
+    links = []
+    for block in blocks:
+        if isinstance(block, Heading) and block.level in (2, 3):
+            # Of a case the name is enough.
+            text = block.text.partition(':')[0]
+            links.append(f'<a href="#{_anchor(block.text)}">{escape(text)}</a>')
+    return f'<nav>{" · ".join(links)}</nav>'
 
 
 def _inline(text: str) -> str:

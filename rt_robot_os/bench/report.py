@@ -62,9 +62,9 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     :param content: from :func:`rt_robot_os.bench.document.document`.
     """
     yield Heading('Benchmarks of rt_robot_os', 1)
-    yield Paragraph(f'Measured from {content["started"]} to {content["ended"]}, all systems in '
-                    'turns on one machine.' + (' Interrupted: cases are missing.'
-                                               if content['interrupted'] else ''))
+    yield Paragraph(f'Measured from {_moment(content["started"])} to {_moment(content["ended"])} '
+                    'UTC, all systems in turns on one machine.'
+                    + (' Interrupted: cases are missing.' if content['interrupted'] else ''))
     yield Bullets([*summary(content['machine']), *warnings(content['machine'])])
     yield from _needs(results)
     yield from _verdicts(results)
@@ -80,6 +80,10 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield from _machine(content)
     yield Heading('Repeat it', 2)
     yield Code(content['command'])
+
+
+def _moment(text: str) -> str:
+    return text[:16].replace('T', ' ')
 
 
 def _needs(results: Sequence[CaseResult]) -> Iterator[Block]:
@@ -101,7 +105,7 @@ def _fits(need: Need, system: str) -> str:
     metric = need.systems.get(system)
     if metric is None:
         return '-'
-    return f'{number(metric.median)} {need.unit} {"yes" if need.gives(system) else "no"}'
+    return f'{"yes" if need.gives(system) else "no"}, {number(metric.median)} {need.unit}'.strip()
 
 
 def _use(need: Need) -> str:
@@ -116,9 +120,11 @@ def _verdicts(results: Sequence[CaseResult]) -> Iterator[Block]:
     if not aims:
         return
     yield Heading('Aims and verdicts', 2)
-    yield Grid(('aim', 'case', 'limit', 'measured', 'range', 'paper', 'verdict'),
-               [_verdict(name, aim) for name, aim in aims],
-               [_KINDS[aim.verdict] for _, aim in aims], 2)
+    rows = [_verdict(name, aim) for name, aim in aims]
+    headings: tuple[str, ...] = ('aim', 'case', 'limit', 'measured', 'range', 'paper', 'verdict')
+    if not any(row[4] for row in rows):  # there was one repeat
+        headings, rows = headings[:4] + headings[5:], [row[:4] + row[5:] for row in rows]
+    yield Grid(headings, rows, [_KINDS[aim.verdict] for _, aim in aims], 2)
     reasons: dict[str, list[str]] = {}
     for name, aim in aims:
         if aim.reason:
@@ -128,7 +134,7 @@ def _verdicts(results: Sequence[CaseResult]) -> Iterator[Block]:
         yield Bullets([f'{"; ".join(texts)}: {reason}.' for reason, texts in reasons.items()])
 
 
-def _verdict(name: str, aim: Aim) -> Sequence[str]:
+def _verdict(name: str, aim: Aim) -> tuple[str, ...]:
     unit = f' {aim.unit}' if aim.unit else ''
     relation = '≤' if aim.at_most else '≥'
     measured = '-' if aim.measured is None else f'{number(aim.measured.median)}{unit}'

@@ -21,7 +21,10 @@ import os
 from pathlib import Path
 import resource
 
+from rt_robot_os.units import NS_PER_MS
+
 _PREFIX = 'env '
+_WAITED_MS = 2.0
 
 
 def _stolen_ticks() -> int:
@@ -29,6 +32,14 @@ def _stolen_ticks() -> int:
     try:
         words = Path('/proc/stat').read_text().partition('\n')[0].split()
         return int(words[8])
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def _waited_ns() -> int:
+    """Read for how long this thread was ready and waited for the CPU; 0 when untold."""
+    try:
+        return int(Path('/proc/thread-self/schedstat').read_text().split()[1])
     except (OSError, IndexError, ValueError):
         return 0
 
@@ -44,6 +55,7 @@ class Surroundings:
         usage = resource.getrusage(resource.RUSAGE_SELF)
         return {
             'stolen_ms': _stolen_ticks() * 1000 / os.sysconf('SC_CLK_TCK'),
+            'waited_ms': _waited_ns() / NS_PER_MS,
             'switches_forced': usage.ru_nivcsw, 'switches': usage.ru_nvcsw,
             'faults': usage.ru_minflt, 'faults_disk': usage.ru_majflt,
             'cpu_ms': (usage.ru_utime + usage.ru_stime) * 1000}
@@ -59,7 +71,10 @@ def explain(figures: Mapping[str, float]) -> str:
     stolen_ms = figures.get(_PREFIX + 'stolen_ms', 0.0)
     forced = figures.get(_PREFIX + 'switches_forced', 0.0)
     faults = figures.get(_PREFIX + 'faults_disk', 0.0)
+    waited_ms = figures.get(_PREFIX + 'waited_ms', 0.0)
     parts = []
+    if waited_ms >= _WAITED_MS:
+        parts.append(f'it was ready and waited {waited_ms:.0f} ms for its CPU, which others had')
     if stolen_ms >= 10:
         parts.append(f'the host took {stolen_ms:.0f} ms of CPU time away')
     if forced >= 10:

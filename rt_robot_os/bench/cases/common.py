@@ -99,6 +99,8 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
                for step, in_force, _ in outcome.realtime if not in_force and 'FIFO' in step]
     if refused:
         return f'{refused[0]} was refused: every other process of the machine can delay it'
+    if not any('env waited_ms' in outcome.figures for outcome in outcomes.measured(key)):
+        return 'not known: nothing was counted'
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
     return told[-1] if told else ('no disturbance was counted: it is the cost of the program '
                                   'itself, of the interpreter, or of the virtual machine')

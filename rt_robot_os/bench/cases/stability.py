@@ -95,7 +95,7 @@ def _partial(options: Options) -> Outcomes | None:
             outcomes.add(key, Outcome(Status.OK, '', read_csv(Path(_csv(options, key)))))
             found = True
         except (OSError, ValueError):
-            outcomes.add(key, Outcome(Status.FAILED, 'was not measured'))
+            outcomes.add(key, Outcome(Status.MISSING, 'interrupted before it'))
     return outcomes if found else None
 
 

@@ -68,20 +68,26 @@ def _work_queue_mask() -> int:
 class _Setup:
     """The node that sends, the notes of all, and how long it takes."""
 
-    def __init__(self, harness: Harness, stack: ExitStack) -> None:
+    def __init__(self, harness: Harness) -> None:
         a = harness.arguments
         self.count: int = a['measure_ns'] // a['interval_ns'] + 1
         self.duration_ns = _START_NS + self.count * a['interval_ns'] + WIRE_NS + _TAIL_NS
         self.sent, self.decoded, self.consumed = (
             Moments(harness.folder / name, self.count, new=True)
             for name in ('sent', 'decoded', 'consumed'))
+        self.fd = -1
+        self._workers_here = _work_queue_mask() >> harness.own_cpu & 1
+
+    def open_wire(self, harness: Harness, stack: ExitStack) -> int:
+        """Start the node, which sends after a second: the last thing before the run."""
         link = harness.folder / 'tty'
         stack.enter_context(harness.helper(f'{_SINE}:produce', {
             'link': str(link), 'sent': str(harness.folder / 'sent'), 'count': self.count,
-            'interval_ns': a['interval_ns'], 'delay_ns': _START_NS}, same_cpu=False))
-        self._workers_here = _work_queue_mask() >> harness.own_cpu & 1
+            'interval_ns': harness.arguments['interval_ns'], 'delay_ns': _START_NS},
+            same_cpu=False))
         self.fd = os.open(link, os.O_RDWR | os.O_NOCTTY)
         stack.callback(os.close, self.fd)
+        return self.fd
 
     def measured(self) -> Measured:
         """
@@ -123,8 +129,8 @@ def realtime(harness: Harness) -> Measured:
     a = harness.arguments
     path = socket_path('bench')
     tested = Core(settings({TOPIC: (MESSAGE, {})}), path)
+    setup = _Setup(harness)
     with ExitStack() as stack:
-        setup = _Setup(harness, stack)
         publisher, decoder = tested.bus.publisher(TOPIC), Decoder()
 
         def read() -> None:
@@ -135,7 +141,6 @@ def realtime(harness: Harness) -> Measured:
                     publisher.publish()
 
         task = tested.kernel.add_task('sink', read, priority=80)
-        tested.kernel.add_interrupt(setup.fd, task)
         for i in range(a['inside']):
             tested.kernel.add_task(f'busy{i}', lambda: compute(_BUSY_NS), priority=1,
                                    rate_hz=NS_PER_S / _BUSY_PERIOD_NS)
@@ -145,6 +150,7 @@ def realtime(harness: Harness) -> Measured:
                         'consumed': str(harness.folder / 'consumed')},
             same_cpu=not a['inside']))
         stack.enter_context(_loaded(harness))
+        tested.kernel.add_interrupt(setup.open_wire(harness, stack), task)
         harness.prepare(freeze=True)
         tested.run(setup.duration_ns)
         return setup.measured()
@@ -186,9 +192,10 @@ def plain(harness: Harness) -> Measured:
 
     ``inside`` threads of the same process compute 8 ms of every 100 ms.
     """
+    setup = _Setup(harness)
     with ExitStack() as stack:
-        setup = _Setup(harness, stack)
         stack.enter_context(_loaded(harness))
+        setup.open_wire(harness, stack)
         harness.prepare()
         handed: SimpleQueue[tuple[int, float]] = SimpleQueue()
         threading.Thread(target=_reader, args=(setup, handed), daemon=True).start()
