@@ -102,5 +102,5 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
     if not any('env waited_ms' in outcome.figures for outcome in outcomes.measured(key)):
         return 'not known: nothing was counted'
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
-    return told[-1] if told else ('no disturbance was counted: it is the cost of the program '
-                                  'itself, of the interpreter, or of the virtual machine')
+    return told[-1] if told else ('nothing outside was counted that explains it: the program '
+                                  'itself, the interpreter, or the virtual machine')

@@ -120,12 +120,13 @@ def _plan(options: Options) -> Sequence[Run]:
         run('threads', common.THREADS_LABEL, f'{threads}:preemption', {}),
         run('horus', common.HORUS_LABEL, f'{horus}:preemption', {}, cpu=UNPINNED),
         run('levels kernel', 'rt_robot_os, three levels', f'{_WORKERS}:kernel', levels),
-        peer('levels events', 'rclpy Events, three levels', 'events', levels),
         *(() if options.quick else (
+            peer('levels events', 'rclpy Events, three levels', 'events', levels),
             run('levels threads', 'Python threads, three levels', f'{threads}:preemption',
                 levels),)),
         run('native kernel', 'rt_robot_os, native call', f'{_WORKERS}:kernel', native),
-        peer('native events', 'rclpy Events, native call', 'events', native),
+        *(() if options.quick else (
+            peer('native events', 'rclpy Events, native call', 'events', native),)),
     )
 
 
