@@ -56,9 +56,9 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
         'matching of publishers lie before.',
         f'The harness: a sample is one clock reading into memory that was allocated before, '
         f'{cost_ns / 1000:.2f} us on this machine in this run (aim: at most '
-        f'{COST_AIM_NS / 1000:g} us, {"reached" if cost_ns <= COST_AIM_NS else "MISSED"}). It is in the figures of all '
-        'systems alike and is not taken off. Costs of single operations are means of blocks of '
-        'calls with the empty loop taken off.',
+        f'{COST_AIM_NS / 1000:g} us, {"reached" if cost_ns <= COST_AIM_NS else "MISSED"}). It is '
+        'in the figures of all systems alike and is not taken off. Costs of single operations are '
+        'means of blocks of calls with the empty loop taken off.',
         'Latency is counted from the moment on the time grid at which a call was due, by the same '
         'rule for all systems: a call that comes 20 ms late has 20 ms, and the calls that were '
         'left out for it are missed.',

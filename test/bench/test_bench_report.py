@@ -109,5 +109,5 @@ def test_durations_are_written_as_people_do(seconds: float, text: str) -> None:
 
 
 def test_the_command_names_no_folder_of_the_machine() -> None:
-    assert command(['delay', '--out', '/home/me/r', '--json=/tmp/x.json', '--full']) == (
+    assert command(['delay', '--out', '/data/me/r', '--json=/var/x.json', '--full']) == (
         'ros2 run rt_robot_os bench delay --out r --json=x.json --full')
