@@ -31,6 +31,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field
 import errno
+from importlib import import_module
 import os
 import re
 import stat
@@ -186,6 +187,15 @@ class I2cBuses:
 
 # The open files of this process: as global as /dev is.
 BUSES: Final = I2cBuses()
+
+
+def preload() -> None:
+    """Import what opening a bus needs, where it is installed: nothing is imported in the loop."""
+    for name in ('i2c_socket', 'i2c_linux'):
+        try:
+            import_module(f'rt_robot_os.drivers.{name}')
+        except ImportError:
+            pass  # opening a bus that needs it says so
 
 
 def open_transport(path: str) -> I2cTransport:

@@ -32,9 +32,11 @@ from typing import Final
 
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.drivers.device import SamplePublisher
 from rt_robot_os.drivers.i2c import BUSES
 from rt_robot_os.drivers.i2c import I2cBus
 from rt_robot_os.drivers.i2c import I2cBuses
+from rt_robot_os.drivers.i2c import preload
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
@@ -135,6 +137,15 @@ class I2cDevice(Device):
         self._step = step
         self._due_ns = due_ns
         return 0
+
+    def bind(self, publishers: Sequence[SamplePublisher]) -> None:
+        """
+        Take the publishers, and import what opening the bus needs.
+
+        :raises TopicError: there are more or fewer of them than publications.
+        """
+        super().bind(publishers)
+        preload()
 
     def open(self) -> None:  # noqa: A003
         """
