@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import datetime
+from datetime import timedelta
 import os
 from pathlib import Path
 import re
@@ -121,5 +122,9 @@ def keep(source: Iterable[Part], folder: Path, robot: str, reason: str,
             deleted.append(path)
         except OSError:
             pass  # it is gone already, or another user's
-    path = folder / file_name(robot, reason, datetime.now())
+    moment = datetime.now()
+    path = folder / file_name(robot, reason, moment)
+    while path.exists():  # two within a millisecond
+        moment += timedelta(milliseconds=1)
+        path = folder / file_name(robot, reason, moment)
     return path, write_parts(source, path), deleted

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from datetime import tzinfo
 import os
 from pathlib import Path
 import tempfile
@@ -108,3 +109,15 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / 'file').write_text('')
     with pytest.raises(BlackBoxError, match='file/sub cannot be made.*core.black_box_folder'):
         _keep(tmp_path / 'file' / 'sub')
+
+
+def test_two_dumps_in_one_millisecond_are_two_files(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Frozen(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
+            return MOMENT
+
+    monkeypatch.setattr('rt_robot_os.blackbox.folder.datetime', Frozen)
+    assert len({_keep(tmp_path)[0] for _ in range(3)}) == 3
+    assert len(dumps(tmp_path)) == 3
