@@ -158,7 +158,8 @@ class Hokuyo(SerialDevice[ScipFrame]):
                                  'first_step and last_step')
             elif frame.command == encode.PARAMETERS:
                 self._check(frame.lines)
-            self._setup.acknowledged(arrival_ns)
+            if not self._problem:
+                self._setup.acknowledged(arrival_ns)
         else:
             self._ignored_frames += 1
             if self._setup.done and frame.command == b'MD' and frame.status != wire.OK:

@@ -100,6 +100,7 @@ class Ublox(SerialDevice[UbxFrame]):
         self._velocity_at = 1 if settings['velocity_topic'] else 0
         self._time_at = 1 + self._velocity_at if settings['time_topic'] else 0
         self._setup = Handshake(name, (), _REMEDY)
+        self._problem = ''
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and velocity and time with a topic."""
@@ -119,6 +120,7 @@ class Ublox(SerialDevice[UbxFrame]):
 
     def restart(self) -> None:
         """Begin the set-up if it is wanted."""
+        self._problem = ''
         self._setup = Handshake(self.name, (
             Step('CFG-MSG', encode.enable_nav_pvt(), encode.CFG_MSG),
             Step('CFG-RATE', encode.set_rate(self.settings['output_rate_hz']), encode.CFG_RATE),
@@ -132,18 +134,16 @@ class Ublox(SerialDevice[UbxFrame]):
         """
         Send the command of the set-up that is due, if any.
 
-        :raises DeviceError: the port is gone, or the device does not answer.
+        :raises DeviceError: the port is gone, or the device does not answer or refuses.
         """
+        if self._problem:
+            raise DeviceError(f'{self.name}: {self._problem}')
         data = self._setup.due(now_ns)
         if data is not None:
             self.send(data)
 
     def handle(self, frame: UbxFrame, arrival_ns: int) -> int:
-        """
-        Use one message; in the loop.
-
-        :raises DeviceError: the receiver refuses what it is asked for.
-        """
+        """Use one message; in the loop."""
         if frame.kind == wire.NAV and frame.identifier == wire.PVT:
             pvt = wire.nav_pvt(frame.payload)
             if pvt is not None:
@@ -152,11 +152,12 @@ class Ublox(SerialDevice[UbxFrame]):
         if step is not None and frame.kind == wire.ACK \
                 and frame.payload == bytes((wire.CFG, step.key)):
             if frame.identifier == encode.ACK_NAK:
-                raise DeviceError(
-                    f'{self.name}: it refuses {step.name}: lower output_rate_hz, or set it up '
-                    'with u-center and set configure: false (receivers from generation 10 on do '
-                    'not know this command)')
-            self._setup.acknowledged(arrival_ns)
+                self._problem = (
+                    f'it refuses {step.name}: lower output_rate_hz, or set it up with u-center '
+                    'and set configure: false (receivers from generation 10 on do not know this '
+                    'command)')
+            else:
+                self._setup.acknowledged(arrival_ns)
         else:
             self._ignored_frames += 1
         return 0

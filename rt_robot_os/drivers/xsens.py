@@ -102,6 +102,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._mag_unit_t: float = settings['mag_unit_t']
         self._outputs = self._wanted() if settings['configure'] else ()
         self._setup = Handshake(name, (), _REMEDY)
+        self._problem = ''
         self._counter: int | None = None
         self._lost = 0
 
@@ -112,6 +113,7 @@ class Xsens(SerialDevice[XbusFrame]):
     def restart(self) -> None:
         """Forget the counter, and begin the set-up if it is wanted."""
         self._counter = None
+        self._problem = ''
         steps = [
             Step('GoToConfig', encode.message(encode.GO_TO_CONFIG), encode.GO_TO_CONFIG),
             Step('SetOutputConfiguration', encode.message(
@@ -130,18 +132,16 @@ class Xsens(SerialDevice[XbusFrame]):
         """
         Send the command of the set-up that is due, if any.
 
-        :raises DeviceError: the port is gone, or the device does not answer.
+        :raises DeviceError: the port is gone, or the device does not answer or refuses.
         """
+        if self._problem:
+            raise DeviceError(f'{self.name}: {self._problem}')
         data = self._setup.due(now_ns)
         if data is not None:
             self.send(data)
 
     def handle(self, frame: XbusFrame, arrival_ns: int) -> int:
-        """
-        Use one message; in the loop.
-
-        :raises DeviceError: the device refuses what it is asked for.
-        """
+        """Use one message; in the loop."""
         if frame.mid == wire.MTDATA2:
             sample = self._parser.parse(frame.payload)
             # What comes before the set-up is done may be of other items and rates.
@@ -150,12 +150,13 @@ class Xsens(SerialDevice[XbusFrame]):
         step = self._setup.step
         if step is not None and frame.mid == step.key + 1:
             if step.key == encode.SET_OUTPUT_CONFIGURATION:
-                self._check_answer(frame.payload)
-            self._setup.acknowledged(arrival_ns)
+                self._problem = self._difference(frame.payload)
+            if not self._problem:
+                self._setup.acknowledged(arrival_ns)
         elif step is not None and frame.mid == encode.ERROR:
             code = frame.payload[0] if frame.payload else 0
-            raise DeviceError(
-                f'{self.name}: it refuses {step.name} with error 0x{code:02x} '
+            self._problem = (
+                f'it refuses {step.name} with error 0x{code:02x} '
                 f'({encode.ERRORS.get(code, "see its manual")}): check output_rate_hz, and '
                 'orientation, or set configure: false')
         else:
@@ -196,22 +197,21 @@ class Xsens(SerialDevice[XbusFrame]):
             if gap <= _LARGEST_GAP:
                 self._lost += gap
 
-    def _check_answer(self, payload: bytes) -> None:
-        """Compare what the device will send with what it was asked for."""
+    def _difference(self, payload: bytes) -> str:
+        """Say how what the device will send differs from what it was asked for."""
         answer = dict(encode.read_output_configuration(payload))
         if not answer:
-            return
+            return ''
         for identifier, rate in self._outputs:
             given = answer.get(identifier, 0)
             if given == rate or identifier not in _NAMES:
                 continue
             what = _NAMES[identifier]
             if identifier == wire.QUATERNION and not given:
-                raise DeviceError(f'{self.name}: this product gives no orientation: set '
-                                  'orientation: false')
+                return 'this product gives no orientation: set orientation: false'
             remedy = f'set output_rate_hz: {given}' if given else 'choose another product'
-            raise DeviceError(f'{self.name}: asked for {what} at {rate} Hz it gives {given} Hz: '
-                              f'{remedy}')
+            return f'asked for {what} at {rate} Hz it gives {given} Hz: {remedy}'
+        return ''
 
     def _wanted(self) -> tuple[tuple[int, int], ...]:
         """Give identifiers and rates, after a look at rate and line."""

@@ -144,5 +144,7 @@ def test_setting_up_asks_for_the_message_and_the_rate() -> None:
 def test_a_receiver_that_refuses_is_told() -> None:
     with scripted(Ublox, [encode.acknowledge(6, 1, done=False)], configure=True) as (device, _):
         device.write(0)
+        device.read(1)
+        assert not device.is_set_up()
         with pytest.raises(DeviceError, match='dut: it refuses CFG-MSG: .* configure: false'):
-            device.read(1)
+            device.write(2)

@@ -151,8 +151,10 @@ def test_what_the_product_cannot_do_is_told_with_the_remedy(answer: bytes, messa
         device.write(0)
         device.read(1)
         device.write(2)
+        device.read(3)
+        assert not device.is_set_up()
         with pytest.raises(DeviceError, match=f'dut: .*{message}'):
-            device.read(3)
+            device.write(4)
 
 
 def test_no_answer_at_all_is_told_after_some_tries() -> None:

@@ -242,3 +242,12 @@ def test_another_scanner_is_told_with_what_to_set(monkeypatch: pytest.MonkeyPatc
         'the settings do not fit: it is UTM-30LX(simulated), so set steps_per_turn: 1440, '
         'front_step: 540']
     assert dut.state is not DeviceState.ACTIVE
+
+
+def test_a_receiver_that_refuses_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    dut = bench.add('dut', 'ublox', {'configure': True}, {'refuses': True})
+    bench.run(3)
+    assert len(bench.errors('dut')) == 1
+    assert bench.errors('dut')[0].startswith('it refuses CFG-MSG: lower output_rate_hz')
+    assert dut.state is not DeviceState.ACTIVE
