@@ -28,8 +28,9 @@ PEERS = (
     'a timer for each module on the steady clock, each callback in a mutually exclusive group of '
     'its own, as the page "Using Callback Groups" of the ROS 2 documentation advises for '
     'callbacks that shall run beside each other. rmw_fastrtps, a ROS domain of its own, '
-    'publisher and subscriptions in one process. SCHED_FIFO and one CPU as above; rows that say '
-    '"all CPUs" have neither.',
+    'publisher and subscriptions in one process. SCHED_FIFO and one CPU as above; the '
+    'MultiThreadedExecutor all CPUs without SCHED_FIFO, because its threads starve each other '
+    'otherwise (the case preemption shows both).',
     'Python threads: one threading.Thread a module, absolute deadlines, each thread with its own '
     'SCHED_FIFO priority, default switch interval of 5 ms.',
     'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core '

@@ -20,8 +20,11 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 
+from rt_robot_os.bench.case import FIFO_PRIORITY
+from rt_robot_os.bench.case import LAST_CPU
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
+from rt_robot_os.bench.case import UNPINNED
 from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.stats import percentile
 from rt_robot_os.bench.surroundings import explain
@@ -36,6 +39,11 @@ RCLPY = ('single', 'multi', 'events')
 RCLPY_LABELS: Mapping[str, str] = {
     'single': 'rclpy SingleThreadedExecutor', 'multi': 'rclpy MultiThreadedExecutor',
     'events': 'rclpy EventsExecutor'}
+# (CPU, priority): on one CPU under SCHED_FIFO the threads of the MultiThreadedExecutor starve
+# each other; it gets what is best for it.
+RCLPY_PLACES: Mapping[str, tuple[int, int]] = {
+    'single': (LAST_CPU, FIFO_PRIORITY), 'multi': (UNPINNED, 0),
+    'events': (LAST_CPU, FIFO_PRIORITY)}
 HORUS_LABEL = 'HORUS'
 THREADS_LABEL = 'Python threads'
 KERNEL_LABEL = 'rt_robot_os kernel'

@@ -59,8 +59,8 @@ _NOTES = (
     'task, released by the publication, takes it and stamps. With several subscribers: until the',
     'last one has it. rclpy: timer, publisher and subscriptions in one process. Threads: bytes in',
     'a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room',
-    'for more than 4 KB. The same CPU, SCHED_FIFO (HORUS: all CPUs). The paper: averages, and the',
-    'largest of its averages as max.')
+    'for more than 4 KB, and gives a message to one of several nodes. The same CPU, SCHED_FIFO',
+    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.')
 
 
 def _variants(options: Options) -> Sequence[tuple[int, int]]:
@@ -80,7 +80,8 @@ def _plan(options: Options) -> Sequence[Run]:
 
     def peer(name: str) -> Run:
         return Run(name, common.RCLPY_LABELS[name], 'rt_robot_os.bench.peers.delay:executor',
-                   {**arguments, 'executor': name}, common.START_PEER_S + seconds * 1.1)
+                   {**arguments, 'executor': name}, common.START_PEER_S + seconds * 1.1,
+                   *common.RCLPY_PLACES[name])
 
     rclpy = ('events', 'single') if options.quick else ('events', 'single', 'multi')
     return (

@@ -21,6 +21,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.case import FIFO_PRIORITY
+from rt_robot_os.bench.case import LAST_CPU
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
@@ -58,7 +60,8 @@ _NOTES = (
     'Four modules do an addition, each at its rate. The actual frequency is taken every 3 s (or',
     'over the whole run, where that is shorter); worst window: the lowest of them. Error: the',
     'largest of all modules and windows. The paper: priorities 500 > 200 > 1000 > 2000 Hz; the',
-    'lowest of its samples, and its averages. In rclpy the order of timers cannot be chosen.')
+    'lowest of its samples, and its averages. In rclpy the order of timers cannot be chosen.',
+    'One CPU, SCHED_FIFO (MultiThreadedExecutor: all CPUs, without; HORUS: all CPUs).')
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -66,19 +69,21 @@ def _plan(options: Options) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(options.seconds, 3.5)
 
     def run(key: str, label: str, worker: str, priorities: dict[int, int] | None = None,
-            start_s: float = common.START_S, cpu: int = -1, **more: str) -> Run:
+            start_s: float = common.START_S, cpu: int = LAST_CPU,
+            priority: int = FIFO_PRIORITY, **more: str) -> Run:
         chosen = priorities or _MONOTONIC
         return Run(key, label, f'rt_robot_os.bench.{worker}', {
             'modules': [(rate, chosen[rate]) for rate in RATES_HZ], 'every': 1, 'receive': False,
             'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S), **more},
-            start_s + _WARMUP_NS / NS_PER_S + seconds, cpu)
+            start_s + _WARMUP_NS / NS_PER_S + seconds, cpu, priority)
 
     return (
-        run('kernel', "rt_robot_os kernel, the paper's order", 'workers.modules:kernel',
+        run('kernel', "rt_robot_os, the paper's order", 'workers.modules:kernel',
             _AS_PAPER),
-        run('monotonic', 'rt_robot_os kernel, rate-monotonic', 'workers.modules:kernel'),
+        run('monotonic', 'rt_robot_os, rate-monotonic', 'workers.modules:kernel'),
         *(run(name, common.RCLPY_LABELS[name], 'peers.modules:executor', None,
-              common.START_PEER_S, executor=name) for name in common.RCLPY),
+              common.START_PEER_S, *common.RCLPY_PLACES[name], executor=name)
+          for name in common.RCLPY),
         run('threads', common.THREADS_LABEL, 'workers.threads:modules'),
         run('horus', common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED),
     )
@@ -110,7 +115,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         **{f'hz{rate}': _worst_hz(i) for i, rate in enumerate(RATES_HZ)},
         'error': _error, 'cpu': common.figure('cpu_percent')}
     rows = [
-        quoted('paper (FreeRTOS on STM32F4), lowest', hz2000=1894, hz1000=976, hz500=491,
+        quoted('paper (STM32F4), lowest', hz2000=1894, hz1000=976, hz500=491,
                hz200=195, error=5.3),
         quoted('paper, average', hz2000=1907, hz1000=988, hz500=495, hz200=196, error=4.7),
         *(outcomes.row(key, columns) for key in outcomes.runs)]
@@ -133,7 +138,7 @@ def _plot(outcomes: Outcomes) -> Plot:
             if metric is not None:
                 errors.append(max(1e-4, 100 * abs(metric.median - rate) / rate))
         if errors:
-            series.append(Series(run.label.replace('rt_robot_os kernel, ', 'ours, '), RATES_HZ,
+            series.append(Series(run.label, RATES_HZ,
                                  errors, 'marks'))
     return Plot('error', 'Frequency error by module', 'frequency asked for, Hz', 'error, %',
                 series, 'Lower is better. The 3 s window with the lowest frequency.', True, True)

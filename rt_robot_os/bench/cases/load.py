@@ -91,10 +91,8 @@ def _plan(options: Options) -> Sequence[Run]:
             for count in _counts(options)]
     for count in _peer_counts(options):
         runs += [run(name, count, common.RCLPY_LABELS[name], 'peers.modules:executor',
-                     common.START_PEER_S, executor=name,
-                     # On one CPU under SCHED_FIFO its own threads starve each other.
-                     cpu=UNPINNED if name == 'multi' else LAST_CPU,
-                     priority=0 if name == 'multi' else FIFO_PRIORITY) for name in common.RCLPY]
+                     common.START_PEER_S, *common.RCLPY_PLACES[name], executor=name)
+                 for name in common.RCLPY]
         runs += [run('threads', count, common.THREADS_LABEL, 'workers.threads:modules'),
                  run('horus', count, common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED)]
     cost_s = max(0.4, options.seconds / 4)

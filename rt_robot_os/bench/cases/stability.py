@@ -24,6 +24,8 @@ from pathlib import Path
 import numpy as np
 
 from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.case import FIFO_PRIORITY
+from rt_robot_os.bench.case import LAST_CPU
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
@@ -76,7 +78,8 @@ def _plan(options: Options) -> Sequence[Run]:
         return Run(key, label, f'rt_robot_os.bench.{worker}', {
             'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S),
             'row_ns': round(row_s * NS_PER_S), 'csv': _csv(options, key), **more},
-            start_s + (_WARMUP_NS / NS_PER_S + seconds) * 1.01, once=True)
+            start_s + (_WARMUP_NS / NS_PER_S + seconds) * 1.01,
+            *common.RCLPY_PLACES.get(key, (LAST_CPU, FIFO_PRIORITY)), once=True)
 
     total_s = _measure_s(options)
     peers = ('events',) if options.quick else common.RCLPY
