@@ -103,8 +103,9 @@ def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
     """
     Say what a receiver hears that is set to another speed.
 
-    It waits for a start bit, then samples eight bits in their middle, at its own pace; a stop bit
-    that is none does not keep it from handing the byte over, as on Linux by default.
+    It waits for a start bit that is still there in its middle, then samples eight bits in theirs,
+    at its own pace; a stop bit that is none does not keep it from handing the byte over, as on
+    Linux by default.
 
     :param factor: length of the receiver's bit in bits of the sender; 2 is half of its speed.
     """
@@ -117,6 +118,10 @@ def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
             at += 1
         if at >= size:
             return bytes(heard)
+        middle = at + int(factor * 0.5)
+        if middle < size and level[middle]:
+            at = middle  # too short for a start bit
+            continue
         places = [at + int(factor * (i + 1.5)) for i in range(8)]
         heard.append(sum(1 << i for i, place in enumerate(places)
                          if place >= size or level[place]))

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from rt_robot_os.sim.line import at_wrong_speed
 from rt_robot_os.sim.line import SerialLine
 
 BYTE_NS = 10 * 10**9 // 9600
@@ -87,3 +88,23 @@ def test_no_byte_is_lost_or_early_and_the_line_says_when_to_come_back(
         assert got or next_ns < now
         taken += got or line.take(max(now, next_ns))
     assert taken == b''.join(data for data, _ in pieces)
+
+
+@given(data=st.binary(max_size=50))
+def test_at_the_right_speed_every_byte_is_heard_as_it_is(data: bytes) -> None:
+    assert at_wrong_speed(data, 1.0) == data
+
+
+def test_what_is_heard_at_another_speed() -> None:
+    # 0xFF is low for one bit only, too short for a start bit of half the speed.
+    assert at_wrong_speed(b'\xff', 2.0) == b''
+    # 0x00 is low for nine bits: start bit and three bits of the receiver, then ones.
+    assert at_wrong_speed(b'\x00', 2.0) == b'\xf8'
+    # Twice as fast each bit is heard twice, and a second byte begins where a low one does.
+    assert at_wrong_speed(b'\x0f', 0.5)[:1] == b'\xfe'
+    assert at_wrong_speed(b'', 2.0) == b''
+
+
+@given(data=st.binary(max_size=50), factor=st.sampled_from([0.25, 0.5, 0.9, 1.1, 2.0, 6.0, 12.0]))
+def test_hearing_ends_at_every_speed(data: bytes, factor: float) -> None:
+    assert len(at_wrong_speed(data, factor)) <= len(data) * 10

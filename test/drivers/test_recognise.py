@@ -1,0 +1,60 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Are the bytes of another device recognised, and never those of none."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from rt_robot_os.drivers.encoders import nmea
+from rt_robot_os.drivers.encoders import ranging
+from rt_robot_os.drivers.encoders import scip
+from rt_robot_os.drivers.encoders import ubx
+from rt_robot_os.drivers.encoders import witmotion
+from rt_robot_os.drivers.encoders import xbus
+from rt_robot_os.drivers.recognise import recognised
+from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.sim.line import at_wrong_speed
+
+STREAMS = {
+    'nmea': nmea.sentence('GPGSV,1,1,00') * 3,
+    'ublox': ubx.message(1, 7, bytes(92)) + nmea.sentence('GPGSV,1,1,00'),
+    'xsens': xbus.mtdata2([(0x4020, xbus.reals((0, 0, 9.8)))]) * 2,
+    'witmotion': witmotion.acceleration_frame(0, 0, 9.8) * 4,
+    'maxbotix': ranging.maxbotix(1234) * 5,
+    'hokuyo': scip.scan(scip.scan_command(44, 725), 0, range(1000, 1682))[300:812],
+}
+
+
+@pytest.mark.parametrize('driver', STREAMS)
+def test_each_protocol_is_recognised_from_the_middle_of_its_stream(driver: str) -> None:
+    stream = STREAMS[driver]
+    text = recognised(b'\x00' + stream[3:] + stream, 57600)
+    assert f'at 57600 baud: set type: {driver}, or swap the ports' in text
+    assert driver in DRIVERS.names()
+    assert ' at ' not in recognised(stream, 0)
+
+
+@pytest.mark.parametrize('driver', STREAMS)
+def test_at_the_wrong_speed_nothing_is_recognised(driver: str) -> None:
+    for factor in (0.5, 2.0, 4.0):
+        assert recognised(at_wrong_speed(STREAMS[driver] * 4, factor)[-512:], 9600) == ''
+
+
+def test_noise_is_nobody() -> None:
+    noise = random.Random(5)
+    found = [recognised(noise.randbytes(512), 9600) for _ in range(200)]
+    assert [text for text in found if text] == []
