@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextlib import suppress
 import fcntl
 import json
 import os
@@ -42,6 +43,7 @@ _LOG_FILE = 'output.log'
 _PATIENCE_S = 30.0     # beyond what a run is expected to take
 _END_S = 5.0           # to end after the result is there, and after SIGTERM
 _LOOK_S = 1.0
+_GROUP_S = 1.0         # for its own processes to be gone
 _DOMAINS = range(1, 102)
 _FIRST_PORT, _PORTS_A_DOMAIN = 7400, 250   # of DDSI-RTPS
 # One BLAS thread: the others would only disturb.
@@ -160,6 +162,12 @@ def end_group(process: subprocess.Popen[bytes]) -> None:
             process.wait(wait_s)
         except (ProcessLookupError, subprocess.TimeoutExpired):
             continue
+    # What the child had started ends with it, but not at the same moment.
+    deadline = time.monotonic() + _GROUP_S
+    with suppress(ProcessLookupError):
+        while time.monotonic() < deadline:
+            os.killpg(process.pid, signal.SIGKILL)
+            time.sleep(0.005)
 
 
 def _why(code: int | None, timeout_s: float, log: Path) -> str:
