@@ -115,8 +115,8 @@ class Bmp280(Barometer):
     def _start(self, now_ns: int) -> int:
         """Start a conversion."""
         self.put(chip.CONTROL, self._control)
-        self._started_ns = now_ns
-        return self.then(self._fetch_forced, now_ns + self._conversion_ns)
+        self._started_ns = self.clock_ns()
+        return self.then(self._fetch_forced, self._started_ns + self._conversion_ns)
 
     def _fetch_forced(self, now_ns: int) -> int:
         """Fetch the conversion; the chip has gone to sleep after it."""

@@ -24,10 +24,12 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
+from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+import time
 from types import MappingProxyType
 from typing import Any
 from typing import ClassVar
@@ -115,6 +117,7 @@ class Device(ABC):
     :cvar IF_SILENT: what to check when nothing comes.
     :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
     :ivar name: name of the device in the configuration, used in every error.
+    :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar changes: live settings that were changed and wait for the next poll.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
 
@@ -139,6 +142,7 @@ class Device(ABC):
         self.name = name
         self.settings = settings
         self.changes: dict[str, Any] = {}
+        self.clock_ns: Callable[[], int] = time.monotonic_ns
         self._publishers: tuple[SamplePublisher, ...] = ()
 
     @abstractmethod

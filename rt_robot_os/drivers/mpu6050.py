@@ -160,6 +160,7 @@ class Mpu6050(I2cDevice):
         if now_ns >= self._check_ns:
             self._check_chip(now_ns)
         count = int.from_bytes(self.fetch(chip.FIFO_COUNT, 2), 'big')
+        now_ns = self.clock_ns()  # the bus may have been busy for a while
         if count > self._model.fifo_size:
             return self.reject(f'its FIFO cannot hold the {count} bytes that it says')
         if count > self._model.fifo_size - chip.FRAME_SIZE:

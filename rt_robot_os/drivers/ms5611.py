@@ -88,13 +88,14 @@ class Ms5611(Barometer):
     def _start(self, now_ns: int) -> int:
         """Start the conversion of the temperature."""
         self.put(chip.CONVERT_TEMPERATURE + self._added)
-        return self.then(self._fetch_temperature, now_ns + self._conversion_ns)
+        # The chip began when the command was over; fetched too early, the conversion is spoilt.
+        return self.then(self._fetch_temperature, self.clock_ns() + self._conversion_ns)
 
     def _fetch_temperature(self, now_ns: int) -> int:
         """Fetch the temperature and start the conversion of the pressure."""
         self._raw_t = int.from_bytes(self.fetch(chip.READ, 3), 'big')
         self.put(chip.CONVERT_PRESSURE + self._added)
-        self._done_ns = now_ns + self._conversion_ns
+        self._done_ns = self.clock_ns() + self._conversion_ns
         return self.then(self._fetch_pressure, self._done_ns)
 
     def _fetch_pressure(self, now_ns: int) -> int:

@@ -267,6 +267,7 @@ class SensorManager:
             on_restart=managed.restart,
             on_safe_state=managed.safe_state if hasattr(device, 'safe_state') else None,
             **declared)
+        device.clock_ns = self._kernel.now_ns
         device.bind([self._bus.publisher(p.topic, managed.task) for p in publications])
         if interrupt:
             managed.arrival = self._kernel.add_task(

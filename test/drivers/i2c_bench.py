@@ -50,6 +50,7 @@ class I2cRig:
         self.chip.start(self.now_ns)
         self.device: Any = driver('dut', wanted)
         self.device.buses = I2cBuses(self.open_bus)
+        self.device.clock_ns = lambda: self.now_ns
         self.opened = 0
         self.bus_ns = 0
         self.publishers = bind(self.device)

@@ -234,6 +234,7 @@ def test_drivers_run_over_smbus2_on_both_kinds_of_adapters(
     samples = [0, 0]
     for device in devices:
         device.buses = buses
+        device.clock_ns = lambda: kernel.now_ns
         bind(device)
         device.open()
     # Where the address is a property of the file, each has one of its own.

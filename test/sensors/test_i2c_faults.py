@@ -158,6 +158,16 @@ def test_many_chips_share_one_bus_and_none_loses_anything() -> None:
     assert robot.buses.open_count == 0
 
 
+@pytest.mark.parametrize('kind, rate', [('ms5611', 20), ('bmp280', 10)])
+def test_a_slow_bus_spoils_no_conversion(kind: str, rate: int) -> None:
+    # At 10 kHz a command takes 2 ms, more than a conversion is faster than its longest time.
+    robot = I2cRobot()
+    managed = robot.add('dut', kind, sim={'clock_hz': 10_000}, output_rate_hz=float(rate))
+    robot.run(2)
+    assert robot.samples('dut', 2) == pytest.approx(2 * rate, abs=2)
+    assert managed.device.statistics().rejected_frames == 0 and managed.faults == 0
+
+
 def test_the_same_robot_runs_the_same_each_time() -> None:
     def one() -> list[tuple[int, int]]:
         robot = I2cRobot()
