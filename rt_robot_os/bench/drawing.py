@@ -57,7 +57,7 @@ def svg(plot: Plot, unique: str) -> str:
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
     text = stream.getvalue()
-    text = text[text.index('<svg'):]
+    text = re.sub('<metadata>.*?</metadata>', '', text[text.index('<svg'):], flags=re.DOTALL)
     # Identifiers such as figure_1 occur in every picture.
     text = re.sub(r'\bid="([^"]+)"', rf'id="{unique}-\1"', text)
     text = re.sub(r'url\(#([^)]+)\)', rf'url(#{unique}-\1)', text)

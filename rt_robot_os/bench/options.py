@@ -81,7 +81,7 @@ class _Parser(argparse.ArgumentParser):
 def _parser(cases: Mapping[str, Case]) -> _Parser:
     parser = _Parser(
         prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
-        description='Measure rt_robot_os on this machine, beside rclpy.',
+        description='Measure rt_robot_os on this machine, beside rclpy, HORUS, threads, cyclictest.',
         epilog='cases:\n' + ''.join(
             f'  {case.name:<12} {case.title}\n' for case in cases.values()) + '\n' + _EPILOG)
     parser.add_argument('case', nargs='*', help='what to measure (default: all)')
@@ -89,7 +89,7 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
     length.add_argument('--quick', action='store_true',
                         help=f'{_QUICK.seconds:g} s each, {_QUICK.repeats} repeat')
     length.add_argument('--full', action='store_true',
-                        help=f'{_FULL.seconds:g} s each, {_FULL.repeats} repeats, large messages')
+                        help=f'{_FULL.seconds:g} s each, {_FULL.repeats} repeats, more variants')
     parser.add_argument('--seconds', metavar='S', type=_seconds,
                         help=f'length of each measurement (default {_DEFAULT.seconds:g})')
     parser.add_argument('--repeats', metavar='N', type=_repeats,

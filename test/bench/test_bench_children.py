@@ -31,6 +31,7 @@ import pytest
 from rt_robot_os.bench import processes
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.case import Outcome
+from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.case import UNPINNED
 from rt_robot_os.bench.helper import load_function
@@ -98,6 +99,45 @@ def test_a_peer_that_is_not_installed_is_missing_and_no_failure(
     outcome = measure(_gentle(_first('preemption', 'single')))
     assert outcome.status is Status.MISSING
     assert 'rclpy is not installed' in outcome.reason
+
+
+def test_a_program_that_is_not_installed_is_missing_with_its_remedy(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'without.py').write_text(
+        'from rt_robot_os.bench.workers import wakeup\n\n\ndef work(harness):\n'
+        '    wakeup._PATH = "/nowhere"\n    return wakeup.cyclictest(harness)\n')
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
+    outcome = measure(replace(_gentle(_first('wakeup', 'cyclictest')), worker='without:work'))
+    assert outcome.status is Status.MISSING
+    assert outcome.reason == 'cyclictest is not installed (remedy: apt-get install rt-tests)'
+
+
+def test_an_older_peer_is_missing_and_told_apart_from_one_that_is_not_installed(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'horus.py').write_text('')
+    (tmp_path / 'older.py').write_text('def work(harness):\n    from horus import Node\n')
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
+    outcome = measure(Run('x', 'x', 'older:work', {}, 1.0))
+    assert outcome.status is Status.MISSING
+    assert outcome.reason.startswith('this version of horus has not got it')
+
+
+@pytest.mark.parametrize('name, key', [
+    ('frequency', 'monotonic'), ('frequency', 'threads'), ('wakeup', 'floor'),
+    ('kernel', 'abort'), ('kernel', 'own'), ('throughput', 'rings')])
+def test_short_real_runs_can_be_evaluated(name: str, key: str) -> None:
+    options = Options(0.1, 1, quick=True)
+    runs = CASES[name].plan(options)
+    outcomes = Outcomes(runs)
+    for one in runs:
+        outcomes.add(one.key, measure(_gentle(one, warmup_ns=20_000_000)) if one.key == key
+                     else Outcome(Status.MISSING, 'left out'))
+    assert outcomes.all(key)[0].status is Status.OK, outcomes.all(key)[0].reason
+    result = CASES[name].evaluate(options, outcomes)
+    measured = [row for table in result.tables for row in table.rows
+                if row.status is Status.OK and not row.quoted]
+    assert measured
+    assert any(metric is not None for row in measured for metric in row.metrics.values())
 
 
 def test_a_worker_that_does_not_exist_has_failed_and_says_so() -> None:

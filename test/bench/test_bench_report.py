@@ -24,6 +24,8 @@ import numpy as np
 import pytest
 
 from rt_robot_os.bench.blocks import Grid
+from rt_robot_os.bench.machine import describe
+from rt_robot_os.bench.machine import warnings
 from rt_robot_os.bench.markdown import markdown
 from rt_robot_os.bench.plot import histogram
 from rt_robot_os.bench.plot import tail
@@ -106,6 +108,15 @@ def test_without_a_terminal_there_is_no_bar() -> None:
                                            (86_400, '24.0 h')])
 def test_durations_are_written_as_people_do(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_what_makes_figures_doubtful_is_said() -> None:
+    fine = {**describe(), 'cores_allowed': [0, 1], 'load_average': [0.1], 'ros_distro': 'jazzy'}
+    assert warnings(fine) == []
+    said = warnings({**fine, 'cores_allowed': [0], 'load_average': [3.0], 'ros_distro': 'humble'})
+    assert [words in line for words, line in zip(
+        ('One core only', 'busy with other work', "'humble'"), said)] == [True] * 3
+    assert len(said) == 3
 
 
 def test_the_command_names_no_folder_of_the_machine() -> None:
