@@ -81,7 +81,7 @@ class _Parser(argparse.ArgumentParser):
 def _parser(cases: Mapping[str, Case]) -> _Parser:
     parser = _Parser(
         prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
-        description='Measure rt_robot_os on this machine, beside rclpy, HORUS, threads, cyclictest.',
+        description='Measure rt_robot_os on this machine, beside rclpy, HORUS and threads.',
         epilog='cases:\n' + ''.join(
             f'  {case.name:<12} {case.title}\n' for case in cases.values()) + '\n' + _EPILOG)
     parser.add_argument('case', nargs='*', help='what to measure (default: all)')
