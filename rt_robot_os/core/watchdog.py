@@ -150,11 +150,8 @@ class Watchdog:
                 self._make_safe(task, f'the watchdog: {reason}')
 
     def _make_safe(self, task: Task, reason: str) -> None:
-        if task.state is TaskState.SAFE:
-            return
-        # One that pauses or was stopped begins anew first: its safe state is a job like others.
-        self._kernel.rearm(task)
-        self._kernel.hold(task, FailurePolicy.SAFE_STATE, reason)
+        if task.state is not TaskState.SAFE:
+            self._kernel.hold(task, FailurePolicy.SAFE_STATE, reason)
 
     def _trip(self, reason: str, now_ns: int) -> None:
         """End the core: in order if that works within the timeout, otherwise by the handle."""

@@ -23,6 +23,7 @@ import heapq
 
 from rt_robot_os.kernel.abort import TaskAborted
 from rt_robot_os.kernel.black_box import ABORT
+from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
@@ -180,8 +181,14 @@ class Consequences(KernelState):
 
     # ---- failures ----------------------------------------------------------------------------
 
-    def _follow(self, task: Task, failure: FailureReport | None, now_ns: int) -> None:
-        """Do what is due when a job has ended."""
+    def _follow(self, task: Task, failure: FailureReport | None, outcome: int, now_ns: int
+                ) -> None:
+        """
+        Do what is due when a job has ended.
+
+        :param outcome: of the job, as its record has it.
+        """
+        task.failures += outcome == FAILED
         policy, task.wanted = task.wanted, None
         held = task.follow & HELD
         task.follow = FOLLOW if task.successors else 0
@@ -194,6 +201,7 @@ class Consequences(KernelState):
             self._note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
         if task.strikes:
+            task.aborted += outcome != FAILED and task.strikes > task.struck
             policy = self._after_strikes(task, policy, now_ns)
         if task.state is not TaskState.ACTIVE:  # its safe state was run
             self._withdraw(task)
@@ -214,7 +222,6 @@ class Consequences(KernelState):
         task.strikes, task.struck = 0, False
         if not delivered:
             return policy
-        task.aborted += 1
         if delivered == 1:
             return policy or task.spec.failure
         self._note_failure(FailureReport(
@@ -235,7 +242,7 @@ class Consequences(KernelState):
         """Apply a policy for another reason than an exception, when its job has ended."""
         self._note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
-        if task.busy or task.pending:
+        if task.busy or (task.pending and task.state is TaskState.ACTIVE):
             task.follow |= FOLLOW
         else:
             task.wanted = None

@@ -266,8 +266,7 @@ class Scheduler(Alarms):
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             task.busy = False
             if failure is not None or task.follow:
-                task.failures += outcome == FAILED
-                self._follow(task, failure, end_ns)
+                self._follow(task, failure, outcome, end_ns)
             # The second condition finds an alarm whose handler had no room left on the stack.
             if self.pending or timers[0][0] <= end_ns:
                 self.pending = False

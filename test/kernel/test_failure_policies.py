@@ -205,6 +205,19 @@ def test_whoever_watches_can_hold_an_idle_task_at_once() -> None:
     assert machine.calls[4:] == [(32, 'safe')]
 
 
+@pytest.mark.parametrize('policy', [FailurePolicy.STOP, FailurePolicy.RESTART])
+def test_a_task_that_is_held_already_can_be_made_safe_without_running_again(
+        policy: FailurePolicy) -> None:
+    machine = Machine(failure=policy, restart_ns=50 * MS)
+    machine.bad = lambda now_ns: now_ns == 20 * MS
+    machine.kernel.add_task(
+        'trip', lambda: machine.kernel.hold(machine.task, FailurePolicy.SAFE_STATE, 'tripped'),
+        priority=20, rate_hz=1.0, phase_ns=32 * MS)
+    task = machine.run(200 * MS)
+    assert machine.what() == ['job'] * 3 + ['safe']
+    assert task.state is TaskState.SAFE
+
+
 def test_the_kernel_can_be_run_again_and_the_task_is_active_then() -> None:
     machine = Machine(failure=FailurePolicy.STOP)
     machine.bad = lambda now_ns: now_ns == 0

@@ -215,7 +215,7 @@ def test_signals_stop_with_the_run_and_flags_are_as_before(kernel: Kernel, ends:
     kernel.add_task('task', lambda: within.append(fcntl.fcntl(reading, fcntl.F_GETFL)),
                     priority=10, rate_hz=1000.0)
     for _ in range(2):
-        kernel.run(3 * MS)
+        kernel.run(50 * MS)
         assert fcntl.fcntl(reading, fcntl.F_GETFL) == flags
     assert within and all(f & fcntl.FASYNC and f & os.O_NONBLOCK for f in within)
 
