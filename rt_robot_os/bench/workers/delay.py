@@ -36,6 +36,8 @@ MESSAGE = 'std_msgs/msg/UInt8MultiArray'
 # Encapsulation, an empty sequence of dimensions, the data's offset and its length.
 OVERHEAD_BYTES = 16
 NUMBER = struct.Struct('<I')
+_NO_NUMBER = 0xFFFFFFFF
+WARM, WARM_BYTES = 'warm', 64
 
 
 class Receiver:
@@ -97,16 +99,23 @@ def kernel(harness: Harness) -> Measured:
     samples: dict[str, Samples] = {}
     variants = [(size, subscribers, _Variant(a, size, subscribers))
                 for size, subscribers in a['variants']]
+    warm = _Variant(a, WARM_BYTES, 1, before=4)
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()
+    samples[WARM] = warm.run()
     return Measured(samples, {'due': due(a)})
 
 
 class _Variant:
-    """One size of message and number of subscribers, in a kernel of its own."""
+    """
+    One size of message and number of subscribers, in a kernel of its own.
 
-    def __init__(self, a: Mapping[str, int], size: int, subscribers: int) -> None:
+    :param before: messages that are published just before each that is measured: they warm the
+        caches.
+    """
+
+    def __init__(self, a: Mapping[str, int], size: int, subscribers: int, before: int = 0) -> None:
         self._total_ns = a['warmup_ns'] + a['measure_ns']
         self._warm = a['warmup_ns'] // a['period_ns']
         room = 2 * self._total_ns // a['period_ns'] + 100
@@ -114,7 +123,8 @@ class _Variant:
         bus = Bus(self._kernel)
         bus.declare('message', MESSAGE, {'data': size - OVERHEAD_BYTES})
         self._sent = Stamps(room)
-        self._receivers = [Receiver(room) for _ in range(subscribers)]
+        self._receivers = [Receiver(room * (1 + before)) for _ in range(subscribers)]
+        self._before = range(before)
         publisher = bus.publisher('message')
         self._kernel.add_task('publish', self._publishing(publisher.msg.data, publisher.publish),
                               priority=10, rate_hz=NS_PER_S / a['period_ns'])
@@ -126,9 +136,12 @@ class _Variant:
             cell.append(bus.subscribe('message', f'take{i}', task=task))
 
     def _publishing(self, data: Any, publish: Callable[[], None]) -> Callable[[], None]:
-        sent, write = self._sent, NUMBER.pack_into
+        sent, write, before = self._sent, NUMBER.pack_into, self._before
 
         def job() -> None:
+            for _ in before:
+                write(data, 0, _NO_NUMBER)
+                publish()
             write(data, 0, sent.count)
             sent.stamp()
             publish()
