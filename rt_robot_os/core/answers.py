@@ -36,7 +36,6 @@ from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.session import Session
 from rt_robot_os.reports import Severity
@@ -143,10 +142,6 @@ class Answers:
             policy = Policy(wanted)
         except ValueError:
             raise LinkError(f'policy = {wanted!r}: must be drain or latest') from None
-        size = self._core.bus.topic(name).layout.max_size
-        if size > PACKET_BYTES_MAXIMUM // 2:
-            raise LinkError(f'topic {name!r}: a sample of {size} bytes does not fit a packet of '
-                            f'the link ({PACKET_BYTES_MAXIMUM // 2}); make it smaller')
         channel = self._core.link.mirror(
             session, name, policy, _number(arguments, 'max_rate_hz', 0.0),
             bool(arguments.get('initial', False)))

@@ -20,6 +20,7 @@ Not for the real-time loop: calls here may wait.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 import itertools
 import os
@@ -36,6 +37,8 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
 from rt_robot_os.link.facts import TopicInfo as TopicInfo
+from rt_robot_os.link.memories import ClientMemories
+from rt_robot_os.link.memories import give_back
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
@@ -46,6 +49,8 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.records import decode_task
+from rt_robot_os.linux.memory_file import FD_BYTES
+from rt_robot_os.linux.memory_file import received_fds
 
 RECEIVE_BUFFER_BYTES = 1 << 20
 US_PER_S = 1_000_000
@@ -64,7 +69,8 @@ class LinkClient:
     :param path: of the core's socket.
     :param name: what the core calls this client in its statistics.
     :ivar on_data: called by the reading thread with each sample: header and CDR, valid during the
-        call only.
+        call only. The CDR may be written to. A large one lies where the core put it, and that
+        place is given back afterwards: who is slow with it loses the next ones.
     :ivar on_report: called by the reading thread with each report of the core.
     :ivar core: what the core said when it was greeted: pid, version and so on.
     :ivar topics: the topics of the core by name.
@@ -82,6 +88,8 @@ class LinkClient:
         self._reader = threading.Lock()
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._view = memoryview(self._buffer)
+        self._memories = ClientMemories()
+        self._owed: deque[bytes] = deque()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
@@ -105,6 +113,9 @@ class LinkClient:
         """Leave; may be called twice."""
         self.closed = True
         self._socket.close()
+        if self._reader.acquire(blocking=False):  # else somebody reads: they go with the client
+            self._memories.close()
+            self._reader.release()
 
     def __enter__(self) -> LinkClient:
         return self
@@ -126,6 +137,8 @@ class LinkClient:
         try:
             if self.closed:
                 raise LinkError('the connection to the core is closed')
+            if self._owed:
+                self._settle()
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
                 return 0
             count = 0
@@ -139,13 +152,16 @@ class LinkClient:
     def _receive(self, count: int) -> int:
         """Receive a packet; none is 0. What came before the end counts: the next call tells it."""
         try:
-            length = self._socket.recv_into(self._buffer)
+            length, ancillary, _, _ = self._socket.recvmsg_into(
+                [self._buffer], FD_BYTES, socket.MSG_CMSG_CLOEXEC)
         except BlockingIOError:
             return 0
         except OSError as error:
             if count:
                 return 0
             raise LinkError(f'the core is gone: {error.strerror}') from error
+        if ancillary:
+            self._memories.take(self._view[:length], received_fds(ancillary))
         if not length and not count:
             raise LinkError('the core closed the connection')
         return length
@@ -156,6 +172,9 @@ class LinkClient:
             if self.on_data is not None:
                 self.on_data(Header(*HEADER.unpack_from(self._buffer)),
                              self._view[HEADER_BYTES:length])
+            return
+        if kind == Kind.SLOT:
+            self._handle_slot(length)
             return
         packet = bytes(self._view[:length])
         head = parse_header(packet)
@@ -168,6 +187,31 @@ class LinkClient:
             self._deliver(head.seq, head, packet)
         elif kind == Kind.REPLY:
             self._deliver(head.seq, head, packet)
+
+    def _handle_slot(self, length: int) -> None:
+        """Hand on a large sample in place, and give its slot back, whatever the handler does."""
+        packet = bytes(self._view[:length])
+        head = parse_header(packet)
+        sample = self._memories.sample(packet)
+        if sample is None:
+            return
+        try:
+            if self.on_data is not None:
+                self.on_data(head._replace(kind=Kind.DATA), sample)
+        finally:
+            self._owed.append(give_back(packet))
+            self._settle()
+
+    def _settle(self) -> None:
+        """Give back the slots that are owed, as far as the core takes it."""
+        try:
+            while self._owed:
+                self._socket.send(self._owed[0])
+                self._owed.popleft()
+        except BlockingIOError:
+            pass  # it will be tried again; until then the core has fewer slots to fill
+        except OSError as error:
+            raise LinkError(f'the core is gone: {error.strerror or error}') from error
 
     def _deliver(self, number: int, head: Header, packet: bytes) -> None:
         waiting = self._replies.get(number)

@@ -48,7 +48,8 @@ class MirrorStatistics:
     sent + full + lost + skipped + limited + waiting = published.
 
     :ivar published: samples of the topic since the mirror began.
-    :ivar full: samples that the client's full socket refused.
+    :ivar full: samples that the client's full socket refused, or for which it had given no slot
+        back.
     :ivar lost: samples overwritten in the ring before they could be sent.
     :ivar skipped: samples passed over by ``latest``.
     :ivar limited: samples passed over by ``max_rate_hz``.
@@ -73,18 +74,21 @@ class Mirror:
     :param channel: number of the topic.
     :param max_rate_hz: 0 for no limit.
     :param service: the link's task, released by each publication as long as the mirror is there.
+    :param buffer: where samples are copied to; by default a packet.
     """
 
     def __init__(self, bus: Bus, topic: str, client: str, connection: socket.socket, channel: int,
-                 policy: Policy, max_rate_hz: float, initial: bool, service: Task) -> None:
-        self._packet = bytearray(HEADER_BYTES + bus.topic(topic).layout.max_size)
+                 policy: Policy, max_rate_hz: float, initial: bool, service: Task, *,
+                 buffer: memoryview | None = None) -> None:
+        self._packet = bytearray(
+            HEADER_BYTES + (0 if buffer else bus.topic(topic).layout.max_size))
         self._view = memoryview(self._packet)
         self._channel = channel
         self._send = connection.send
         self._bus = bus
         self.topic = bus.topic(topic)
         self.subscription = bus.subscribe(
-            topic, f'link:{client}', initial=initial, buffer=self._view[HEADER_BYTES:],
+            topic, f'link:{client}', initial=initial, buffer=buffer or self._view[HEADER_BYTES:],
             task=service)
         self._began = self.subscription.next_seq
         self.sent = self.full = self.limited = 0
@@ -121,11 +125,7 @@ class Mirror:
                 self._packet, 0, Kind.DATA, VERSION, self._channel,
                 (self.full + subscription.lost) & 0xFFFFFFFF, subscription.stamp_ns,
                 subscription.seq)
-            if self._interval_ns:
-                # On the grid while the topic keeps up; after a pause the grid starts anew.
-                self._next_ns += self._interval_ns
-                if self._next_ns < now_ns:
-                    self._next_ns = now_ns + self._interval_ns
+            self._count_interval(now_ns)
             try:
                 if subscription.length == len(subscription.buffer):
                     self._send(self._packet)
@@ -136,13 +136,24 @@ class Mirror:
                 return
             self.sent += 1
 
+    def _count_interval(self, now_ns: int) -> None:
+        if self._interval_ns:
+            # On the grid while the topic keeps up; after a pause the grid starts anew.
+            self._next_ns += self._interval_ns
+            if self._next_ns < now_ns:
+                self._next_ns = now_ns + self._interval_ns
+
     def _pass_over(self, count: int) -> None:
         for _ in range(count):
-            if self.subscription.take():
+            if self.subscription.pass_over():
                 self.limited += 1
 
-    def close(self) -> None:
-        """Stop reading the topic."""
+    def close(self, gone: bool = False) -> None:
+        """
+        Stop reading the topic.
+
+        :param gone: the client has closed the connection and reads nothing any more.
+        """
         self._bus.unsubscribe(self.subscription)
 
     def statistics(self) -> MirrorStatistics:

@@ -30,6 +30,18 @@ offset size meaning
 
 An answer may take several packets: all but the last have channel 1.
 
+A sample that is too long for a packet lies in a memory file that both sides have mapped. The core
+sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet for
+each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in between.
+
+========= ======================================================= =========
+kind      after the header                                        sent by
+========= ======================================================= =========
+MEMORY    number of the memory, of its slots; bytes of a slot     core
+SLOT      number of the memory, of the slot; bytes of the sample  core
+GIVE_BACK number of the memory, of the slot                       client
+========= ======================================================= =========
+
 After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a record of
 :mod:`rt_robot_os.link.records` for ``TASK``, nothing for ``BEAT``.
 """
@@ -44,12 +56,17 @@ from typing import NamedTuple
 
 from rt_robot_os.errors import LinkError
 
-VERSION = 1
+VERSION = 2
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
+MEMORY = struct.Struct('<IIQ')
+SLOT = struct.Struct('<IIQ')
+GIVE_BACK = struct.Struct('<II')
 REQUEST_BYTES_MAXIMUM = 16_384
 # A datagram must fit the socket buffer, which ordinary users cannot raise above about 208 KiB.
 PACKET_BYTES_MAXIMUM = 128 * 1024
+# A longer sample goes through a memory file.
+SAMPLE_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM // 2
 
 
 class Kind(IntEnum):
@@ -61,6 +78,9 @@ class Kind(IntEnum):
     BEAT = 4
     REPORT = 5
     TASK = 6
+    MEMORY = 7
+    SLOT = 8
+    GIVE_BACK = 9
 
 
 class Header(NamedTuple):

@@ -32,12 +32,15 @@ import struct
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.large import LargeMirror
+from rt_robot_os.link.large import memory_bytes
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
 from rt_robot_os.reports import Report
@@ -233,21 +236,26 @@ class LinkServer:
 
         :return: the channel of its samples.
         :raises TopicError: there is no such topic, or it has all its subscribers.
+        :raises LinkError: there is not so much memory.
         """
         channel = session.channel(topic)
         known = session.mirrors.get(topic)
         if known is not None:
             known.set_policy(policy, max_rate_hz)
             return channel
-        session.mirrors[topic] = Mirror(self._bus, topic, session.name, session.connection,
-                                        channel, policy, max_rate_hz, initial, self._service)
+        arguments = (self._bus, topic, session.name, session.connection, channel, policy,
+                     max_rate_hz, initial, self._service)
+        size = self._bus.topic(topic).layout.max_size
+        if size <= SAMPLE_BYTES_MAXIMUM:
+            session.mirrors[topic] = Mirror(*arguments)
+        else:
+            session.add_large(topic, lambda number: LargeMirror(*arguments, number=number),
+                              memory_bytes(size))
         return channel
 
     def unmirror(self, session: Session, topic: str) -> None:
         """Stop carrying a topic to a client; unknown ones are fine."""
-        mirror = session.mirrors.pop(topic, None)
-        if mirror is not None:
-            mirror.close()
+        session.remove_mirror(topic)
 
     def statistics(self) -> tuple[ClientStatistics, ...]:
         """Take the statistics of all clients."""

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from collections.abc import Iterator
 from dataclasses import asdict
 from dataclasses import dataclass
@@ -25,8 +26,11 @@ from typing import Any
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
+from rt_robot_os.link.large import CLIENT_MEMORY_MAXIMUM
+from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import MirrorStatistics
+from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import parse_header
@@ -87,6 +91,8 @@ class Session:
         self.report_place = 0
         self.requests: deque[bytes] = deque()
         self.mirrors: dict[str, Mirror] = {}
+        self._large: dict[int, LargeMirror] = {}
+        self._memories = 0
         self._bus = bus
         self._channels = bus.topics
         self._publishers: dict[int, Publisher] = {}
@@ -141,8 +147,47 @@ class Session:
                 self.gone = f'refused: more than {REQUESTS_WAITING_MAXIMUM} requests at once'
             else:
                 self.requests.append(bytes(packet))
+        elif head.kind == Kind.GIVE_BACK:
+            self._take_back(packet[HEADER_BYTES:])
         elif head.kind != Kind.BEAT:
             self.gone = f'refused: a packet of kind {head.kind} is not for the core'
+
+    def _take_back(self, body: memoryview) -> None:
+        if len(body) != GIVE_BACK.size:
+            self.gone = f'refused: it gives back a slot in {len(body)} bytes'
+            return
+        number, slot = GIVE_BACK.unpack(body)
+        mirror = self._large.get(number)
+        if mirror is not None:
+            if not mirror.loans.returned(slot):
+                self.gone = f'refused: it gives back slot {slot} of {number}, which it has not got'
+        elif not 0 < number <= self._memories:
+            self.gone = f'refused: it gives back a slot of memory {number}, which it never got'
+        # Else it crossed with the end of that mirror.
+
+    def add_large(self, topic: str, make: Callable[[int], LargeMirror], size: int) -> None:
+        """
+        Add a mirror whose samples go through a memory file.
+
+        :param make: from the number of its memory.
+        :param size: bytes of its memory.
+        :raises LinkError: it would be more memory than one client may have.
+        """
+        taken = sum(mirror.memory_bytes for mirror in self._large.values())
+        if taken + size > CLIENT_MEMORY_MAXIMUM:
+            raise LinkError(f'topic {topic!r}: mirroring it takes {size} bytes of memory, and '
+                            f'{taken} of {CLIENT_MEMORY_MAXIMUM} are taken by this client; mirror '
+                            'fewer large topics, or connect twice')
+        mirror = make(self._memories + 1)
+        self._memories += 1
+        self._large[self._memories] = self.mirrors[topic] = mirror
+
+    def remove_mirror(self, topic: str) -> None:
+        """Stop carrying a topic; unknown ones are fine."""
+        mirror = self.mirrors.pop(topic, None)
+        if mirror is not None:
+            self._large = {n: large for n, large in self._large.items() if large is not mirror}
+            mirror.close()
 
     def _publish(self, channel: int, stamp_ns: int, cdr: memoryview) -> None:
         publisher = self._publishers.get(channel)
@@ -228,8 +273,10 @@ class Session:
 
     def close(self) -> None:
         """Remove everything that it had."""
+        left = bool(self.gone) and not self.gone.startswith('refused')
+        self._large = {}
         for mirror in self.mirrors.values():
-            mirror.close()
+            mirror.close(left)
         self.mirrors.clear()
         self.connection.close()
 

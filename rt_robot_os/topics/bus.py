@@ -27,6 +27,7 @@ from rt_robot_os.kernel import Task
 from rt_robot_os.topics.layout import Layout
 from rt_robot_os.topics.logical import LogicalPublisher
 from rt_robot_os.topics.logical import LogicalSubscription
+from rt_robot_os.topics.publisher import LargePublisher
 from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import NewestSubscription
 from rt_robot_os.topics.subscription import Subscription
@@ -110,7 +111,8 @@ class Bus:
         """
         if task is not None and task.logical is not None:
             return LogicalPublisher(self.topic(name), task.logical)
-        return Publisher(self.topic(name))
+        topic = self.topic(name)
+        return LargePublisher(topic) if topic.large else Publisher(topic)
 
     def subscribe(self, name: str, subscriber: str, *, initial: bool = False,
                   task: Task | None = None, buffer: memoryview | None = None,

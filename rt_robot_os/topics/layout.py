@@ -192,6 +192,33 @@ class Layout:
                               f'its declared tail of {self.tail_maximum}; check() such bytes')
         return self._tail_start + count * self.tail_item_size if count else self.size
 
+    def set_tail_bytes(self, buffer: Any, length: int) -> None:
+        """
+        Say how many bytes of a buffer's tail count; of a layout without tail, nothing.
+
+        :param length: bytes of whole elements, at most as many as there is room for.
+        """
+        if self.tail is not None and self.tail_item_size:
+            _COUNT.pack_into(buffer, self._tail_count_offset, length // self.tail_item_size)
+
+    @property
+    def bulk(self) -> tuple[int, int, int]:
+        """
+        Where the tail, or the longest sequence or array of numbers, lies.
+
+        :return: offset, most bytes, bytes of an element; no bytes when there is none.
+        """
+        if self.tail is not None and self.tail_offset is not None and self.tail_maximum:
+            if self._fields[-1].type_name == 'string':
+                return self.tail_offset, 0, 1  # text ends with a NUL: assign it
+            room = self.max_size - self.tail_offset
+            return self.tail_offset, room - room % self.tail_item_size, self.tail_item_size
+        longest = max((f for f in self._fields if f.type_name in PRIMITIVES),
+                      key=lambda f: f.nbytes, default=None)
+        if longest is None:
+            return self.size, 0, 1
+        return longest.offset, longest.nbytes, PRIMITIVES[longest.type_name].size
+
     def fields(self) -> tuple[LayoutField, ...]:
         """List all fields in the order of their bytes, for documentation and tools."""
         return self._fields

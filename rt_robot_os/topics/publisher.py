@@ -20,7 +20,10 @@ from typing import Any
 
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel.black_box import PUBLISH
+from rt_robot_os.topics.topic import copy_in_pieces
+from rt_robot_os.topics.topic import PIECE_BYTES
 from rt_robot_os.topics.topic import Topic
+from rt_robot_os.topics.topic import touch
 
 
 class Publisher:
@@ -77,6 +80,30 @@ class Publisher:
         if kernel.pending:
             kernel.settle()
 
+    def fill(self, data: memoryview) -> None:
+        """
+        Set the tail, or the longest sequence, from bytes; safe in the real-time loop.
+
+        However many there are, a task above the caller may run after each 64 KiB.
+
+        :param data: whole elements; of a sequence of fixed length, all of them.
+        :raises TopicError: there are too many of them, or too few.
+        """
+        layout = self.topic.layout
+        start, room, item = layout.bulk
+        octets = memoryview(data).cast('B')
+        length = len(octets)
+        if length > room or length % item or (layout.tail is None and length != room):
+            raise TopicError(f'topic {self.topic.name!r}: {length} bytes for a sequence of '
+                             f'{"at most " if layout.tail is not None else ""}{room}, {item} for '
+                             'each element')
+        target = self._buffer[start:start + length]
+        if length <= PIECE_BYTES:
+            target[:] = octets
+        else:
+            copy_in_pieces(target, octets)
+        layout.set_tail_bytes(self._buffer, length)
+
     def publish_cdr(self, data: bytes | memoryview, stamp_ns: int = 0) -> None:
         """
         Publish a message that is CDR already, for instance from a raw ROS 2 subscription.
@@ -113,3 +140,54 @@ class Publisher:
         kernel.locked = False
         if kernel.pending:
             kernel.settle()
+
+
+class LargePublisher(Publisher):
+    """
+    Write large messages: publishing gives the buffer away instead of copying it.
+
+    The next message is another object, so that :attr:`msg` has to be looked up after each
+    publication. It begins as the last one was, but for the tail or the longest sequence: that
+    holds some older sample and has to be filled anew each time.
+    """
+
+    __slots__ = ('_before', '_after')
+
+    def __init__(self, topic: Topic) -> None:
+        super().__init__(topic)
+        touch(self._buffer)
+        start, room, _ = topic.layout.bulk
+        self._before, self._after = start, start + room
+
+    def publish(self, stamp_ns: int = 0) -> None:
+        """
+        Publish the message as it stands; safe in the real-time loop, whatever its length.
+
+        :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
+        """
+        kernel, topic = self._kernel, self.topic
+        full, message = self._buffer, self.msg
+        length = topic.layout.length(full)
+        now_ns = kernel.now_ns()
+        kernel.locked = True
+        head = topic.head
+        index = head & self._mask
+        self._buffer, self.msg = self._slots[index], topic.messages[index]
+        self._slots[index], topic.messages[index] = full, message
+        topic.lengths[index] = length
+        self._stamps[index] = stamp_ns or now_ns
+        topic.head = head + 1
+        self.published += 1
+        self._buffer[:self._before] = full[:self._before]
+        self._buffer[self._after:] = full[self._after:]
+        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
+        kernel.wake(topic.wakes, now_ns)
+        if topic.triggers:
+            topic.pull(now_ns)
+        kernel.locked = False
+        if kernel.pending:
+            kernel.settle()
+
+    def _publish(self, data: memoryview, stamp_ns: int) -> None:
+        copy_in_pieces(self._buffer, data)
+        self.publish(stamp_ns)

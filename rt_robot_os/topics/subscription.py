@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING
 
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Wait
+from rt_robot_os.topics.topic import copy_in_pieces
+from rt_robot_os.topics.topic import PIECE_BYTES
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import SubscriberStatisticsSource
 from rt_robot_os.topics.topic import Topic
@@ -134,8 +136,30 @@ class Subscription(SubscriberStatisticsSource):
 
     def _copy_tail(self, index: int) -> None:
         length = self.topic.lengths[index]
-        self.buffer[:length] = self._slots[index][:length]
+        if length <= PIECE_BYTES:
+            self.buffer[:length] = self._slots[index][:length]
+        else:
+            copy_in_pieces(self.buffer, self._slots[index][:length])
         self.length = length
+
+    def pass_over(self, newest: bool = False) -> bool:
+        """
+        Pass over a sample without copying it; safe in the real-time loop.
+
+        :param newest: the newest one, those before it count as skipped; else the oldest unread.
+        :return: whether there was one.
+        """
+        behind = self.topic.head - self._next
+        if behind <= 0:
+            return False
+        if newest:
+            self.skipped += behind - 1
+            self._next += behind - 1
+        elif behind > self._depth:
+            self.lost += behind - self._depth
+            self._next += behind - self._depth
+        self._next += 1
+        return True
 
     @property
     def next_seq(self) -> int:

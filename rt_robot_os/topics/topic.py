@@ -27,6 +27,10 @@ and the kept ones are ``head - depth`` to ``head - 1``):
 3. latest: the same for sample ``head - 1``; what lies in between is counted as skipped.
 
 A reader never writes to the ring: publishing costs the same with one or a hundred of them.
+
+A large sample (longer than ``PIECE_BYTES``) is never copied in one native call, which would hold up
+preemption. Publishing one exchanges the publisher's buffer for that of the slot; the rule of step 2
+holds as before, since a slot's buffer is written again only after ``head`` went on by ``depth``.
 """
 
 from __future__ import annotations
@@ -44,6 +48,8 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.trigger import Trigger
 
 DEPTH_MAXIMUM = 1 << 16
+# What is copied at once: some 3 us where memory is slow. Between two pieces a task may be preempted.
+PIECE_BYTES = 1 << 16
 STALE_PERIODS = 10
 
 
@@ -91,12 +97,14 @@ class Topic:
     :param depth: number of slots, a power of two.
     :param rate_hz: expected rate; 0 when there is none. A sample older than ten periods is stale.
     :param max_subscribers: a further one is refused.
+    :ivar large: its samples are longer than ``PIECE_BYTES``; ``messages`` are then the views of
+        its slots.
     :raises TopicError: a value is out of range.
     """
 
     __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
                  'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
-                 'subscribers', 'has_tail', '_storage', '_wanted')
+                 'subscribers', 'has_tail', 'large', 'messages', '_storage', '_wanted')
 
     def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = 16,
                  rate_hz: float = 0.0, max_subscribers: int = 64) -> None:
@@ -112,13 +120,18 @@ class Topic:
         self.stale_after_ns = round(STALE_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
         self.max_subscribers = max_subscribers
         self.head = 0
+        self.large = layout.max_size > PIECE_BYTES
         stride = layout.max_size + -layout.max_size % 8
-        self._storage = bytearray(depth * stride)
+        self._storage = bytearray(0 if self.large else depth * stride)
         view = memoryview(self._storage)
-        self.slots = [view[i * stride:i * stride + layout.max_size] for i in range(depth)]
+        self.slots = [layout.new_buffer() if self.large else
+                      view[i * stride:i * stride + layout.max_size] for i in range(depth)]
+        self.messages = [layout.view(slot) for slot in self.slots] if self.large else []
+        for slot in self.slots if self.large else ():
+            touch(slot)
         self.stamps = [0] * depth
         self.lengths = [layout.size] * depth
-        self.has_tail = layout.max_size != layout.size
+        self.has_tail = layout.max_size != layout.size or self.large
         self.wakes: list[Task] = []
         self.triggers: list[Trigger] = []
         self._wanted: dict[Task, int] = {}
@@ -156,6 +169,25 @@ class Topic:
             slot_bytes=self.layout.max_size, published=head,
             stamp_ns=self.stamps[(head - 1) & self.mask] if head else 0, rate_hz=self.rate_hz,
             subscribers=tuple(s.statistics() for s in self.subscribers))
+
+
+def touch(buffer: memoryview) -> None:
+    """Have Linux give a buffer its pages now, and not in the loop."""
+    for start in range(0, len(buffer), PIECE_BYTES):
+        piece = buffer[start:start + PIECE_BYTES]
+        piece[:] = bytes(piece)
+
+
+def copy_in_pieces(target: memoryview, source: memoryview) -> None:
+    """
+    Copy bytes; a task may be preempted between two pieces.
+
+    :param target: as long as ``source``.
+    """
+    length = len(source)
+    for start in range(0, length, PIECE_BYTES):
+        stop = min(start + PIECE_BYTES, length)
+        target[start:stop] = source[start:stop]
 
 
 class SubscriberStatisticsSource:

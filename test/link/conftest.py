@@ -40,7 +40,9 @@ robot:
     core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
     modules: [guard]
     guard: {type: twist_guard, rate_hz: 100.0, priority: 40}
-    topics: [cmd_vel, text]
+    topics: [cmd_vel, text, picture]
+    picture:
+      {message: sensor_msgs/msg/CompressedImage, depth: 16, tail: 100000, fixed: {format: jpeg}}
     cmd_vel: {message: geometry_msgs/msg/Twist, depth: 64}
     text: {message: std_msgs/msg/String, depth: 16, tail: 100}
 """

@@ -86,7 +86,7 @@ def task_of(watch: LinkClient, name: str) -> TaskStatistics:
 def test_a_client_is_told_what_there_is(core: Any) -> None:
     client = core.client()
     assert client.core['pid'] == core.process.pid
-    assert set(client.topics) == {'cmd_vel', 'text', 'cmd_vel_safe'}
+    assert set(client.topics) == {'cmd_vel', 'text', 'cmd_vel_safe', 'picture'}
     assert client.topics['cmd_vel'].type_name == 'geometry_msgs/msg/Twist'
     assert client.topics['cmd_vel'].size == 52
     assert 'guard' in client.core['tasks']

@@ -40,6 +40,7 @@ from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.session import OUTBOX_BYTES_MAXIMUM
 from rt_robot_os.settings import load
 
@@ -174,7 +175,7 @@ REQUESTS = st.builds(
         ['id', 'name', 'topic', 'policy', 'max_rate_hz', 'initial', 'task', 'rate_hz', 'owner',
          'value']), VALUES, max_size=5))
 HEADS = st.builds(
-    HEADER.pack, st.integers(0, 7), st.sampled_from([1, 1, 1, 1, 1, 1, 1, 0, 2, 255]),
+    HEADER.pack, st.integers(0, 10), st.sampled_from([VERSION] * 7 + [0, VERSION + 1, 255]),
     st.integers(0, 4), st.integers(0, (1 << 32) - 1), st.integers(-(1 << 63), (1 << 63) - 1),
     st.integers(0, (1 << 64) - 1))
 PACKETS = st.one_of(

@@ -1,0 +1,152 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Carry samples that are too long for a packet to one client, through a memory file.
+
+The sample is copied from the topic into a free slot, in pieces of 64 KiB, and a small packet says
+which slot it is. The client reads it in place and gives the slot back. A client that gives nothing
+back loses samples, which are counted as ``full``; the core waits for nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link.mirror import Mirror
+from rt_robot_os.link.mirror import Policy
+from rt_robot_os.link.protocol import header
+from rt_robot_os.link.protocol import HEADER
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import MEMORY
+from rt_robot_os.link.protocol import SLOT
+from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.linux.memory_file import Loans
+from rt_robot_os.linux.memory_file import MemoryFile
+from rt_robot_os.linux.memory_file import send_with_fd
+from rt_robot_os.linux.memory_file import slot_stride
+from rt_robot_os.topics import Bus
+
+# One with the client, one on its way, and two for a client that is late now and then.
+SLOTS = 4
+CLIENT_MEMORY_MAXIMUM = 256 << 20
+
+
+def memory_bytes(size: int) -> int:
+    """Give how much memory the mirror of a topic takes whose samples have a size."""
+    return SLOTS * slot_stride(size)
+
+
+class LargeMirror(Mirror):
+    """
+    One topic of large samples to one client; used by the link's task alone.
+
+    :param arguments: as for :class:`Mirror`.
+    :param number: of the memory among those of the client.
+    :ivar loans: which slots the client has; it gives them back in the task for commands.
+    :ivar memory_bytes: how much memory it takes.
+    :raises LinkError: there is not so much memory.
+    """
+
+    def __init__(self, bus: Bus, topic: str, *arguments: Any, number: int) -> None:
+        size = bus.topic(topic).layout.max_size
+        try:
+            self._memory = MemoryFile.create(f'rt_robot_os {topic}', SLOTS, size)
+        except OSError as error:
+            raise LinkError(f'topic {topic!r}: no memory file of {SLOTS} times {size} bytes: '
+                            f'{error.strerror or error}') from error
+        try:
+            super().__init__(bus, topic, *arguments, buffer=self._memory.slots[0])
+        except BaseException:
+            self._memory.close()
+            raise
+        # Its view would hold the memory, and nobody reads it.
+        self.subscription.msg = None
+        self.memory_bytes = memory_bytes(size)
+        self.loans = Loans(SLOTS)
+        self._number = number
+        self._size = size
+        self._connection = arguments[1]
+        self._announced = False
+        self._packet = bytearray(HEADER_BYTES + SLOT.size)
+
+    def carry(self, now_ns: int) -> None:
+        """
+        Hand over what is there and due; never waits.
+
+        :raises OSError: the client is gone.
+        """
+        try:
+            if not self._announced:
+                self._announce()
+            self._carry(now_ns)
+        except BlockingIOError:
+            pass  # no room even for the memory: the samples wait in the topic
+
+    def _announce(self) -> None:
+        send_with_fd(self._connection, header(Kind.MEMORY, self._channel) + MEMORY.pack(
+            self._number, SLOTS, self._size), self._memory.fd)
+        self._announced = True
+
+    def _carry(self, now_ns: int) -> None:
+        subscription = self.subscription
+        latest = self.policy is Policy.LATEST
+        while subscription.unread:
+            if self._interval_ns and now_ns < self._next_ns:
+                if not latest:
+                    self._pass_over(subscription.unread)
+                return
+            slot = self.loans.take()
+            if slot < 0:
+                self.full += subscription.pass_over(latest)
+                return
+            subscription.buffer = self._memory.slots[slot]
+            if not (subscription.latest() if latest else subscription.take()):
+                self.loans.put_back(slot)
+                return
+            self._count_interval(now_ns)
+            if not self._hand_over(slot):
+                self.full += 1
+                return
+            self.sent += 1
+
+    def _hand_over(self, slot: int) -> bool:
+        subscription = self.subscription
+        HEADER.pack_into(
+            self._packet, 0, Kind.SLOT, VERSION, self._channel,
+            (self.full + subscription.lost) & 0xFFFFFFFF, subscription.stamp_ns,
+            subscription.seq)
+        SLOT.pack_into(self._packet, HEADER_BYTES, self._number, slot, subscription.length)
+        # Before it is sent: the answer may come before the next line.
+        self.loans.lend(slot)
+        try:
+            self._send(self._packet)
+        except BlockingIOError:
+            self.loans.put_back(slot)
+            return False
+        return True
+
+    def close(self, gone: bool = False) -> None:
+        """
+        Stop reading the topic and let go of the memory.
+
+        :param gone: the client has closed the connection and reads nothing any more.
+        """
+        super().close(gone)
+        self.subscription.buffer = memoryview(b'')
+        if gone:
+            self._memory.discard()
+        self._memory.close()
