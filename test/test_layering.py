@@ -35,6 +35,7 @@ LAYERS = (
     ('sensors',),
     ('modules',),
     ('link',),
+    ('top',),
     ('settings',),
     ('plan',),
     ('core',),
@@ -56,6 +57,7 @@ LIBRARIES = {
     'ctypes': (f'{PACKAGE}.linux',),
     'serial': (f'{PACKAGE}.drivers.transport', f'{PACKAGE}.sim'),
     'smbus2': (f'{PACKAGE}.drivers.i2c_linux',),
+    'rich': (f'{PACKAGE}.top.live',),
 }
 
 # (importer, imported): why an import inside a function may close a cycle

@@ -41,7 +41,7 @@ KEYS = {
 }
 
 # import name -> the extra of setup.py that brings it: what only some robots need
-OPTIONAL = {'smbus2': 'i2c', 'vqf': 'attitude', **dict.fromkeys(
+OPTIONAL = {'rich': 'top', 'smbus2': 'i2c', 'vqf': 'attitude', **dict.fromkeys(
     ('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison')}
 
 

@@ -34,7 +34,7 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.facts import collect
 from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
 from rt_robot_os.link.facts import TopicInfo as TopicInfo
 from rt_robot_os.link.memories import ClientMemories
@@ -48,7 +48,6 @@ from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
-from rt_robot_os.link.records import decode_task
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import received_fds
 
@@ -276,21 +275,7 @@ class LinkClient:
 
         :raises LinkError: as for :meth:`request`.
         """
-        tasks: list[TaskStatistics] = []
-        parts: dict[str, list[dict[str, Any]]] = {
-            'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
-        for head, packet in self._ask('statistics'):
-            if head.kind == Kind.TASK:
-                tasks.append(decode_task(memoryview(packet)[HEADER_BYTES:]))
-                continue
-            content = decode_json(packet)
-            part = content.pop('part', None)
-            if part in parts:
-                parts[part].append(content)
-        core = parts['core'][0] if parts['core'] else {}
-        return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
-                              tuple(parts['client']), tuple(parts['resource']),
-                              tuple(parts['module']))
+        return collect(self._ask('statistics'))
 
     def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
                initial: bool = False) -> int:

@@ -17,10 +17,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.records import decode_counts
+from rt_robot_os.link.records import decode_task
+from rt_robot_os.link.records import TaskCounts
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,7 @@ class CoreStatistics:
     What a core says of itself, as :meth:`LinkClient.statistics` gives it.
 
     :ivar resources: what tasks share, each as in ``kernel.ResourceStatistics``.
+    :ivar counts: the histograms of each task by its name, to be subtracted from later ones.
     """
 
     core: dict[str, Any]
@@ -52,3 +63,30 @@ class CoreStatistics:
     clients: tuple[dict[str, Any], ...]
     resources: tuple[dict[str, Any], ...] = ()
     modules: tuple[dict[str, Any], ...] = ()
+    counts: Mapping[str, TaskCounts] = MappingProxyType({})
+
+
+def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
+    """
+    Put the packets of an answer to ``statistics`` together.
+
+    :raises LinkError: one of them is no packet of the link.
+    """
+    tasks: list[TaskStatistics] = []
+    counts: dict[str, TaskCounts] = {}
+    parts: dict[str, list[dict[str, Any]]] = {
+        'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
+    for head, packet in packets:
+        if head.kind == Kind.TASK:
+            record = memoryview(packet)[HEADER_BYTES:]
+            tasks.append(decode_task(record))
+            counts[tasks[-1].name] = decode_counts(record)
+            continue
+        content = decode_json(packet)
+        part = content.pop('part', None)
+        if part in parts:
+            parts[part].append(content)
+    core = parts['core'][0] if parts['core'] else {}
+    return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
+                          tuple(parts['client']), tuple(parts['resource']),
+                          tuple(parts['module']), counts)

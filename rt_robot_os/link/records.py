@@ -21,6 +21,7 @@ Percentiles cost about 100 us a task; the core has better things to do.
 from __future__ import annotations
 
 from array import array
+from dataclasses import dataclass
 import struct
 
 from rt_robot_os.kernel import BUCKETS
@@ -37,6 +38,18 @@ _COUNTERS = struct.Struct('<5HB15q3q3q')
 _COUNT_BYTES = array('Q').itemsize
 _STATES = tuple(TaskState)
 _SEPARATOR = '\0'
+
+
+@dataclass(frozen=True)
+class TaskCounts:
+    """
+    The buckets of a task's histograms, up to the last that is not empty.
+
+    What came between two moments is their difference.
+    """
+
+    latency: array[int]
+    execution: array[int]
 
 
 def _packed(histogram: Histogram) -> bytes:
@@ -67,11 +80,7 @@ def decode_task(record: bytes | memoryview) -> TaskStatistics:
     (priority, period_ns, releases, runs, missed, coalesced, failures, gap_ns, blocked_ns,
      execution_ns, overruns, aborted, exceeded, late, response_ns) = values[6:21]
     maxima, (job, release_ns, late_ns) = values[21:24], values[24:]
-    at = _COUNTERS.size
-    pieces: list[bytes] = []
-    for length in lengths:
-        pieces.append(bytes(record[at:at + length]))
-        at += length
+    pieces = _pieces(record, lengths)
     name, others = pieces[0].decode(), pieces[1].decode()
     latency, execution, jitter = (
         _summary(piece, maximum_ns) for piece, maximum_ns in zip(pieces[2:], maxima))
@@ -86,7 +95,26 @@ def decode_task(record: bytes | memoryview) -> TaskStatistics:
         response_maximum_ns=response_ns)
 
 
-def _summary(packed: bytes, maximum_ns: int) -> Summary:
+def decode_counts(record: bytes | memoryview) -> TaskCounts:
+    """Unpack the histograms of a task."""
+    pieces = _pieces(record, _COUNTERS.unpack_from(record)[:5])
+    return TaskCounts(_counts(pieces[2]), _counts(pieces[3]))
+
+
+def _pieces(record: bytes | memoryview, lengths: tuple[int, ...]) -> list[bytes]:
+    at = _COUNTERS.size
+    pieces: list[bytes] = []
+    for length in lengths:
+        pieces.append(bytes(record[at:at + length]))
+        at += length
+    return pieces
+
+
+def _counts(packed: bytes) -> array[int]:
     counts = array('Q')
     counts.frombytes(packed + bytes(-len(packed) % _COUNT_BYTES))
-    return summarise(counts[:BUCKETS], maximum_ns)
+    return counts[:BUCKETS]
+
+
+def _summary(packed: bytes, maximum_ns: int) -> Summary:
+    return summarise(_counts(packed), maximum_ns)
