@@ -168,11 +168,13 @@ class Core:
         :raises RtRobotError: a module or the link could not be prepared.
         """
         collector = SlackCollector(self.kernel.now_ns)
+        collector.on_overdue = functools.partial(self.note, Severity.WARN, 'core')
         self.kernel.on_idle = collector.idle
         try:
             for module in self.modules:
                 self._prepare(module)
             self.link.open()
+            collector.prime()
             return self._run_kernel(duration_ns)
         finally:
             self.close()

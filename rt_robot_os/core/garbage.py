@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Collect cyclic garbage where there is time for it: while the kernel idles."""
 
 from __future__ import annotations
@@ -19,11 +20,15 @@ from __future__ import annotations
 from collections.abc import Callable
 import gc
 
-from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
-_FIRST_GUESS_NS = NS_PER_MS
+INTERVAL_NS = NS_PER_S
+_SHORTEST_GUESS_NS = 20 * NS_PER_US
 _MARGIN = 2
+# So many intervals without a gap that is wide enough: less margin then, later a word to people.
+_PATIENCE = 10
+_OVERDUE = 60
 
 
 class SlackCollector:
@@ -31,18 +36,29 @@ class SlackCollector:
     Run the collector about once a second, only in a gap that is long enough.
 
     A collection cannot be preempted, so it is only started when the next release is at least
-    twice as far away as the longest collection so far took.
+    twice as far away as the longest collection so far took; as far, when it has waited for long.
 
     :ivar collections: how many there were.
-    :ivar longest_ns: the longest of them.
+    :ivar longest_ns: the longest of them, also of that at the start.
+    :ivar on_overdue: told once when no gap was wide enough for a minute.
     """
 
-    def __init__(self, now_ns: Callable[[], int], interval_ns: int = NS_PER_S) -> None:
+    def __init__(self, now_ns: Callable[[], int], interval_ns: int = INTERVAL_NS) -> None:
         self.collections = 0
         self.longest_ns = 0
+        self.on_overdue: Callable[[str], object] | None = None
         self._now_ns = now_ns
         self._interval_ns = interval_ns
         self._next_ns = 0
+        self._told = False
+
+    def prime(self) -> None:
+        """Collect before the loop starts, and learn how long it takes."""
+        for _ in range(2):  # the first finds what the start left behind
+            begin_ns = self._now_ns()
+            gc.collect()
+            self.longest_ns = self._now_ns() - begin_ns
+        self._next_ns = self._now_ns() + self._interval_ns
 
     def idle(self, slack_ns: int) -> None:
         """
@@ -51,10 +67,25 @@ class SlackCollector:
         :param slack_ns: until the next release.
         """
         now_ns = self._now_ns()
-        if now_ns < self._next_ns or slack_ns < _MARGIN * max(self.longest_ns, _FIRST_GUESS_NS):
+        waited_ns = now_ns - self._next_ns
+        if waited_ns < 0:
+            return
+        margin = _MARGIN if waited_ns < _PATIENCE * self._interval_ns else 1
+        wanted_ns = margin * max(self.longest_ns, _SHORTEST_GUESS_NS)
+        if slack_ns < wanted_ns:
+            if waited_ns > _OVERDUE * self._interval_ns and not self._told:
+                self._tell(wanted_ns)
             return
         gc.collect()
         end_ns = self._now_ns()
         self.collections += 1
         self.longest_ns = max(self.longest_ns, end_ns - now_ns)
         self._next_ns = end_ns + self._interval_ns
+
+    def _tell(self, wanted_ns: int) -> None:
+        self._told = True
+        if self.on_overdue is not None:
+            self.on_overdue(
+                'no gap between jobs is wide enough to collect cyclic garbage, which takes '
+                f'{wanted_ns // NS_PER_US} us; {gc.get_count()[0]} objects wait. Memory grows if '
+                'jobs make cycles: lower rates, move phases (plan shows them), or avoid cycles')

@@ -140,11 +140,12 @@ class Consequences(KernelState):
         """Note that a job ended after its deadline."""
         late_ns = end_ns - release_ns - task.deadline_ns
         task.deadline_missed += 1
-        last = task.last_miss
-        if last is None or release_ns - last.release_ns > _SUSPECTS_EVERY_NS:
+        others: tuple[str, ...] = ()
+        if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # or an overload would feed itself
+            self._suspects_ns = end_ns
             others = ran_instead(reversed(self.black_box.records), task, release_ns, end_ns)
-        else:  # in an overload, which this must not make worse
-            others = last.ran_instead
+        elif task.last_miss is not None:
+            others = task.last_miss.ran_instead
         task.last_miss = DeadlineMiss(task.runs, release_ns, late_ns, others)
         self.record((MISS, task, end_ns, late_ns))
 

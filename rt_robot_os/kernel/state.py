@@ -63,7 +63,7 @@ class KernelState:
         'failures', 'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted',
         '_stopping', '_stop_reason', '_current', '_level', '_stolen_ns', '_armed_ns',
         '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
-        '_recursion_limit', '_one_shots', '_resources')
+        '_recursion_limit', '_one_shots', '_resources', '_suspects_ns')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
@@ -94,6 +94,7 @@ class KernelState:
         self._end_ns = NEVER_NS
         self._recursion_limit = 0
         self._one_shots = 0
+        self._suspects_ns = 0
         self._resources: dict[str, Any] = {}
 
     def stop(self, reason: str = 'stop') -> None:
