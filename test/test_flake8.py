@@ -34,7 +34,7 @@ def test_flake8() -> None:
     if importlib.util.find_spec('ament_flake8') is None:
         pytest.skip('the linter ament_flake8 is missing')
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'setup.py'],
+        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'examples', 'setup.py'],
         cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         errors = [line for line in done.stdout.splitlines() if re.search(r':\d+:\d+: ', line)]

@@ -43,13 +43,14 @@ LAYERS = (
     ('ros',),
     ('bench',),
     ('cli',),
+    ('testing',),
 )
 
 # Simulated devices stand beside the drivers: they share the bytes with them, never a driver.
 SIM_MAY_IMPORT = (
     'drivers.decoders', 'drivers.encoders', 'drivers.plugins', 'errors', 'linux', 'reports',
     'schema', 'sim', 'units')
-MAY_IMPORT_SIM = ('settings', 'core', 'ros', 'bench', 'cli', 'sim')
+MAY_IMPORT_SIM = ('settings', 'core', 'ros', 'bench', 'cli', 'sim', 'testing')
 
 # library -> the only places that may import it
 LIBRARIES = {

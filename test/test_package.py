@@ -42,7 +42,8 @@ KEYS = {
 
 # import name -> the extra of setup.py that brings it: what only some robots need
 OPTIONAL = {'rich': 'top', 'smbus2': 'i2c', 'vqf': 'attitude', **dict.fromkeys(
-    ('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison')}
+    ('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison'),
+            **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 
 def _setup() -> dict[str, ast.expr]:

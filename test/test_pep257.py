@@ -33,7 +33,7 @@ def test_pep257() -> None:
     if importlib.util.find_spec('ament_pep257') is None:
         pytest.skip('the linter ament_pep257 is missing')
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'setup.py'],
+        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'examples', 'setup.py'],
         cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         errors = [line for line in (done.stdout + done.stderr).splitlines()

@@ -65,7 +65,8 @@ class SamplePublisher(Protocol):
 
     :ivar msg: view of the message to fill in. It has the ROS message's own attribute names, nested
         numbers may be set at once (``msg.angular_velocity = (x, y, z)``), numeric arrays are NumPy
-        views. What it holds before it is filled in is undefined.
+        views. It begins as a new ROS message with what was fixed, and keeps its values from one
+        publication to the next: what never changes may be set once, in :meth:`Device.bind`.
     """
 
     msg: Any

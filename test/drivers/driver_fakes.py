@@ -21,17 +21,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import os
 from pathlib import Path
-import select
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import pytest
-from rt_robot_os.drivers import serial_device
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import Publication
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import REQUIRED
+from rt_robot_os.testing.fakes import opened
+from rt_robot_os.testing.fakes import read_all  # noqa: F401
+from rt_robot_os.testing.fakes import read_until  # noqa: F401
+from rt_robot_os.testing.fakes import scripted_settings
+from rt_robot_os.testing.fakes import settings_of
+from rt_robot_os.testing.fakes import wait_for_device_error  # noqa: F401
+from rt_robot_os.testing.fakes import wait_readable  # noqa: F401
 
 DATA = Path(os.environ.get('RT_ROBOT_OS_DATA',
                            Path(__file__).parents[3] / 'shared' / 'data'))
@@ -144,43 +146,6 @@ class FakePublisher:
         return [sample.values() for sample in self.samples]
 
 
-class ScriptedPort:
-    """A port that gives chunks in order, then nothing; for what needs no real pty."""
-
-    chunks: list[bytes] = []
-
-    def __init__(self, path: str, baud: int | None) -> None:
-        self.path = path
-        self.bytes_read = 0
-        self.dropped_write_bytes = 0
-        self.written: list[bytes] = []
-        self._left = list(self.chunks)
-
-    def fileno(self) -> int:
-        return 0
-
-    def read(self) -> bytes:
-        data = self._left.pop(0) if self._left else b''
-        self.bytes_read += len(data)
-        return data
-
-    def write(self, data: bytes) -> None:
-        self.written.append(data)
-
-    def close(self) -> None:
-        pass
-
-
-def settings_of(driver: type[Device], **changes: Any) -> dict[str, Any]:
-    """Give the defaults of a driver, with changes."""
-    values = {f.name: f.default for f in driver.SETTINGS}
-    values.update(changes)
-    assert REQUIRED not in values.values()
-    for field in driver.SETTINGS:
-        assert field.problem(values[field.name]) is None, field.name
-    return values
-
-
 def bind(device: Device) -> list[FakePublisher]:
     """Give the device fake publishers."""
     publishers = [FakePublisher(p) for p in device.publications()]
@@ -193,43 +158,10 @@ def scripted(
     driver: type[Device], chunks: list[bytes], **changes: Any,
 ) -> Iterator[tuple[Device, list[FakePublisher]]]:
     """Open a device whose port gives these chunks, one a read."""
-    device = driver('dut', settings_of(driver, **{'port': 'scripted', 'baud': 0, **changes}))
+    device = driver('dut', settings_of(driver, **scripted_settings(changes)))
     publishers = bind(device)
-    port = type('Port', (ScriptedPort,), {'chunks': chunks})
-    with mock.patch.object(serial_device, 'SerialPort', port):
-        device.open()
+    with opened(device, chunks):
         yield device, publishers
-        device.close()
-
-
-def read_all(device: Device, chunks: int, now_ns: int = 1_000_000_000, step_ns: int = 0) -> int:
-    """Read as many times as there are chunks."""
-    return sum(device.read(now_ns + i * step_ns) for i in range(chunks))
-
-
-def wait_readable(device: Device, seconds: float = 5.0) -> None:
-    """Wait until the port has something to read; a pty hands over in its own time."""
-    descriptor = device.fileno()
-    assert descriptor is not None
-    assert select.select([descriptor], [], [], seconds)[0], 'nothing arrived'
-
-
-def read_until(device: Device, bytes_read: int, now_ns: int = 1_000_000_000) -> int:
-    """Read from a real port until that many bytes have been read."""
-    samples = 0
-    while device.statistics().bytes_read < bytes_read:
-        wait_readable(device)
-        samples += device.read(now_ns)
-    return samples
-
-
-def wait_for_device_error(device: Device) -> DeviceError:
-    """Read until the device says that it is gone."""
-    with pytest.raises(DeviceError) as caught:
-        for _ in range(100):
-            wait_readable(device)
-            device.read(1_000_000_000)
-    return caught.value
 
 
 def data_file(name: str) -> Path:

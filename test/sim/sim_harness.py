@@ -17,77 +17,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from driver_fakes import bind
-from driver_fakes import FakePublisher
-from driver_fakes import settings_of
-from driver_fakes import wait_readable
+from rt_robot_os import testing
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.testing.rig import Rig
+from rt_robot_os.testing.rig import START_NS  # noqa: F401
 
-START_NS = 50_000_000_000
 MS = 1_000_000
 
 
-class Rig:
-    """A simulated device and the driver that reads it."""
-
-    def __init__(self, simulated: SimulatedDevice, device: Device) -> None:
-        self.simulated = simulated
-        self.device = device
-        self.publishers: list[FakePublisher] = bind(device)
-        self.now_ns = START_NS
-        self._missed = 0
-        simulated.pump(self.now_ns)
-        device.open()
-
-    def sync(self) -> int:
-        """Let the driver read all that the simulated device has sent."""
-        samples = 0
-        port = self.simulated.port
-        while self.device.statistics().bytes_read + self._missed < port.bytes_sent:
-            wait_readable(self.device)
-            samples += self.device.read(self.now_ns)
-        return samples
-
-    def run(self, duration_ms: float, step_ms: float = 1.0,
-            each: Callable[[int], None] | None = None) -> int:
-        """Let time pass; returns the number of samples published."""
-        samples = 0
-        for _ in range(round(duration_ms / step_ms)):
-            self.now_ns += round(step_ms * MS)
-            self.simulated.pump(self.now_ns)
-            samples += self.sync()
-            if each is not None:
-                each(self.now_ns)
-        return samples
-
-    def reopen(self) -> None:
-        """Open the port anew, as the SensorManager does."""
-        self.device.close()
-        self.device.open()
-        self._missed = self.simulated.port.bytes_sent - self.device.statistics().bytes_read
-
-
 @contextmanager
-def rig(
-    folder: Path, simulated: type[SimulatedDevice], driver: type[Device], *,
-    sim: dict[str, Any] | None = None, baud: int | None = None, **settings: Any,
-) -> Iterator[Rig]:
-    """Connect a simulated device with its driver."""
-    port = PtyPort(folder / 'device')
-    device = simulated('sim', sim or {}, port, baud)
-    driven = driver('dut', settings_of(
-        driver, **{'port': str(port.link), 'baud': baud or simulated.BAUD, **settings}))
-    made = Rig(device, driven)
-    try:
+def rig(folder: Path, simulated: type[SimulatedDevice], driver: type[Device], **settings: Any,
+        ) -> Iterator[Rig]:
+    """Connect a simulated device with its driver; the publishers forget what they published."""
+    with testing.rig(folder, simulated, driver, publishers=bind, **settings) as made:
         yield made
-    finally:
-        driven.close()
-        device.close()

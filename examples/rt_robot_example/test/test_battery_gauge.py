@@ -1,0 +1,84 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Does the driver understand the gauge, and everything else that may come out of a wire."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from rt_robot_example.battery_gauge import BatteryGauge
+from rt_robot_example.battery_gauge_sim import SimulatedBatteryGauge
+from rt_robot_example.protocol import encode
+from rt_robot_example.protocol import FRAME_BYTES
+from rt_robot_example.protocol import GaugeDecoder
+from rt_robot_example.protocol import Reading
+from rt_robot_os.testing import DriverContract
+from rt_robot_os.testing import rig
+from rt_robot_os.testing import scripted
+
+
+class TestBatteryGauge(DriverContract):
+    """Every split of the stream, any bytes, unplugging: what all drivers have to bear."""
+
+    driver = BatteryGauge
+    stream = encode(12.34, 1.2, 73) + encode(11.0, -2.5, 40) + encode(9.9, -10.0, 3)
+    samples = 3
+    tokens = (b'$', b'$B12.34,', b'*5A\r\n', b'\r\n')
+
+    def decoder(self) -> GaugeDecoder:
+        return GaugeDecoder()
+
+    def frame_size(self, frame: Reading) -> int:
+        return FRAME_BYTES
+
+
+def test_a_reading_of_the_data_sheet() -> None:
+    with scripted(BatteryGauge, [b'$B12.34,-01.20,073*5C\r\n'], capacity_ah=2.2) as (
+            device, (publisher,)):
+        assert device.read(1_000_000_000) == 1
+    message = publisher.samples[0]
+    assert message.voltage == pytest.approx(12.34)
+    assert message.current == pytest.approx(-1.2)
+    assert message.percentage == pytest.approx(0.73)
+    assert message.design_capacity == pytest.approx(2.2)
+    assert math.isnan(message.temperature)
+    assert message.power_supply_status == 2
+
+
+def test_a_wrong_checksum_is_counted_and_not_published() -> None:
+    with scripted(BatteryGauge, [b'$B12.34,-01.20,073*5D\r\n']) as (device, (publisher,)):
+        assert device.read(1_000_000_000) == 0
+        assert device.statistics().rejected_frames == 1
+
+
+def test_the_simulated_gauge_runs_down(tmp_path: Path) -> None:
+    with rig(tmp_path, SimulatedBatteryGauge, BatteryGauge,
+             sim={'period_s': 4.0, 'rate_hz': 10.0}) as test:
+        test.run(2000)
+        voltages = [sample.voltage for sample in test.publishers[0].samples]
+    assert len(voltages) == 20
+    assert voltages[0] == pytest.approx(12.6, abs=0.1)
+    assert voltages[-1] == pytest.approx(9.6, abs=0.1)
+
+
+def test_it_finds_its_way_out_of_garbage_on_the_line(tmp_path: Path) -> None:
+    with rig(tmp_path, SimulatedBatteryGauge, BatteryGauge,
+             sim={'faults': ['garbage at 0.5 for 0.5']}) as test:
+        test.run(2000)
+        statistics = test.device.statistics()
+    assert statistics.rejected_bytes > 0
+    assert statistics.samples >= 14

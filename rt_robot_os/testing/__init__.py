@@ -1,0 +1,41 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the tests of your own drivers and modules stand on: no hardware, no waiting.
+
+For a driver: :class:`DriverContract`, the suite that every serial driver has to pass;
+:func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
+simulated twin on a real pty with time in the test's hand. For a module: :class:`ModuleBench`, a
+kernel on the virtual clock. Needs pytest and hypothesis, which a robot does not.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+# Before they are imported: their asserts then tell the values.
+pytest.register_assert_rewrite(*(f'{__name__}.{part}' for part in (
+    'contract', 'fakes', 'module_bench', 'rig')))
+
+from rt_robot_os.testing.contract import DriverContract  # noqa: E402
+from rt_robot_os.testing.fakes import RecordingPublisher  # noqa: E402
+from rt_robot_os.testing.fakes import scripted  # noqa: E402
+from rt_robot_os.testing.fakes import settings_of  # noqa: E402
+from rt_robot_os.testing.module_bench import ModuleBench  # noqa: E402
+from rt_robot_os.testing.rig import Rig  # noqa: E402
+from rt_robot_os.testing.rig import rig  # noqa: E402
+
+__all__ = ['DriverContract', 'ModuleBench', 'RecordingPublisher', 'Rig', 'rig', 'scripted',
+           'settings_of']

@@ -1,0 +1,127 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Modules on a kernel with a virtual clock: an hour passes as fast as it can be computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any
+from typing import TypeVar
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.task import RATE_MINIMUM_HZ
+from rt_robot_os.modules import Module
+from rt_robot_os.testing.fakes import settings_of
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_S
+
+ModuleT = TypeVar('ModuleT', bound=Module)
+
+
+class ModuleBench:
+    """
+    Run modules with inputs from a test, and see what they publish.
+
+    Order: :meth:`topic` for each input, :meth:`add` for each module, :meth:`watch` for each
+    output, :meth:`at` for what comes later, then :meth:`run`.
+
+    :ivar kernel: on the virtual clock.
+    :ivar bus: its topics.
+    """
+
+    def __init__(self) -> None:
+        self.kernel = Kernel(VirtualClock())
+        self.bus = Bus(self.kernel)
+        self._modules: list[Module] = []
+        self._prepared = 0
+        self._events = 0
+
+    def topic(self, name: str, message: str, fixed: Mapping[str, Any] | None = None, *,
+              depth: int = 16, rate_hz: float = 0.0) -> Publisher:
+        """
+        Declare a topic that the test publishes.
+
+        :param message: its type, such as ``sensor_msgs/msg/Imu``.
+        :param fixed: its strings and lengths, as a driver declares them.
+        """
+        self.bus.declare(name, message, fixed or {}, depth=depth, rate_hz=rate_hz)
+        return self.bus.publisher(name)
+
+    def add(self, module: type[ModuleT], name: str = 'dut', *, rate_hz: float = 0.0,
+            priority: int = 40, **settings: Any) -> ModuleT:
+        """
+        Add a module as the core does; it is configured and activated by :meth:`run`.
+
+        :param rate_hz: 0 when only its inputs release it.
+        :param settings: other than the defaults.
+        """
+        made = module(name, settings_of(module, **settings))
+        made.declare(self.bus, rate_hz)
+        made.bind(self.bus, self.kernel.add_task(
+            name, made.job, priority=priority, rate_hz=rate_hz or None))
+        self._modules.append(made)
+        return made
+
+    def watch(self, topic: str) -> Subscription:
+        """Subscribe to a topic; ``take()`` what was published after :meth:`run`."""
+        return self.bus.subscribe(topic, 'test')
+
+    def at(self, time_s: float, do: Callable[[], object]) -> None:
+        """
+        Let something happen once, such as a publication, before the tasks of that moment run.
+
+        :param time_s: since the beginning of the next :meth:`run`.
+        """
+        left = [do]
+
+        def once() -> None:
+            if left:
+                left.pop()()
+
+        self._events += 1
+        self.kernel.add_task(f'test/event {self._events}', once, priority=99,
+                             rate_hz=RATE_MINIMUM_HZ, phase_ns=round(time_s * NS_PER_S))
+
+    def run(self, seconds: float) -> None:
+        """
+        Let time pass.
+
+        :raises AssertionError: a job or an event of :meth:`at` failed; the message says where.
+        """
+        for module in self._modules[self._prepared:]:
+            module.configure()
+            module.activate()
+        self._prepared = len(self._modules)
+        self.kernel.run(round(seconds * NS_PER_S))
+        if self.kernel.failures:
+            raise AssertionError(f'jobs that failed: {self.kernel.failures_total}; the last: '
+                                 f'{self.kernel.failures[-1]}')
+
+    def close(self) -> None:
+        """Deactivate the modules."""
+        while self._modules:
+            self._modules.pop().deactivate()
+
+    def __enter__(self) -> ModuleBench:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
+        self.close()
