@@ -32,7 +32,6 @@ from rt_robot_os.kernel.policy import OverrunPolicy
 from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.ran_instead import ran_instead
 from rt_robot_os.kernel.state import KernelState
-from rt_robot_os.kernel.statistics import DeadlineMiss
 from rt_robot_os.kernel.task import FOLLOW
 from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
@@ -78,6 +77,9 @@ class Consequences(KernelState):
             return next_ns
         task.overruns += unserved
         self.record((OVERRUN, task, now_ns, unserved))
+        if task.skips:  # nothing else is asked for: an overload must not cost more than it has to
+            task.missed += unserved
+            return next_ns
         if task.spec.overrun_limit:
             self._fill_bucket(task, unserved, now_ns)
         return self._overrun(task, unserved, next_ns, now_ns)
@@ -140,13 +142,11 @@ class Consequences(KernelState):
         """Note that a job ended after its deadline."""
         late_ns = end_ns - release_ns - task.deadline_ns
         task.deadline_missed += 1
-        others: tuple[str, ...] = ()
         if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # or an overload would feed itself
             self._suspects_ns = end_ns
-            others = ran_instead(reversed(self.black_box.records), task, release_ns, end_ns)
-        elif task.last_miss is not None:
-            others = task.last_miss.ran_instead
-        task.last_miss = DeadlineMiss(task.runs, release_ns, late_ns, others)
+            task.suspects = ran_instead(
+                reversed(self.black_box.records), task, release_ns, end_ns)
+        task.miss = (task.runs, release_ns, late_ns)
         self.record((MISS, task, end_ns, late_ns))
 
     # ---- budgets -----------------------------------------------------------------------------

@@ -122,6 +122,9 @@ class Task:
     :ivar aborts: a job that exceeds the budget is struck.
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
     :ivar strikes: times that it was; the last one waits to be delivered while ``struck``.
+    :ivar miss: job, release_ns and late_ns of ``last_miss``.
+    :ivar suspects: its ``ran_instead``; looked for every 10 ms at most.
+    :ivar skips: an overrun is counted, and nothing else.
     :ivar execution_limit_ns: longer jobs are looked at: the longest so far, or the budget.
     :ivar response_limit_ns: the same for the time from release to end, with the deadline.
     :ivar logical: what publishes its outputs at the deadline, if that was declared.
@@ -135,10 +138,11 @@ class Task:
         'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart', 'on_safe_state',
         'successors', 'logical', 'coroutine', 'release_ns', 'start_ns', 'releases',
         'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
-        'budget_exceeded', 'deadline_missed', 'last_miss', 'latency', 'execution',
-        'jitter', 'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns',
-        'response_limit_ns', 'execution_limit_ns', 'latency_counts', 'execution_counts',
-        'jitter_counts', 'execution_total_ns', '_rearm')
+        'budget_exceeded', 'deadline_missed', 'miss', 'suspects', 'skips', 'latency',
+        'execution', 'jitter', 'gap_maximum_ns', 'blocked_maximum_ns',
+        'response_maximum_ns', 'response_limit_ns', 'execution_limit_ns',
+        'latency_counts', 'execution_counts', 'jitter_counts', 'execution_total_ns',
+        '_rearm')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
                  on_restart: Callable[[], object] | None = None,
@@ -152,6 +156,7 @@ class Task:
         self.period_ns = spec.period_ns
         self.deadline_ns = spec.deadline_ns or spec.period_ns or NEVER_NS
         self.budget_ns = spec.budget_ns or NEVER_NS
+        self.skips = spec.overrun is OverrunPolicy.SKIP and not spec.overrun_limit
         self.on_restart = on_restart
         self.on_safe_state = on_safe_state
         self.successors: Sequence[Task] = ()
@@ -227,6 +232,11 @@ class Task:
         """Give the rate in force; 0 when only events release the task."""
         return NS_PER_S / self.period_ns if self.period_ns else 0.0
 
+    @property
+    def last_miss(self) -> DeadlineMiss | None:
+        """Give the latest job that ended after its deadline; not for the real-time loop."""
+        return None if self.miss is None else DeadlineMiss(*self.miss, self.suspects)
+
     def reset_statistics(self) -> None:
         """Begin to count anew; a job that waits or runs now counts as released."""
         waits = self.pending and self.state is TaskState.ACTIVE
@@ -234,7 +244,8 @@ class Task:
         self.runs = self.missed = self.coalesced = self.failures = 0
         self.overruns = self.aborted = self.budget_exceeded = self.deadline_missed = 0
         self.bucket_runs = 0
-        self.last_miss: DeadlineMiss | None = None
+        self.miss: tuple[int, int, int] | None = None
+        self.suspects: tuple[str, ...] = ()
         self.gap_maximum_ns = self.blocked_maximum_ns = self.execution_total_ns = 0
         self.response_maximum_ns = self.response_limit_ns = self.execution_limit_ns = 0
         for histogram in (self.latency, self.execution, self.jitter):
