@@ -236,6 +236,16 @@ def test_irqbalance_that_was_told(machine) -> None:
     assert _only(system, 'isolation.irqbalance').state is OK
 
 
+@pytest.mark.parametrize('mask, state, command', [
+    ('f\n', WARN, 'echo 7 |'), ('7\n', OK, ''), ('00000000,0000000f\n', WARN, 'echo 7 |'),
+    ('junk\n', UNKNOWN, '')])
+def test_work_queues(machine, mask, state, command) -> None:
+    system = machine('laptop', {'/sys/devices/virtual/workqueue/cpumask': mask})
+    finding = _only(system, 'isolation.work_queues')
+    assert finding.state is state
+    assert not command or command in _commands(finding)
+
+
 # ---- the rest --------------------------------------------------------------------------------
 
 def test_the_quota_of_a_cgroup_above_counts(machine) -> None:

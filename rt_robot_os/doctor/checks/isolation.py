@@ -42,6 +42,7 @@ from rt_robot_os.doctor.system import System
 # Fewer than this since the machine was started do not disturb anybody.
 _BUSY_INTERRUPT = 1000
 _SHOWN = 3
+_WORK_QUEUES = '/sys/devices/virtual/workqueue/cpumask'
 
 
 def _isolated(system: System) -> list[int]:
@@ -168,6 +169,27 @@ def irqbalance(system: System) -> Iterator[Finding]:
             weight=30)
 
 
+def work_queues(system: System) -> Iterator[Finding]:
+    """Look whether Linux may run its deferred work on the core's CPU."""
+    chosen, online = core_cpu(system), online_cpus(system)
+    text = system.read(_WORK_QUEUES)
+    if chosen is None or len(online) < 2:
+        yield absent('the core has no CPU of its own')
+        return
+    try:
+        mask = int(text.replace(',', ''), 16)
+    except ValueError:
+        yield unknown(f'{_WORK_QUEUES} is not there')
+        return
+    if not mask >> chosen & 1:
+        yield ok(f'not on CPU {chosen}')
+        return
+    kept = sum(1 << one for one in online if one != chosen)
+    yield warn(f'may run on CPU {chosen}', of_machine(
+        system, f'echo {kept:x} | sudo tee {_WORK_QUEUES}', note='until the next boot'),
+        weight=38)
+
+
 def boot(system: System) -> Iterator[Finding]:
     """Look for boot parameters that work against real time."""
     given = command_line(system)
@@ -197,6 +219,9 @@ CHECKS = (
           'the handler of an interrupt runs before any task, the core as well', interrupts),
     Check('isolation.irqbalance', 'irqbalance',
           'an interrupt that was moved away by hand comes back', irqbalance),
+    Check('isolation.work_queues', 'work queues',
+          'bytes of serial ports are handed on there; behind a core that computes they wait for '
+          'milliseconds', work_queues),
     Check('isolation.boot', 'boot parameters',
           'some parameters take away the timers or the CPUs that real time needs',
           boot),
