@@ -21,6 +21,7 @@ import os
 from pathlib import Path
 import random
 import shutil
+import signal
 import tempfile
 from typing import Iterator
 
@@ -31,6 +32,10 @@ ROOT = Path(__file__).resolve().parents[1]
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# A shell that starts the tests in the background has Ctrl-C ignored, which children inherit: those
+# that are to be interrupted would run on.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 try:
     from hypothesis import HealthCheck

@@ -109,9 +109,13 @@ def test_a_step_of_the_clock_is_seen_and_slewing_is_not() -> None:
 
 def test_the_measurement_for_real() -> None:
     shown: list[float] = []
-    result = wakeup.measure(System(Wanted(priority=0, lock_memory=False)), 0.6, shown.append)
+    system = System(Wanted(priority=0, lock_memory=False))
+    result = wakeup.measure(system, 0.6, shown.append)
+    while not (result.machine.summary.count and result.kernel.summary.count):
+        # Something else had the CPU all the time.
+        shown.clear()
+        result = wakeup.measure(system, 2 * result.seconds, shown.append)
     for side in (result.machine, result.kernel):
-        assert side.summary.count > 0
         assert sum(side.counts.values()) == side.summary.count
         assert side.summary.p50_ns <= side.summary.p99_ns <= side.summary.maximum_ns
     assert shown == sorted(shown) and all(0 <= part <= 1 for part in shown)

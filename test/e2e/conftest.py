@@ -185,7 +185,8 @@ class World:
                 program.process.kill()
             program.process.wait()
             program.join()
-        self._thread.join(5.0)
+        # Without a limit: what a thread still spins on must not be destroyed.
+        self._thread.join()
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)

@@ -33,6 +33,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 
 ENOUGH_NS = 30 * MS
+LONGEST = 2_000_000_000
 PERIOD_NS = MS
 
 
@@ -68,24 +69,22 @@ def test_a_job_that_goes_on_after_the_end_is_not_charged_for_it() -> None:
 def test_a_native_call_is_charged_with_what_it_held_up() -> None:
     kernel = Kernel(MonotonicClock())
     count = 1_000_000
-    took: list[int] = []
 
     def job() -> None:
         nonlocal count
-        began_ns = kernel.now_ns()
         sum(range(count))
-        took.append(kernel.now_ns() - began_ns)
-        if took[-1] > ENOUGH_NS:
+        # Not by the time it took: on a busy machine part of that is before and after the call.
+        if low.blocked_maximum_ns > ENOUGH_NS or count > LONGEST:
             kernel.stop()
         count *= 2
 
     high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1e9 / PERIOD_NS)
     low = kernel.add_task('low', job, priority=10, rate_hz=100.0)
     kernel.run()
-    # An alarm was due at most a period after the call began; its handler came after the call.
-    assert low.blocked_maximum_ns > max(took) - 2 * PERIOD_NS
+    # The handler of the alarm came after the call.
+    assert low.blocked_maximum_ns > ENOUGH_NS
     assert high.missed > 0
-    assert high.latency.maximum_ns > max(took) - 2 * PERIOD_NS
+    assert high.latency.maximum_ns > ENOUGH_NS
     assert not any(map(balance, kernel.tasks))
 
 

@@ -213,7 +213,7 @@ class Line:
             recovery=RecoverySettings(timeout_ns=60 * S, retry_ns=MS, retry_maximum_ns=MS))
         self.reader = self.bus.subscribe('imu/data', 'test')
 
-    def run(self, job: Callable[[], None], seconds: int = 20) -> str:
+    def run(self, job: Callable[[], None], seconds: int = 60) -> str:
         self.kernel.add_task('line', job, priority=1, rate_hz=200.0)
         return self.kernel.run(seconds * S)
 
@@ -234,7 +234,8 @@ def test_bytes_on_a_pty_are_read_without_a_poll(line: Line) -> None:
     def job() -> None:
         while line.reader.take():
             stamps.append(line.reader.stamp_ns)
-        if len(stamps) >= 10:
+        # Linux hands on what is written to a pty later: several writes may arrive as one.
+        if len(stamps) >= 10 and line.kernel.task('imu/arrival').runs >= 10:
             line.kernel.stop('enough')
         if line.managed.state in (DeviceState.OPENING, DeviceState.ACTIVE):
             sent.append(line.kernel.now_ns())
@@ -242,8 +243,7 @@ def test_bytes_on_a_pty_are_read_without_a_poll(line: Line) -> None:
 
     assert line.run(job) == 'enough'
     assert line.managed.state is DeviceState.ACTIVE
-    polls, arrivals = line.kernel.task('imu').runs, line.kernel.task('imu/arrival').runs
-    assert arrivals >= 10 > polls
+    assert line.kernel.task('imu').runs < 10
     assert stamps == sorted(stamps) and stamps[0] >= sent[0]
     assert not line.kernel.failures
 
@@ -259,7 +259,7 @@ def test_a_pty_that_goes_away_and_comes_back_interrupts_again(line: Line) -> Non
         elif state is DeviceState.FAULT:
             steps.append('plug')
             line.port.plug()
-        elif opened == 2 and state is DeviceState.ACTIVE:
+        elif opened >= 2 and state is DeviceState.ACTIVE:
             line.kernel.stop('back')
         elif state is DeviceState.OPENING:
             line.port.write(FRAMES)
