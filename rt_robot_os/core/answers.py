@@ -38,6 +38,7 @@ from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.session import Session
+from rt_robot_os.logger import LEVELS
 from rt_robot_os.reports import Severity
 
 if TYPE_CHECKING:
@@ -161,6 +162,13 @@ class Answers:
 
     def _set_parameter(self, session: Session, arguments: Arguments) -> Arguments:
         owner, name = _text(arguments, 'owner'), _text(arguments, 'name')
+        if name == 'log_level' and owner in self._core.loggers:
+            level = _text(arguments, 'value')
+            if level not in LEVELS:
+                raise LinkError(f'{owner}.log_level = {level!r}: must be one of '
+                                f'{", ".join(LEVELS)}')
+            self._core.loggers[owner].level = int(Severity[level.upper()])
+            return {'value': level}
         for module in self._core.modules:
             if module.name == owner:
                 return {'value': module.change(name, arguments.get('value'))}
@@ -233,7 +241,7 @@ class Answers:
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
-            'black_box': core.black_box.statistics(),
+            'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,
             'accepted': core.link.accepted, 'refused': core.link.refused,
             'realtime': [asdict(result) for result in core.realtime]})
         session.post(encode_json(Kind.REPLY, {}, seq=number))

@@ -43,6 +43,7 @@ from rt_robot_os.linux import realtime
 from rt_robot_os.linux.cpu_latency import HeldCpuLatency
 from rt_robot_os.linux.cpu_latency import hold_cpu_latency
 from rt_robot_os.linux.realtime import RtResult
+from rt_robot_os.logger import Logger
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.reports import Report
@@ -88,6 +89,7 @@ class Core:
         self.realtime: tuple[RtResult, ...] = ()
         self.sensors = SensorManager(self.kernel, self.bus, self.reports)
         self.modules: list[Module] = []
+        self.loggers: dict[str, Logger] = {}
         self._active: list[Module] = []
         self._output: int | None = None
         self._written = 0
@@ -114,8 +116,10 @@ class Core:
             values = dict(device.settings)
             if device.name in ports:
                 values['port'] = ports[device.name]
+            driver = DRIVERS.load(device.type)(device.name, values)
+            self._connect_log(driver.log, device.log_level)
             self.sensors.add(
-                DRIVERS.load(device.type)(device.name, values), rate_hz=device.rate_hz,
+                driver, rate_hz=device.rate_hz,
                 priority=device.priority, interrupt=device.read == 'interrupt',
                 recovery=RecoverySettings(
                     round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),
@@ -125,11 +129,19 @@ class Core:
     def _add_modules(self) -> None:
         for entry in self.settings.modules:
             module = module_class(entry.type)(entry.name, entry.settings)
+            self._connect_log(module.log, entry.log_level)
             module.declare(self.bus, entry.rate_hz)
             self.modules.append(module)
         for entry, module in zip(self.settings.modules, self.modules):
             module.bind(self.bus, add_module_task(
                 self.kernel, module, entry, functools.partial(self._restart, module)))
+
+    def _connect_log(self, log: object, level: str) -> None:
+        if not isinstance(log, Logger):  # a class of somebody who has another use for the name
+            return
+        log.connect(self.reports, self.kernel.now_ns)
+        log.level = int(Severity[level.upper()])
+        self.loggers[log.name] = log
 
     def _restart(self, module: Module) -> None:
         """Begin anew after a failure; what configure() prepared is still there."""
@@ -236,6 +248,9 @@ class Core:
         self._failures.watch()
         self.black_box.watch()
         self.guard.ready()
+        now_ns = self.kernel.now_ns()
+        for log in self.loggers.values():
+            log.sweep(now_ns)
         self._write_reports()
 
     def _save_fault(self, reason: str) -> None:

@@ -37,6 +37,7 @@ from typing import Protocol
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
+from rt_robot_os.logger import Logger
 from rt_robot_os.schema import Field
 
 
@@ -119,6 +120,7 @@ class Device(ABC):
     :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
+    :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
     :ivar changes: live settings that were changed and wait for the next poll.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
 
@@ -142,6 +144,7 @@ class Device(ABC):
         """
         self.name = name
         self.settings = settings
+        self.log = Logger(name)
         self.changes: dict[str, Any] = {}
         self.clock_ns: Callable[[], int] = time.monotonic_ns
         self._publishers: tuple[SamplePublisher, ...] = ()

@@ -274,3 +274,4 @@ class LinkServer:
                 session.post(encode_json(Kind.REPORT, {
                     'at_ns': report.at_ns, 'severity': int(report.severity),
                     'source': report.source, 'text': report.text[:4000], 'dropped': dropped}))
+                dropped = 0  # told with the first of them

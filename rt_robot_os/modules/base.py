@@ -42,6 +42,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
+from rt_robot_os.logger import Logger
 from rt_robot_os.modules.ports import connect
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
@@ -56,6 +57,7 @@ class Module:
     :param name: unique among tasks.
     :param settings: a value for each of :meth:`fields`, checked already.
     :cvar SETTINGS: what can be set, besides rate, priority and topics.
+    :ivar log: says something to people: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
@@ -63,6 +65,7 @@ class Module:
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self.name = name
         self.settings = dict(settings)
+        self.log = Logger(name)
         self.task: Task | None = None
         self.kernel: Kernel | None = None
         self._rate_hz = 0.0

@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -58,8 +60,9 @@ class Diagnostics:
         self._last: list[DiagnosticStatus] = []
 
     def judge(self, now: CoreStatistics, mapper: StampMapper,
-              mirrors: Iterable[tuple[str, dict[str, Any]]]) -> list[DiagnosticStatus]:
-        """Give a status for the core, each device, task, module, topic, client, and the clock."""
+              mirrors: Iterable[tuple[str, dict[str, Any]]],
+              log: Mapping[str, Any] = MappingProxyType({})) -> list[DiagnosticStatus]:
+        """Give a status for the core, each device, task, module, topic, client, log and clock."""
         if now is self._before:
             return self._last
         before, self._before = self._before, now
@@ -75,7 +78,7 @@ class Diagnostics:
             *(self._client(c, before) for c in now.clients),
             *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
               for what, values in mirrors),
-            self._clock(mapper),
+            *([self._log(log)] if log else []), self._clock(mapper),
         ]
         return self._last
 
@@ -202,6 +205,11 @@ class Diagnostics:
     def _drops(client: dict[str, Any]) -> int:
         return int(client['refused'] + client['outbox_dropped']
                    + sum(m['full'] + m['lost'] for m in client['mirrors']))
+
+    def _log(self, log: Mapping[str, Any]) -> DiagnosticStatus:
+        lost = log.get('lost', 0)
+        return _status(f'{self._name}: log', WARN if lost else OK, f'{lost} lines are not in the '
+                       'file' if lost else 'carried', dict(log))
 
     def _clock(self, mapper: StampMapper) -> DiagnosticStatus:
         ahead_ns = -mapper.error_ns

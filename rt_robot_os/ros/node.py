@@ -29,9 +29,9 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamps import StampMapper
-from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.diagnostics import Diagnostics
+from rt_robot_os.ros.log_relay import LogRelay
 from rt_robot_os.ros.mirrors import Mirrors
 from rt_robot_os.ros.parameters import NodeParameters
 from rt_robot_os.ros.supervisor import Supervisor
@@ -62,6 +62,7 @@ class RobotNode(LifecycleNode):
         self.robot = robot_name(self.get_name(), self.get_namespace())
         self.path: Path = socket_path(self.robot)
         self._mapper = StampMapper()
+        self._log = LogRelay(self, self._mapper, settings.log, self.robot)
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
@@ -79,7 +80,7 @@ class RobotNode(LifecycleNode):
             self.settings.core.spawn) else None
         self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper)
         self._supervisor = Supervisor(
-            self.path, process, self._mapper, self._log, name=self.robot,
+            self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
             on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
             heartbeat_s=self.settings.core.heartbeat_s,
             statistics_period_s=1.0 / self.settings.diagnostics_rate_hz,
@@ -133,6 +134,7 @@ class RobotNode(LifecycleNode):
     def destroy_node(self) -> None:
         """End the core and the node; may be called twice."""
         self._stop_core()
+        self._log.close()
         super().destroy_node()
 
     @property
@@ -172,22 +174,9 @@ class RobotNode(LifecycleNode):
             message.status = self._diagnostics.silent(supervisor.fatal or 'no core is connected')
         else:
             message.status = self._diagnostics.judge(
-                supervisor.statistics, self._mapper, mirrors.counters())
+                supervisor.statistics, self._mapper, mirrors.counters(),
+                self._log.statistics())
         self._status_publisher.publish(message)
-
-    def _log(self, severity: int, text: str) -> None:
-        # rclpy remembers a call site by its severity, so each has a line of its own.
-        logger = self.get_logger()
-        if severity >= Severity.FATAL:
-            logger.fatal(text)
-        elif severity >= Severity.ERROR:
-            logger.error(text)
-        elif severity >= Severity.WARN:
-            logger.warning(text)
-        elif severity >= Severity.INFO:
-            logger.info(text)
-        else:
-            logger.debug(text)
 
     # ---- parameters --------------------------------------------------------------------------
 

@@ -43,6 +43,7 @@ _ANSWER_MINIMUM_S = 0.5
 _GOODBYE_S = 1.0
 
 Log = Callable[[int, str], None]
+Relay = Callable[[int, int, str, str], None]
 INFO, WARN, ERROR = int(Severity.INFO), int(Severity.WARN), int(Severity.ERROR)
 
 
@@ -58,14 +59,16 @@ class Supervisor:
     :param on_connect: called in the supervisor's thread with each new connection.
     :param on_disconnect: called there when it is lost.
     :param log: called with (severity as in ROS 2, text) from any thread.
+    :param relay: called by the supervisor's thread with what the core says: severity, moment on
+        CLOCK_MONOTONIC, source, text.
     :param heartbeat_s: silence after which the core is reported; after three times that a core
         of our own is killed and started anew.
     :param watchdog_code: exit code of a core whose watchdog ended it; 0 when it has none.
     :ivar fatal: why no core can run with this configuration; empty otherwise.
     """
 
-    def __init__(self, path: Path, process: CoreProcess | None, mapper: StampMapper, log: Log, *,
-                 name: str, on_connect: Callable[[LinkClient], None],
+    def __init__(self, path: Path, process: CoreProcess | None, mapper: StampMapper, log: Log,
+                 relay: Relay, *, name: str, on_connect: Callable[[LinkClient], None],
                  on_disconnect: Callable[[], None], heartbeat_s: float,
                  statistics_period_s: float, watchdog_code: int = 0) -> None:
         self.process = process
@@ -78,6 +81,7 @@ class Supervisor:
         self._path = path
         self._mapper = mapper
         self._log = log
+        self._relay = relay
         self._name = name
         self._on_connect = on_connect
         self._on_disconnect = on_disconnect
@@ -236,7 +240,8 @@ class Supervisor:
     def _report(self, content: dict[str, Any]) -> None:
         if content.get('dropped'):
             self._log(WARN, f'{content["dropped"]} reports of the core were dropped')
-        self._log(int(content['severity']), f'{content["source"]}: {content["text"]}')
+        self._relay(int(content['severity']), int(content['at_ns']), str(content['source']),
+                    str(content['text']))
 
 
 def _signal_name(number: int) -> str:

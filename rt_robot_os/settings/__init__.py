@@ -27,6 +27,7 @@ from rt_robot_os.settings.json_text import to_json
 from rt_robot_os.settings.load import load
 from rt_robot_os.settings.model import CoreSettings
 from rt_robot_os.settings.model import DeviceSettings
+from rt_robot_os.settings.model import LogSettings
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
@@ -43,8 +44,8 @@ from rt_robot_os.settings.ros_args import parse_ros_args
 from rt_robot_os.settings.ros_args import RosArguments
 
 __all__ = [
-    'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'MirrorSettings', 'ModuleSettings',
-    'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT', 'TaskSettings',
-    'TopicSettings', 'TopicUse', 'WatchdogSettings', 'changed', 'check_change', 'default_path',
-    'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
+    'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'LogSettings', 'MirrorSettings',
+    'ModuleSettings', 'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT',
+    'TaskSettings', 'TopicSettings', 'TopicUse', 'WatchdogSettings', 'changed', 'check_change',
+    'default_path', 'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
 ]

@@ -33,6 +33,7 @@ from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Lookup
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import DEVICE
+from rt_robot_os.settings.fields import LOG
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
@@ -104,6 +105,10 @@ closed and opened anew. A task that was stopped or is in its safe state is held 
 re-armed: `ros2 service call /robot/rearm std_srvs/srv/Trigger`.
 """
 
+_LOG_TEXT: Final = """\
+The node writes what the core, its devices and modules say; see `docs/logging.md`.
+"""
+
 _WATCHDOG_TEXT: Final = """\
 It watches the tasks with `critical: true`; see `docs/watchdog.md`.
 """
@@ -127,6 +132,7 @@ def describe(catalogue: Catalogue | None = None) -> str:
         _section('`core`: the real-time process', '', CORE),
         _section('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
                  WATCHDOG),
+        _section('`log`: the file of the log', _LOG_TEXT, LOG),
         _section('Devices', _DEVICE_TEXT, _without_task(DEVICE)),
         _section('Modules', _MODULE_TEXT, _without_task(MODULE)),
         _section('Tasks', _TASK_TEXT, TASK),

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.logger import LEVELS
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 
@@ -85,6 +86,13 @@ WATCHDOG: Final = (
           '/dev/watchdog'),
 )
 
+LOG: Final = (
+    Field('file', bool, True, "the node writes the core's log to a file"),
+    Field('folder', str, '', 'where it lies; when absent $ROS_LOG_DIR or ~/.ros/log'),
+    Field('file_mb', float, 10.0, 'size at which a new file is begun', 'MB', 0.001, 10_000.0),
+    Field('files', int, 5, 'files that are kept, the newest included', minimum=1, maximum=1000),
+)
+
 # What a device and a module declare of their task, besides its rate and its priority.
 TASK: Final = (
     Field('phase_us', float, 0.0, 'first release after the start', 'us', 0.0, LONGEST_US),
@@ -115,6 +123,9 @@ TASK: Final = (
           '0: unknown', 'us', 0.0, LONGEST_US),
 )
 
+_LOG_LEVEL: Final = Field(
+    'log_level', str, 'info', 'the least severity that it logs', choices=LEVELS, live=True)
+
 DEVICE: Final = (
     Field('type', str, REQUIRED, "the driver's name"),
     _rate(100.0, 'how often the device is polled'),
@@ -126,6 +137,7 @@ DEVICE: Final = (
     Field('retry_s', float, 0.5, 'wait before it is opened again; doubles with each failure',
           's', 0.01, 3600.0),
     Field('retry_max_s', float, 10.0, 'longest wait between two tries', 's', 0.01, 3600.0),
+    _LOG_LEVEL,
     *TASK,
 )
 
@@ -134,6 +146,7 @@ MODULE: Final = (
     Field('rate_hz', float, 50.0, 'how often the module steps; 0: only when an input wakes it',
           'Hz', 0.0, FASTEST_HZ, live=True),
     _priority(40, 'priority of its task; higher runs first'),
+    _LOG_LEVEL,
     *TASK,
 )
 

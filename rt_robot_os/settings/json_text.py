@@ -32,6 +32,7 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings.model import CoreSettings
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
+from rt_robot_os.settings.model import LogSettings
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
@@ -40,7 +41,7 @@ from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.model import WatchdogSettings
 
 # Counted up when the form changes: the node and the core may be of different installations.
-FORMAT: Final = 2
+FORMAT: Final = 3
 
 _PARTS: Final[Mapping[str, type]] = {
     'devices': DeviceSettings, 'modules': ModuleSettings, 'topics': TopicSettings,
@@ -48,7 +49,7 @@ _PARTS: Final[Mapping[str, type]] = {
 }
 _NESTED: Final[Mapping[str, type]] = {
     'CoreSettings': CoreSettings, 'TaskSettings': TaskSettings,
-    'WatchdogSettings': WatchdogSettings,
+    'WatchdogSettings': WatchdogSettings, 'LogSettings': LogSettings,
 }
 _TYPES: Final[Mapping[str, tuple[type, ...]]] = {
     'bool': (bool,), 'int': (int,), 'float': (float, int), 'str': (str,),

@@ -65,6 +65,23 @@ class CoreSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class LogSettings:
+    """
+    The file of the log, which the node writes.
+
+    :ivar file: whether there is one.
+    :ivar folder: empty for ROS's folder of logs.
+    :ivar file_mb: size at which a new one is begun.
+    :ivar files: how many are kept.
+    """
+
+    file: bool = True
+    folder: str = ''
+    file_mb: float = 10.0
+    files: int = 5
+
+
+@dataclass(frozen=True, slots=True)
 class WatchdogSettings:
     """
     What happens when a critical task is unhealthy.
@@ -137,6 +154,7 @@ class DeviceSettings:
     :ivar sim: the simulator's settings; None unless the port is ``SIM_PORT``.
     :ivar read: ``poll`` at the rate, or ``interrupt`` as bytes arrive too.
     :ivar task: what it declares of its task.
+    :ivar log_level: the least severity that it logs, such as ``info``.
     """
 
     name: str
@@ -151,6 +169,7 @@ class DeviceSettings:
     sim: Mapping[str, Any] | None = None
     read: str = 'poll'
     task: TaskSettings = TaskSettings()
+    log_level: str = 'info'
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +181,7 @@ class ModuleSettings:
     :ivar rate_hz: how often it steps; 0 when only its inputs wake it.
     :ivar settings: every key of the module's own ``SETTINGS``, defaults filled in.
     :ivar task: what it declares of its task.
+    :ivar log_level: the least severity that it logs, such as ``info``.
     """
 
     name: str
@@ -170,6 +190,7 @@ class ModuleSettings:
     priority: int
     settings: Mapping[str, Any] = field(default_factory=_nothing)
     task: TaskSettings = TaskSettings()
+    log_level: str = 'info'
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +256,7 @@ class RobotSettings:
     topics: tuple[TopicSettings, ...] = ()
     mirrors: tuple[MirrorSettings, ...] = ()
     watchdog: WatchdogSettings = WatchdogSettings()
+    log: LogSettings = LogSettings()
 
 
 def frozen(value: Any) -> Any:

@@ -35,6 +35,7 @@ from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import DEVICE
 from rt_robot_os.settings.fields import LISTS
+from rt_robot_os.settings.fields import LOG
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import ROBOT
@@ -163,6 +164,7 @@ def _leaves(
         yield field.name, value, field
     yield from _attributes('core', settings.core, CORE)
     yield from _attributes('watchdog', settings.watchdog, WATCHDOG)
+    yield from _attributes('log', settings.log, LOG)
     for device in settings.devices:
         yield from _device(device, catalogue)
     for module in settings.modules:

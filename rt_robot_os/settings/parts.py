@@ -214,7 +214,7 @@ def build_device(part: Part) -> DeviceSettings:
         timeout_s=values['timeout_s'], retry_s=values['retry_s'],
         retry_max_s=values['retry_max_s'],
         settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
-        task=task_of(part))
+        task=task_of(part), log_level=values['log_level'])
 
 
 def build_module(part: Part) -> ModuleSettings:
@@ -222,7 +222,8 @@ def build_module(part: Part) -> ModuleSettings:
     values = part.section.values
     return ModuleSettings(
         name=part.name, type=values['type'], rate_hz=values['rate_hz'],
-        priority=values['priority'], settings=frozen(part.own()), task=task_of(part))
+        priority=values['priority'], settings=frozen(part.own()), task=task_of(part),
+        log_level=values['log_level'])
 
 
 def task_of(part: Part) -> TaskSettings:

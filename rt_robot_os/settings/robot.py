@@ -25,6 +25,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import CORE
+from rt_robot_os.settings.fields import LOG
 from rt_robot_os.settings.fields import MIRROR
 from rt_robot_os.settings.fields import ROBOT
 from rt_robot_os.settings.fields import ROS_OWN
@@ -32,6 +33,7 @@ from rt_robot_os.settings.fields import TOPIC
 from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.model import CoreSettings
 from rt_robot_os.settings.model import frozen
+from rt_robot_os.settings.model import LogSettings
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TopicSettings
@@ -68,6 +70,7 @@ def read_robot(
     top = read_section(tree, '', ROBOT, problems, set(tree.children) | ROS_OWN)
     core = _read_fixed_section(tree, 'core', CORE, problems)
     watchdog = _read_fixed_section(tree, 'watchdog', WATCHDOG, problems)
+    log = _read_fixed_section(tree, 'log', LOG, problems)
     devices = [read_device(branch, name, catalogue, problems)
                for name, branch in named.devices.items()]
     modules = [read_module(branch, name, catalogue, problems)
@@ -89,7 +92,7 @@ def read_robot(
         modules=tuple(build_module(part) for part in modules),
         topics=tuple(_build_topic(section) for section in topics),
         mirrors=tuple(_build_mirror(section, table) for section in mirrors),
-        watchdog=WatchdogSettings(**watchdog.values))
+        watchdog=WatchdogSettings(**watchdog.values), log=LogSettings(**log.values))
 
 
 def _read_fixed_section(

@@ -35,7 +35,7 @@ from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import flatten
 from rt_robot_os.settings.tree import Leaf
 
-_TOP = frozenset({each.name for each in ROBOT} | {'core', 'watchdog'})
+_TOP = frozenset({each.name for each in ROBOT} | {'core', 'log', 'watchdog'})
 _MIRROR_KEYS = frozenset({'direction', 'ros_topic', 'policy', 'max_rate_hz'})
 _TOPIC_KEYS = frozenset({'message', 'fixed', 'tail'})
 _DEVICE_KEYS = frozenset({'port', 'baud', 'sim', 'timeout_s', 'retry_s', 'frame_id'})

@@ -144,7 +144,7 @@ def test_a_faulty_device_is_named_recovers_and_never_delays_the_other(
     robot = world.robot(DEVICES.format(fault=fault))
     robot.wait_for_line(reason)
     seen = len(imu)
-    robot.wait_for_line('imu: active again')
+    robot.wait_for_line('imu]: active again')
     until(lambda: len(imu) > seen + 20, 'samples after the fault')
     with LinkClient(world.folder / 'robot.sock', 'watch') as watch:
         statistics = watch.statistics()

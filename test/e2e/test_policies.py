@@ -86,7 +86,7 @@ def test_a_core_that_its_watchdog_ends_is_started_again_and_told_why(world: Any)
     robot = world.robot(YAML.format(
         watchdog='timeout_s: 0.5, action: exit, exit_code: 71', module="Noted', raises: 50"),
         PYTHONPATH=path())
-    robot.wait_for_line("watchdog: task 'it' has ended no job well for")
+    robot.wait_for_line("watchdog]: task 'it' has ended no job well for")
     robot.wait_for_line('the core ended with code 71: a critical task stood still; see the report '
                         'of its watchdog above; again in 0.5 s')
     connected = 'connected to the core'
