@@ -93,7 +93,8 @@ def test_a_module_logs_to_rosout_to_the_console_and_to_the_file(
     robot.wait_for_line('[robot.talker]: job 1 of [1, 2]')
     assert not any(m.level == 10 for m in lines())
     assert not set_level(world, 'loud').successful
-    assert set_level(world, 'debug').successful
+    changed = set_level(world, 'debug')
+    assert changed.successful, changed.reason
     until(lambda: any(m.msg.startswith('detail ') for m in lines()), 'a line of DEBUG')
     assert robot.end() == 0
     written = (tmp_path / 'robot.log').read_text()
