@@ -68,7 +68,8 @@ def rate(value: float | None) -> str:
     """Write a rate in four figures."""
     if value is None:
         return '-'
-    return f'{value:.0f}' if value >= 999.5 else f'{value:.1f}' if value >= 9.95 else f'{value:.2f}'
+    digits = 0 if value >= 999.5 else 1 if value >= 9.95 else 2
+    return f'{value:.{digits}f}'
 
 
 def microseconds(value: float | None) -> str:

@@ -127,7 +127,8 @@ class _Interval:
                 self._now.counts[now.name], self._counts[now.name], now)
         miss = now.last_miss
         return TaskRow(
-            now.name, _grown(counters, {key: getattr(old, key) for key in counters} if old else None),
+            now.name,
+            _grown(counters, {key: getattr(old, key) for key in counters} if old else None),
             now.priority, now.state.value, self._rate(now.runs, old.runs if old else None),
             NS_PER_S / now.period_ns if now.period_ns else 0.0,
             *_percentiles(latency), _us(now.latency.maximum_ns),

@@ -106,8 +106,9 @@ class Controls:
         if self.typing:
             return f'filter: {self.choices.pattern}_   Enter: done  Esc: all'
         backwards = ' (reversed)' if self.choices.backwards else ''
-        return (f'q quit  p pause  s sort: {self.choices.sort or "default"}{backwards}  r reverse  '
-                f'f filter  1-{len(PARTS)} {self.choices.part}  + - {self.interval_s:g} s')
+        sort = f'{self.choices.sort or "default"}{backwards}'
+        return (f'q quit  p pause  s sort: {sort}  r reverse  f filter  '
+                f'1-{len(PARTS)} {self.choices.part}  + - {self.interval_s:g} s')
 
 
 def split_keys(typed: str) -> list[str]:

@@ -46,6 +46,9 @@ _OPERATIONS = (
     ('field set', 'set one field of an Imu'), ('field get', 'get one field of an Imu'),
     ('pack ten', 'set ten numbers of an Imu, packed'),
     ('unpack ten', 'get ten numbers of an Imu, packed'),
+    ('log three', 'log a line with three arguments'),
+    ('log throttled', 'log a line that is held back'),
+    ('log off', 'log a line below its level'),
 )
 _COLUMNS = (
     Column('p50', 'p50', 'us', 'cost'), Column('p50', 'p50 range', 'us', 'cost', spread=True),
@@ -96,6 +99,9 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     aims = (
         Aim('publish, take and copy 64 B', 0.5,
             outcomes.metric('operations', _cost('publish+take 64', _PS_PER_US, 0.5)), 'us',
+            why=common.disturbances(outcomes, 'operations')),
+        Aim('log a line with three arguments', 2.0,
+            outcomes.metric('operations', _cost('log three', _PS_PER_US, 0.5)), 'us',
             why=common.disturbances(outcomes, 'operations')),
         Aim('CPU time of a job, 100 tasks released together', 2.0,
             outcomes.metric('together', _cost('cpu_ns', _NS_PER_US, 0.5)), 'us',

@@ -30,6 +30,8 @@ from rt_robot_os.bench.workers.delay import MESSAGE
 from rt_robot_os.bench.workers.delay import OVERHEAD_BYTES
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
+from rt_robot_os.logger import Logger
+from rt_robot_os.reports import Reports
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Layout
 from rt_robot_os.units import NS_PER_MS
@@ -66,7 +68,8 @@ def block_means_ps(operation: Callable[[], object], duration_ns: int) -> Samples
 
 def operations(harness: Harness) -> Measured:
     """Measure each operation for a part of the time, in turns."""
-    tested = {**_topic_operations(64), **_topic_operations(2048), **_layout_operations()}
+    tested = {**_topic_operations(64), **_topic_operations(2048), **_layout_operations(),
+              **_log_operations()}
     harness.prepare(freeze=True)
     turns = 4
     share_ns = harness.arguments['measure_ns'] // (turns * (len(tested) + 1))
@@ -124,6 +127,14 @@ def _layout_operations() -> dict[str, Callable[[], object]]:
     return {'field set': set_one, 'field get': lambda: velocity.x,
             'pack ten': lambda: packer.pack(buffer, *values),
             'unpack ten': lambda: packer.unpack(buffer)}
+
+
+def _log_operations() -> dict[str, Callable[[], object]]:
+    log = Logger('bench')
+    log.connect(Reports(), Kernel().now_ns)
+    return {'log three': lambda: log.info('%d of %s: %.1f', 1, 'two', 3.0),
+            'log throttled': lambda: log.info('%d', 1, throttle_s=3600.0),
+            'log off': lambda: log.debug('%d', 1)}
 
 
 def dispatch(harness: Harness) -> Measured:
