@@ -26,6 +26,7 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.top.rows import DeviceRow
 from rt_robot_os.top.rows import Row
 from rt_robot_os.top.rows import TaskRow
+from rt_robot_os.top.rows import TopicRow
 
 # A piece of a line and how it is drawn: '', 'dim', 'head', 'good', 'warn' or 'bad'.
 Span = tuple[str, str]
@@ -117,6 +118,11 @@ def _slow(row: TaskRow) -> str:
     return ''
 
 
+def _silent(row: TopicRow) -> str:
+    """Mark a topic that was published and is not any more."""
+    return 'warn' if row.published and row.rate_hz == 0.0 and row.declared_hz else ''
+
+
 def _state(row: TaskRow | DeviceRow) -> str:
     if row.state == 'active':
         return 'good'
@@ -148,7 +154,7 @@ TASKS: tuple[Column, ...] = (
 
 TOPICS: tuple[Column, ...] = (
     _column('name', 'TOPIC'),
-    _column('rate_hz', 'Hz', rate),
+    _column('rate_hz', 'Hz', rate, style=_silent),
     _column('declared_hz', 'of', lambda hz: rate(hz) if hz else '-', style=lambda row: 'dim'),
     _column('age_s', 'AGE', seconds),
     _column('slot_bytes', 'BYTES', rank=3),

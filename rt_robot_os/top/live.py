@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 import os
 import select
+import signal
 import sys
 import termios
 import time
@@ -107,6 +108,8 @@ class Program:
 
     def run(self) -> None:
         """Run until the user quits."""
+        # Ended from outside it leaves the terminal as it was, too.
+        signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
         due_s = 0.0
         size = (0, 0)
         with _keyboard() as typed, Live(

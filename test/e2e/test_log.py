@@ -26,7 +26,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from rcl_interfaces.msg import Log  # noqa: E402, I100
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
+from rcl_interfaces.msg import Log  # noqa: E402
 from rcl_interfaces.msg import Parameter  # noqa: E402
 from rcl_interfaces.msg import ParameterType  # noqa: E402
 from rcl_interfaces.msg import ParameterValue  # noqa: E402
@@ -69,6 +70,12 @@ def start(world: Any, folder: str) -> tuple[Any, list[Any]]:
     return robot, found
 
 
+def lost(diagnostics: list[Any]) -> int:
+    return max((int(value.value) for message in list(diagnostics) for status in message.status
+                if status.name == 'robot: log' for value in status.values
+                if value.key == 'lost'), default=0)
+
+
 def set_level(world: Any, level: str) -> Any:
     request = SetParameters.Request(parameters=[Parameter(
         name='talker.log_level', value=ParameterValue(
@@ -107,6 +114,8 @@ def test_a_full_disk_is_told_once_and_the_robot_runs_on(
         world: Any, until: Until, tmp_path: Path) -> None:
     (tmp_path / 'robot.log').symlink_to('/dev/full')
     robot, found = start(world, str(tmp_path))
+    diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     until(lambda: sum(m.name == 'robot.talker' for m in list(found)) > 4, 'lines on /rosout')
+    until(lambda: lost(diagnostics) > 4, 'lost lines in /diagnostics')
     assert sum('No space left on device' in line for line in robot.lines) == 1
     assert robot.end() == 0
