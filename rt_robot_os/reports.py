@@ -73,8 +73,15 @@ def formatted(line: RawLine) -> Report:
         try:
             text = text % arguments
         except Exception:
-            text = f'{text} {arguments} (the arguments do not fit the text)'
+            text = f'{text} {_shown(arguments)} (the arguments do not fit the text)'
     return Report(at_ns, Severity(severity), source, text[:TEXT_MAXIMUM])
+
+
+def _shown(arguments: tuple[Any, ...]) -> str:
+    try:
+        return repr(arguments)
+    except Exception as error:  # an integer of 5000 digits
+        return f'({type(error).__name__})'
 
 
 class Reports:

@@ -115,6 +115,15 @@ def test_no_text_and_no_argument_raises_anything(text: str, arguments: list[Any]
     assert len(texts(reports)) == 2
 
 
+def test_an_integer_that_has_no_text_stops_no_other_line() -> None:
+    reports = Reports()
+    log = logger(reports)
+    log.info('%d', 10 ** 5000)
+    log.info('next')
+    first, second = texts(reports)
+    assert 'do not fit' in first and second == 'next'
+
+
 def test_a_flood_of_lines_drives_out_no_report_and_is_counted() -> None:
     reports = Reports(capacity=4, lines=8)
     log = logger(reports)
