@@ -52,6 +52,7 @@ setup(
             'doctor = rt_robot_os.cli.doctor:main',
             'echo = rt_robot_os.cli.echo:main',
             'i2c_bridge = rt_robot_os.cli.i2c_bridge:main',
+            'parameters = rt_robot_os.cli.parameters:main',
             'plan = rt_robot_os.cli.plan:main',
             'player = rt_robot_os.sim.main:player',
             'robot = rt_robot_os.cli.robot:main',

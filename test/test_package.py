@@ -194,3 +194,17 @@ def test_no_file_names_a_path_of_one_machine_or_a_registry() -> None:
             if pattern.search(line):
                 found.append(f'{path.relative_to(ROOT)}:{number}: {line.strip()}')
     assert found == []
+
+
+def test_the_readme_names_every_program() -> None:
+    found = re.search(r'^Programs: (.*?)\n\n', (ROOT / 'README.md').read_text(),
+                      re.DOTALL | re.MULTILINE)
+    assert found is not None
+    assert sorted(set(EXECUTABLES) - set(re.findall(r'`(\w+)`', found[1]))) == []
+
+
+def test_every_page_can_be_found_from_the_readme() -> None:
+    targets = re.findall(r'\]\((docs/[^)#]*)', (ROOT / 'README.md').read_text())
+    pages = {page.relative_to(ROOT).as_posix() for page in (ROOT / 'docs').rglob('*.md')}
+    found = {page for page in pages if page in targets or f'{page.rpartition("/")[0]}/' in targets}
+    assert sorted(pages - found) == []

@@ -89,8 +89,14 @@ class Answers:
         self._known: dict[str, Callable[[Session, Arguments], Arguments]] = {
             'hello': self._hello, 'mirror': self._mirror, 'unmirror': self._unmirror,
             'advertise': self._advertise, 'set_rate': self._set_rate,
-            'set_parameter': self._set_parameter, 'reset_statistics': self._reset_statistics,
+            'set_parameter': self._set_parameter, 'change': self._change,
+            'reset_statistics': self._reset_statistics,
             'rearm': self._rearm, 'stop': self._stop,
+        }
+        # What takes several packets.
+        self._long: dict[str, Callable[[Session, int, Arguments], None]] = {
+            'black_box': self._black_box, 'parameters': self._parameters,
+            'statistics': self._statistics,
         }
 
     def __call__(self, session: Session, packet: bytes) -> None:
@@ -104,18 +110,15 @@ class Answers:
         if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 1 << 63:
             session.gone = f'refused: a request with id {number!r}'
             return
-        do = arguments.get('do')
+        do = str(arguments.get('do'))
         try:
-            if do == 'statistics':
-                self._statistics(session, number)
+            if do in self._long:
+                self._long[do](session, number, arguments)
                 return
-            if do == 'black_box':
-                self._black_box(session, number, arguments)
-                return
-            answer = self._known.get(str(do))
+            answer = self._known.get(do)
             if answer is None:
                 raise LinkError(f'unknown request {do!r}; there are '
-                                f'{", ".join(sorted([*self._known, "statistics", "black_box"]))}')
+                                f'{", ".join(sorted([*self._known, *self._long]))}')
             reply = answer(session, arguments)
         except RtRobotError as error:
             reply = {'error': str(error)}
@@ -180,6 +183,19 @@ class Answers:
         raise LinkError(f'no module {owner!r} and no such device; there are '
                         f'{", ".join(names) or "none"}')
 
+    def _change(self, session: Session, arguments: Arguments) -> Arguments:
+        name = _text(arguments, 'name')
+        return {'value': self._core.parameters.change(name, arguments.get('value'))}
+
+    def _parameters(self, session: Session, number: int, arguments: Arguments) -> None:
+        def post(content: Arguments) -> None:
+            session.post(encode_json(Kind.REPLY, content, seq=number, more=True))
+
+        post({'file': self._core.settings.parameters_file})
+        for facts in self._core.parameters.facts():
+            post(facts)
+        session.post(encode_json(Kind.REPLY, {}, seq=number))
+
     def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
         """Let a task that is held make jobs again, or all of them."""
         kernel = self._core.kernel
@@ -216,7 +232,7 @@ class Answers:
 
     # ---- statistics --------------------------------------------------------------------------
 
-    def _statistics(self, session: Session, number: int) -> None:
+    def _statistics(self, session: Session, number: int, arguments: Arguments) -> None:
         core = self._core
 
         def post(part: str, content: Arguments) -> None:
@@ -240,6 +256,7 @@ class Answers:
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'parameters': core.parameters.digest(),
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,
             'accepted': core.link.accepted, 'refused': core.link.refused,

@@ -27,6 +27,7 @@ from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.core.parameters import LiveParameters
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
@@ -68,13 +69,16 @@ class Core:
     :param ports: the real path of each simulated device's port, by device.
     :param clock: by default CLOCK_MONOTONIC, with the dispatcher that is set.
     :param writer: of the black box; None saves it nowhere.
+    :param loaded: what the files said, when something was changed since.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
     def __init__(self, settings: RobotSettings, path: Path, *,
                  ports: Mapping[str, str] | None = None, clock: Clock | None = None,
-                 writer: BlackBoxWriter | None = None) -> None:
+                 writer: BlackBoxWriter | None = None,
+                 loaded: RobotSettings | None = None) -> None:
         self.settings = settings
+        self.parameters = LiveParameters(self, loaded or settings)
         core = settings.core
         if clock is None and core.dispatcher == 'cooperative':
             clock = CooperativeClock()

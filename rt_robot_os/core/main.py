@@ -61,15 +61,18 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _settings(arguments: argparse.Namespace, argv: Sequence[str]
-              ) -> tuple[RobotSettings, Path]:
+              ) -> tuple[RobotSettings, RobotSettings, Path]:
     if arguments.settings:
         text = (sys.stdin.read() if arguments.settings == '-'
                 else Path(arguments.settings).read_text())
-        return from_json(text), arguments.socket or socket_path()
+        # A second line: as it was loaded, before something was changed while a core ran.
+        now, _, loaded = text.strip().partition('\n')
+        return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
     # Reading YAML takes memory that a spawned core does not need.
     from rt_robot_os.settings.arguments import load_from_arguments
     settings, ros = load_from_arguments(argv)
-    return settings, arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
+    path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
+    return settings, settings, path
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -82,13 +85,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     simulators = Simulators()
     writer: BlackBoxWriter | None = None
     try:
-        settings, path = _settings(arguments, given)
+        settings, loaded, path = _settings(arguments, given)
         ports = simulators.start(settings, runtime_folder() / path.stem)
         signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
-        core = Core(settings, path, ports=ports, clock=clock, writer=writer)
+        core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded)
         previous = _handle_signals(core)
         # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()

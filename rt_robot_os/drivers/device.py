@@ -212,6 +212,10 @@ class Device(ABC):
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""
 
+    def value(self, name: str) -> Any:
+        """Give a setting; a changed one as it will be at the next poll."""
+        return self.changes.get(name, self.settings[name])
+
     def change(self, name: str, value: Any) -> Any:
         """
         Change a live setting with the next poll, never in the middle of one.

@@ -211,15 +211,24 @@ class Module:
             self.settings[name] = self._changes.pop(name)
             self.changed(name)
 
+    def value(self, name: str) -> Any:
+        """Give a setting; a changed one as it will be in the next job."""
+        return self._changes.get(name, self.settings[name])
+
     def change(self, name: str, value: Any) -> Any:
         """
         Change a live setting with the next job, never in the middle of one.
 
-        Of several changes before that job the last one counts.
+        Of several changes before that job the last one counts. ``rate_hz`` is that of the module's
+        task; it changes with the next release.
 
         :return: the value in its declared type.
         :raises ConfigError: no such setting, not a live one, or a value out of range.
+        :raises TaskError: the rate is out of range, or the module has none.
         """
+        if name == 'rate_hz' and self.task is not None:
+            self.task.set_rate_hz(value)
+            return float(value)
         fields = {f.name: f for f in self.fields() if f.live}
         if name not in fields:
             live = ', '.join(fields) or 'none'

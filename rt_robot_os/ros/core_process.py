@@ -51,9 +51,13 @@ class CoreProcess:
         self._arguments = list(arguments)
         self._process: subprocess.Popen[bytes] | None = None
 
-    def set_settings(self, settings_json: str) -> None:
-        """Tell the next core something else."""
-        self._settings = settings_json.encode()
+    def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
+        """
+        Tell the next core something else.
+
+        :param loaded_json: as the settings were before anything was changed.
+        """
+        self._settings = f'{settings_json}\n{loaded_json}'.encode()
 
     @property
     def pid(self) -> int:

@@ -23,12 +23,15 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode
 from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.diagnostics import Diagnostics
 from rt_robot_os.ros.log_relay import LogRelay
@@ -40,6 +43,10 @@ from rt_robot_os.settings import check_change
 from rt_robot_os.settings import parameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from rt_robot_os.settings.saved import live_values
+from rt_robot_os.settings.saved import save
+from rt_robot_os.settings.saved import saved_path
+from rt_robot_os.settings.saved import told_saved
 from std_srvs.srv import Trigger
 
 _START_TIMEOUT_S = 10.0
@@ -59,6 +66,9 @@ class RobotNode(LifecycleNode):
     def __init__(self, settings: RobotSettings, name: str = 'robot') -> None:
         super().__init__(name)
         self.settings = settings
+        self._loaded = settings
+        self._adopting = False
+        self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
         self.path: Path = socket_path(self.robot)
         self._mapper = StampMapper()
@@ -66,6 +76,7 @@ class RobotNode(LifecycleNode):
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
+        self.create_service(Trigger, '~/save_parameters', self._on_save)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._status_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
@@ -176,6 +187,10 @@ class RobotNode(LifecycleNode):
             message.status = self._diagnostics.judge(
                 supervisor.statistics, self._mapper, mirrors.counters(),
                 self._log.statistics())
+            digest = supervisor.statistics.core.get('parameters')
+            if digest != self._digest:
+                self._adopt()
+                self._digest = digest
         self._status_publisher.publish(message)
 
     # ---- parameters --------------------------------------------------------------------------
@@ -186,7 +201,7 @@ class RobotNode(LifecycleNode):
     def _apply(self, name: str, value: Any) -> None:
         """Make a change in the core, and remember it for a core that is started again."""
         settings = changed(self.settings, name, value)
-        client = self._client()
+        client = None if self._adopting else self._client()
         section, _, key = name.partition('.')
         if client is not None:
             if key == 'rate_hz':
@@ -199,7 +214,42 @@ class RobotNode(LifecycleNode):
                 client.request('set_parameter', owner=section, name=key, value=value)
         self.settings = settings
         if self._supervisor is not None and self._supervisor.process is not None:
-            self._supervisor.process.set_settings(to_json(settings))
+            self._supervisor.process.set_settings(to_json(settings), to_json(self._loaded))
+
+    def _adopt(self) -> None:
+        """Take over what others have changed in the core: its modules, clients of the link."""
+        client = self._client()
+        if client is None:
+            return
+        try:
+            facts = {each['name']: each['value'] for each in client.request_all('parameters')[1:]}
+        except LinkError:
+            return  # it will be asked again when it is back
+        known = live_values(self.settings)
+        self._adopting = True
+        try:
+            for name, value in facts.items():
+                if name in known and known[name] != value:
+                    result = self.set_parameters([Parameter(name, value=value)])[0]
+                    if not result.successful:
+                        self._log.note(
+                            int(Severity.WARN), f'{name} is {value!r} in the core, which its '
+                            f'parameter cannot be: {result.reason}')
+        finally:
+            self._adopting = False
+
+    def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Write what was changed since the start."""
+        self._adopt()
+        path = saved_path(self.settings.parameters_file, self.robot)
+        try:
+            values = save(path, self.robot, live_values(self._loaded), live_values(self.settings))
+        except ConfigError as error:
+            response.message = str(error)
+            return response
+        response.success = True
+        response.message = told_saved(path, values)
+        return response
 
     def _client(self) -> LinkClient | None:
         return self._supervisor.client if self._supervisor is not None else None

@@ -46,6 +46,8 @@ ROBOT: Final = (
     Field('autostart', bool, True, 'the node configures and activates itself'),
     Field('diagnostics_rate_hz', float, 1.0, 'how often /diagnostics is published',
           'Hz', SLOWEST_HZ, 100.0),
+    Field('parameters_file', str, '', 'where ~/save_parameters writes what was changed; when '
+          'absent the name of the robot and .saved.yaml, in $ROS_HOME or ~/.ros'),
     Field('devices', list, (), 'names of the devices, each with a section of that name'),
     Field('modules', list, (), 'names of the modules, each with a section of that name'),
     Field('topics', list, (), 'names of further core topics, each with a section of that name'),

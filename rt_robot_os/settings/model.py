@@ -246,7 +246,11 @@ class MirrorSettings:
 
 @dataclass(frozen=True, slots=True)
 class RobotSettings:
-    """The whole robot, checked."""
+    """
+    The whole robot, checked.
+
+    :ivar parameters_file: where what was changed while it ran is saved; empty: ROS's folder.
+    """
 
     autostart: bool
     diagnostics_rate_hz: float
@@ -257,6 +261,7 @@ class RobotSettings:
     mirrors: tuple[MirrorSettings, ...] = ()
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
+    parameters_file: str = ''
 
 
 def frozen(value: Any) -> Any:

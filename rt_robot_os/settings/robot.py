@@ -92,7 +92,8 @@ def read_robot(
         modules=tuple(build_module(part) for part in modules),
         topics=tuple(_build_topic(section) for section in topics),
         mirrors=tuple(_build_mirror(section, table) for section in mirrors),
-        watchdog=WatchdogSettings(**watchdog.values), log=LogSettings(**log.values))
+        watchdog=WatchdogSettings(**watchdog.values), log=LogSettings(**log.values),
+        parameters_file=top.values['parameters_file'])
 
 
 def _read_fixed_section(

@@ -36,8 +36,10 @@ from rcl_interfaces.msg import ParameterValue  # noqa: E402
 from rcl_interfaces.srv import DescribeParameters  # noqa: E402
 from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rt_robot_os.link import LinkClient  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 Until = Callable[..., Any]
 
@@ -134,6 +136,37 @@ def test_parameters_are_described_with_unit_and_range(world: Any) -> None:
     rate, priority = answer.descriptors
     assert 'Hz' in rate.description and rate.floating_point_range[0].from_value == 0.1
     assert priority.read_only and priority.integer_range[0].to_value == 99
+
+
+def test_what_was_changed_from_ros_and_in_the_core_is_saved_for_the_next_start(
+        world: Any, until: Until) -> None:
+    saved = world.folder / 'saved.yaml'
+    arguments = ('-p', f'parameters_file:={saved}')
+    names = ['guard.rate_hz', 'guard.timeout_s', 'safe_out.policy']
+
+    def values() -> list[Any]:
+        answer = world.call(GetParameters, '/robot/get_parameters', GetParameters.Request(
+            names=names))
+        return [*(v.double_value for v in answer.values[:2]), answer.values[2].string_value]
+
+    robot = world.robot(GUARD, *arguments)
+    assert set_parameter(world, 'guard.rate_hz', double_value=20.0).successful
+    assert set_parameter(world, 'safe_out.policy', string_value='latest').successful
+    with LinkClient(world.folder / 'robot.sock', 'test') as client:
+        client.request('change', name='guard.timeout_s', value=0.25)
+        until(lambda: values() == [20.0, 0.25, 'latest'], "the core's change in the node")
+        client.request('change', name='guard.rate_hz', value=25.0)
+        answer = world.call(Trigger, '/robot/save_parameters', Trigger.Request())
+    assert answer.success, answer.message
+    assert answer.message == (f'{saved}: guard.rate_hz = 25.0, guard.timeout_s = 0.25, '
+                              "safe_out.policy = 'latest'")
+    assert robot.end() == 0
+    world.robot(GUARD, '--params-file', str(saved), '-p', f'parameters_file:={world.folder}')
+    assert values() == [25.0, 0.25, 'latest']
+    assert set_parameter(world, 'guard.rate_hz', double_value=30.0).successful
+    answer = world.call(Trigger, '/robot/save_parameters', Trigger.Request())
+    assert not answer.success
+    assert answer.message.startswith(f'{world.folder} cannot be written: Is a directory: give')
 
 
 def test_a_core_that_dies_is_started_again_with_what_was_changed(

@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import TaskError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
@@ -208,3 +209,17 @@ def test_the_guard_limits_and_lets_no_nan_through(
     guarded = Guarded(robot)
     guarded.steer_at(0.0, given, (9.0, 0.0, math.nan))
     assert guarded.outputs()[1] == (passed, [2.0, 0.0, 0.0])
+
+
+def test_a_module_changes_its_own_rate(robot: Robot) -> None:
+    class Hasty(Module):
+        def step(self) -> None:
+            self.change('rate_hz', 100.0)
+
+    module = robot.add(Hasty('hasty', {}))
+    with pytest.raises(TaskError, match="task 'hasty': rate_hz 0"):
+        module.change('rate_hz', 0)
+    robot.kernel.run(S)
+    assert module.task is not None
+    assert module.task.rate_hz == 100.0
+    assert module.task.runs > 50
