@@ -73,7 +73,8 @@ def _texts() -> Iterator[Path]:
                       and not name.endswith('.egg-info')]
         for name in names:
             path = Path(folder, name)
-            if not name.endswith(('.pyc', '.png', '.mcap', '.bin', '.lock')):
+            # In a further work tree .git is a file.
+            if name != '.git' and not name.endswith(('.pyc', '.png', '.mcap', '.bin', '.lock')):
                 yield path
 
 

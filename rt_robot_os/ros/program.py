@@ -26,6 +26,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.ros.announcements import frequent_announcements
 from rt_robot_os.ros.node import RobotNode
 from rt_robot_os.settings import RobotSettings
 
@@ -63,7 +64,8 @@ def spin(settings: RobotSettings) -> int:
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = None
     try:
-        node = RobotNode(settings)
+        with frequent_announcements():
+            node = RobotNode(settings)
         if settings.autostart:
             configured = node.trigger_configure()
             if node.fatal:

@@ -198,7 +198,7 @@ def test_the_same_arrivals_give_the_same_reads_in_every_run() -> None:
 class Line:
     """A WitMotion on a pty that a task of the same kernel plugs, feeds and unplugs."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, rate_hz: float) -> None:
         self.port = PtyPort(folder / 'imu')
         self.kernel = Kernel(MonotonicClock())
         self.bus = Bus(self.kernel)
@@ -207,9 +207,8 @@ class Line:
         values = {f.name: f.default for f in WitMotion.SETTINGS}
         values.update(port=str(self.port.link), baud=0)
         assert REQUIRED not in values.values()
-        # Polled so rarely that within the test only interrupts read.
         self.managed = self.manager.add(
-            WitMotion('imu', values), rate_hz=0.1, priority=50, interrupt=True,
+            WitMotion('imu', values), rate_hz=rate_hz, priority=50, interrupt=True,
             recovery=RecoverySettings(timeout_ns=60 * S, retry_ns=MS, retry_maximum_ns=MS))
         self.reader = self.bus.subscribe('imu/data', 'test')
 
@@ -219,14 +218,16 @@ class Line:
 
 
 @pytest.fixture
-def line(tmp_path: Path) -> Iterator[Line]:
-    made = Line(tmp_path)
+def line(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Line]:
+    made = Line(tmp_path, request.param)
     made.port.plug()
     yield made
     made.manager.close()
     made.port.unplug()
 
 
+# Polled so rarely that within the test only interrupts read.
+@pytest.mark.parametrize('line', [0.1], indirect=True)
 def test_bytes_on_a_pty_are_read_without_a_poll(line: Line) -> None:
     sent: list[int] = []
     stamps: list[int] = []
@@ -248,6 +249,8 @@ def test_bytes_on_a_pty_are_read_without_a_poll(line: Line) -> None:
     assert not line.kernel.failures
 
 
+# A device in fault is opened again at a poll.
+@pytest.mark.parametrize('line', [5.0], indirect=True)
 def test_a_pty_that_goes_away_and_comes_back_interrupts_again(line: Line) -> None:
     steps: list[str] = []
 
