@@ -49,8 +49,8 @@ LAYERS = (
 
 # Simulated devices stand beside the drivers: they share the bytes with them, never a driver.
 SIM_MAY_IMPORT = (
-    'drivers.decoders', 'drivers.encoders', 'drivers.plugins', 'errors', 'linux', 'reports',
-    'schema', 'sim', 'units')
+    'drivers.capture', 'drivers.decoders', 'drivers.encoders', 'drivers.plugins', 'errors',
+    'linux', 'reports', 'schema', 'sim', 'units')
 MAY_IMPORT_SIM = ('settings', 'core', 'ros', 'bench', 'cli', 'sim', 'testing')
 
 # library -> the only places that may import it
@@ -58,6 +58,9 @@ LIBRARIES = {
     'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.bench.peers'),
     'ctypes': (f'{PACKAGE}.linux',),
     'serial': (f'{PACKAGE}.drivers.transport', f'{PACKAGE}.sim'),
+    'cv2': (f'{PACKAGE}.drivers.capture.camera',),
+    'PIL': (f'{PACKAGE}.drivers.capture.camera',),
+    'sounddevice': (f'{PACKAGE}.drivers.capture.sound',),
     'smbus2': (f'{PACKAGE}.drivers.i2c_linux',),
     'rich': (f'{PACKAGE}.top.live',),
 }

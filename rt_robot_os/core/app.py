@@ -33,6 +33,7 @@ from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.watchdog import Watchdog
+from rt_robot_os.drivers.capture.device import CaptureDevice
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
@@ -70,13 +71,15 @@ class Core:
     :param clock: by default CLOCK_MONOTONIC, with the dispatcher that is set.
     :param writer: of the black box; None saves it nowhere.
     :param loaded: what the files said, when something was changed since.
+    :param captures: socket of what starts the processes of cameras and microphones.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
     def __init__(self, settings: RobotSettings, path: Path, *,
                  ports: Mapping[str, str] | None = None, clock: Clock | None = None,
                  writer: BlackBoxWriter | None = None,
-                 loaded: RobotSettings | None = None) -> None:
+                 loaded: RobotSettings | None = None,
+                 captures: Path | None = None) -> None:
         self.settings = settings
         self.parameters = LiveParameters(self, loaded or settings)
         core = settings.core
@@ -101,7 +104,7 @@ class Core:
         for topic in settings.topics:
             self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
                              depth=topic.depth, rate_hz=topic.rate_hz)
-        self._add_devices(ports or {})
+        self._add_devices(ports or {}, captures)
         self._add_modules()
         self.link = LinkServer(
             self.kernel, self.bus, path, Answers(self), self.reports,
@@ -115,12 +118,14 @@ class Core:
                                      self.guard.manager.watchdog_ns)
             self.watchdog.on_fault = self._save_fault
 
-    def _add_devices(self, ports: Mapping[str, str]) -> None:
+    def _add_devices(self, ports: Mapping[str, str], captures: Path | None) -> None:
         for device in self.settings.devices:
             values = dict(device.settings)
             if device.name in ports:
                 values['port'] = ports[device.name]
             driver = DRIVERS.load(device.type)(device.name, values)
+            if isinstance(driver, CaptureDevice):
+                driver.host = captures
             self._connect_log(driver.log, device.log_level)
             self.sensors.add(
                 driver, rate_hz=device.rate_hz,

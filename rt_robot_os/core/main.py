@@ -31,6 +31,7 @@ from typing import Any
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.black_box import BlackBoxWriter
+from rt_robot_os.core.captures import Captures
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import MonotonicClock
@@ -82,16 +83,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _arguments(own)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
-    simulators = Simulators()
+    simulators, captures = Simulators(), Captures()
     writer: BlackBoxWriter | None = None
     try:
         settings, loaded, path = _settings(arguments, given)
         ports = simulators.start(settings, runtime_folder() / path.stem)
+        host = captures.start(settings, runtime_folder() / f'{path.stem}.captures')
         signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
-        core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded)
+        core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
+                    captures=host)
         previous = _handle_signals(core)
         # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()
@@ -111,6 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if writer is not None:
             writer.close()
         simulators.stop()
+        captures.stop()
     return OK
 
 

@@ -51,6 +51,7 @@ class Publication:
     :ivar fixed: dotted field name -> value of what never changes: all texts, sequence lengths.
     :ivar depth: samples kept, a power of two.
     :ivar rate_hz: samples a second that the device is expected to give.
+    :ivar tail: most elements of a last field of variable length; None without.
     """
 
     topic: str
@@ -58,6 +59,7 @@ class Publication:
     fixed: Mapping[str, object]
     depth: int
     rate_hz: float
+    tail: int | None = None
 
 
 class SamplePublisher(Protocol):
@@ -71,6 +73,13 @@ class SamplePublisher(Protocol):
     """
 
     msg: Any
+
+    def fill(self, data: memoryview) -> None:
+        """
+        Set the tail, or the longest sequence, of ``msg``, in pieces between which others may run.
+
+        After the publication of a sample above 64 KiB ``msg`` is another object.
+        """
 
     def publish(self, stamp_ns: int) -> None:
         """
@@ -116,6 +125,8 @@ class Device(ABC):
     :cvar SETTINGS: the keys of the device's section in the configuration.
     :cvar description: one line for lists of drivers.
     :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
+    :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
+        ``timeout_s``.
     :cvar IF_SILENT: what to check when nothing comes.
     :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
     :ivar name: name of the device in the configuration, used in every error.
@@ -131,6 +142,7 @@ class Device(ABC):
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
     description: ClassVar[str] = ''
     SHARES_PORT: ClassVar[bool] = False
+    OPENING_S: ClassVar[float] = 0.0
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
     IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
                                  'configuration says')

@@ -27,8 +27,8 @@ from typing import Any
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
-from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER
+from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY

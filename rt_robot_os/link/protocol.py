@@ -31,8 +31,9 @@ offset size meaning
 An answer may take several packets: all but the last have channel 1.
 
 A sample that is too long for a packet lies in a memory file that both sides have mapped. The core
-sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet for
-each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in between.
+sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet
+for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
+between.
 
 ========= ======================================================= =========
 kind      after the header                                        sent by

@@ -31,6 +31,7 @@ import time
 
 STEP_NS = 50_000_000
 SLEW = 0.05
+RECENT = 64
 
 
 class StampMapper:
@@ -49,6 +50,7 @@ class StampMapper:
         self._monotonic_ns = monotonic_ns
         self._wall_ns = wall_ns
         self.forward_steps = 0
+        self._recent: dict[int, int] = {}
         self.error_ns = 0
         self._compared_ns = monotonic_ns()
         self.offset_ns = wall_ns() - self._compared_ns
@@ -62,9 +64,25 @@ class StampMapper:
         self.error_ns = error_ns
         if error_ns > STEP_NS:
             self.forward_steps += 1
+            self._recent.clear()
             self.offset_ns += error_ns
         else:
             self.offset_ns += max(-allowed_ns, min(allowed_ns, error_ns))
+
+    def wall_of(self, stamp_ns: int) -> int:
+        """
+        Map a moment; the same one gives the same again, as long as it is among the last ones.
+
+        So a picture and its calibration, or the topics of one frame of a device, keep equal
+        stamps although the offset changes in between: synchronisers look for that.
+        """
+        recent = self._recent
+        wall_ns = recent.get(stamp_ns)
+        if wall_ns is None:
+            if len(recent) >= RECENT:
+                del recent[next(iter(recent))]
+            wall_ns = recent[stamp_ns] = stamp_ns + self.offset_ns
+        return wall_ns
 
     def line(self) -> StampLine:
         """Make the line of one topic."""
@@ -87,7 +105,7 @@ class StampLine:
         :param stamp_ns: on CLOCK_MONOTONIC.
         :return: nanoseconds since 1970.
         """
-        wall_ns = stamp_ns + self._mapper.offset_ns
+        wall_ns = self._mapper.wall_of(stamp_ns)
         if wall_ns <= self._last_ns:
             wall_ns = self._last_ns + 1
         self._last_ns = wall_ns

@@ -118,9 +118,13 @@ class ManagedDevice:
             self._bytes_when_alive = counters.bytes_read
             if self.state is DeviceState.OPENING:
                 self._recovered()
-        elif now_ns - self._alive_ns > self._recovery.timeout_ns:
+        elif now_ns - self._alive_ns > self._patience_ns():
             came = counters.bytes_read - self._bytes_when_alive
             self._fault(self._why_nothing(came), 'garbage' if came else '')
+
+    def _patience_ns(self) -> int:
+        opening_s = self.device.OPENING_S if self.state is DeviceState.OPENING else 0.0
+        return max(self._recovery.timeout_ns, round(opening_s * NS_PER_S))
 
     def recover(self) -> None:
         """Close what failed and open what is due; may take long, so at low priority."""
@@ -193,7 +197,7 @@ class ManagedDevice:
             self._kernel.now_ns() - last_ns if last_ns else -1, counters)
 
     def _why_nothing(self, came: int) -> str:
-        seconds = self._recovery.timeout_ns / NS_PER_S
+        seconds = self._patience_ns() / NS_PER_S
         if came:
             remedy = self.device.diagnosis() or self.device.IF_GARBAGE
             return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
@@ -259,7 +263,8 @@ class SensorManager:
         """
         publications = device.publications()
         for p in publications:
-            self._bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
+            self._bus.declare(p.topic, p.message, p.fixed, tail=p.tail, depth=p.depth,
+                              rate_hz=p.rate_hz)
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
         device.resources = {each.name: each for each in declared.get('resources', ())}
         managed.task = self._kernel.add_task(

@@ -79,7 +79,7 @@ def _driver(name: str) -> Kind:
     cls = DRIVERS.load(name)
 
     def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-        return [TopicUse(each.topic, each.message, True, each.fixed)
+        return [TopicUse(each.topic, each.message, True, each.fixed, each.tail)
                 for each in cls(section, values).publications()]
 
     return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT,

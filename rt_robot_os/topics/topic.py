@@ -28,9 +28,10 @@ and the kept ones are ``head - depth`` to ``head - 1``):
 
 A reader never writes to the ring: publishing costs the same with one or a hundred of them.
 
-A large sample (longer than ``PIECE_BYTES``) is never copied in one native call, which would hold up
-preemption. Publishing one exchanges the publisher's buffer for that of the slot; the rule of step 2
-holds as before, since a slot's buffer is written again only after ``head`` went on by ``depth``.
+A large sample (longer than ``PIECE_BYTES``) is never copied in one native call, which would hold
+up preemption. Publishing one exchanges the publisher's buffer for that of the slot; the rule of
+step 2 holds as before, since a slot's buffer is written again only after ``head`` went on by
+``depth``.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.trigger import Trigger
 
 DEPTH_MAXIMUM = 1 << 16
-# What is copied at once: some 3 us where memory is slow. Between two pieces a task may be preempted.
+# What is copied at once: some 3 us where memory is slow. Between two pieces others may run.
 PIECE_BYTES = 1 << 16
 STALE_PERIODS = 10
 

@@ -372,7 +372,8 @@ def test_a_core_that_names_nonsense_is_refused_by_the_client(
         number: int, slot: int, length: int) -> None:
     memories = ClientMemories()
     memory = MemoryFile.create('test', 4, 5000)
-    memories.take(memoryview(header(Kind.MEMORY, 7) + MEMORY.pack(3, 4, 5000)), [os.dup(memory.fd)])
+    memories.take(memoryview(header(Kind.MEMORY, 7) + MEMORY.pack(3, 4, 5000)),
+                  [os.dup(memory.fd)])
     packet = header(Kind.SLOT, 7) + SLOT.pack(number, slot, length)
     if number != 3:
         assert memories.sample(packet) is None

@@ -1,0 +1,75 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Start what starts the processes of cameras and microphones, before the core runs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from rt_robot_os.drivers.capture.device import CaptureDevice
+from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import SIM_PORT
+
+_READY_TIMEOUT_S = 10.0
+_STOP_TIMEOUT_S = 3.0
+
+
+class Captures:
+    """The child process that starts captures; it ends with this process."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self, settings: RobotSettings, path: Path) -> Path | None:
+        """
+        Start it if a device of the robot needs it, and wait until it listens.
+
+        :param path: of its socket.
+        :return: the path, None when no device needs it.
+        :raises DeviceError: it ended or hangs.
+        """
+        if not any(issubclass(DRIVERS.load(device.type), CaptureDevice)
+                   for device in settings.devices if device.port != SIM_PORT):
+            return None
+        path.unlink(missing_ok=True)  # a leftover of a core that was killed
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'rt_robot_os.drivers.capture.host', str(os.getpid()),
+             str(path)], stdin=subprocess.DEVNULL)
+        deadline = time.monotonic() + _READY_TIMEOUT_S
+        while not path.exists():
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                raise DeviceError('the process that starts cameras and microphones did not start; '
+                                  'see the message above')
+            time.sleep(0.01)
+        return path
+
+    def stop(self) -> None:
+        """End it, and with it all captures; may be called twice."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(_STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process = None

@@ -1,0 +1,119 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a device of the core and the process that captures for it say to each other.
+
+A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``:
+what is wanted, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers
+``READY``, then sends a ``FRAME`` for each slot that it has filled, and gets the slot back in a
+``GIVE_BACK``. A ``PROBLEM`` is its last word: a text for people.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+import json
+import struct
+from typing import Any
+from typing import Final
+
+VERSION: Final = 1
+PACKET_BYTES_MAXIMUM: Final = 16 * 1024
+_FRAME: Final = struct.Struct('<BxxxIqQIIQQff')
+_GIVE_BACK: Final = struct.Struct('<BxxxI')
+
+
+class Kind(IntEnum):
+    """What a packet is."""
+
+    OPEN = 1
+    READY = 2
+    FRAME = 3
+    GIVE_BACK = 4
+    PROBLEM = 5
+
+
+@dataclass(frozen=True)
+class CapturedFrame:
+    """
+    An image or a block of sound, as it lies in a slot.
+
+    :ivar stamp_ns: when it was captured, on CLOCK_MONOTONIC.
+    :ivar seq: its number, counted by the worker; what is missing in between was lost.
+    :ivar first: bytes of the first part in the slot: the image or the block itself.
+    :ivar second: bytes of the part after it: the compressed image.
+    :ivar dropped: frames so far that found no free slot.
+    :ivar overruns: times so far that the source itself lost something.
+    :ivar rms_db: level of sound below full scale.
+    :ivar peak_db: of its highest peak.
+    """
+
+    slot: int
+    stamp_ns: int
+    seq: int
+    first: int
+    second: int = 0
+    dropped: int = 0
+    overruns: int = 0
+    rms_db: float = 0.0
+    peak_db: float = 0.0
+
+    def encode(self) -> bytes:
+        """Make the packet."""
+        return _FRAME.pack(Kind.FRAME, self.slot, self.stamp_ns, self.seq, self.first, self.second,
+                           self.dropped, self.overruns, self.rms_db, self.peak_db)
+
+
+def parse_frame(packet: bytes | memoryview) -> CapturedFrame | None:
+    """Read a ``FRAME``; None when it is none."""
+    if len(packet) != _FRAME.size or packet[0] != Kind.FRAME:
+        return None
+    return CapturedFrame(*_FRAME.unpack(packet)[1:])
+
+
+def give_back(slot: int) -> bytes:
+    """Make the packet that gives a slot back."""
+    return _GIVE_BACK.pack(Kind.GIVE_BACK, slot)
+
+
+def parse_give_back(packet: bytes | memoryview) -> int | None:
+    """Read which slot is given back; None when the packet is something else."""
+    if len(packet) != _GIVE_BACK.size or packet[0] != Kind.GIVE_BACK:
+        return None
+    slot: int = _GIVE_BACK.unpack(packet)[1]
+    return slot
+
+
+def encode_json(kind: Kind, content: dict[str, Any]) -> bytes:
+    """Make a packet that carries JSON."""
+    return bytes([kind]) + json.dumps({**content, 'version': VERSION}).encode()
+
+
+def parse_json(packet: bytes | memoryview) -> dict[str, Any]:
+    """
+    Read the JSON of a packet.
+
+    :raises ValueError: there is none, or it is of another version.
+    """
+    content = json.loads(bytes(packet[1:]))
+    if not isinstance(content, dict) or content.get('version') != VERSION:
+        raise ValueError(f'no packet of version {VERSION}')
+    return content
+
+
+def problem(text: str) -> bytes:
+    """Make the packet that says why it does not work."""
+    return bytes([Kind.PROBLEM]) + text.encode('utf-8', 'replace')[:4000]
