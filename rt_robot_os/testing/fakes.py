@@ -40,9 +40,10 @@ _LAYOUTS: dict[tuple[str, str], Layout] = {}
 
 
 def _layout(publication: Publication) -> Layout:
-    key = (publication.message, repr(publication.fixed))
+    key = (publication.message, repr((publication.fixed, publication.tail)))
     if key not in _LAYOUTS:
-        _LAYOUTS[key] = Layout.compile(publication.message, publication.fixed)
+        _LAYOUTS[key] = Layout.compile(publication.message, publication.fixed,
+                                       tail=publication.tail)
     return _LAYOUTS[key]
 
 
@@ -63,6 +64,13 @@ class RecordingPublisher:
         self.samples: list[Any] = []
         self.stamps: list[int] = []
         self.values: list[bytes] = []
+
+    def fill(self, data: memoryview) -> None:
+        """Set the tail, or the longest sequence, of ``msg``."""
+        octets = memoryview(data).cast('B')
+        start = self._layout.bulk[0]
+        self._buffer[start:start + len(octets)] = octets
+        self._layout.set_tail_bytes(self._buffer, len(octets))
 
     def publish(self, stamp_ns: int) -> None:
         """Keep what ``msg`` holds."""
