@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 
@@ -63,7 +64,8 @@ class CoreStatistics:
     clients: tuple[dict[str, Any], ...]
     resources: tuple[dict[str, Any], ...] = ()
     modules: tuple[dict[str, Any], ...] = ()
-    counts: Mapping[str, TaskCounts] = MappingProxyType({})
+    # A read-only mapping has no hash before Python 3.12, so it is no default by itself.
+    counts: Mapping[str, TaskCounts] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
