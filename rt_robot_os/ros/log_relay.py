@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 import time
 from typing import Any
@@ -87,10 +88,12 @@ class LogRelay:
         logger = self._loggers.get(source) or self._logger(source)
         say(logger, severity, text)
         wall_ns = at_ns + self._mapper.offset_ns
-        seconds, rest_ns = divmod(wall_ns, NS_PER_S)
-        self._publisher.publish(Log(
-            stamp=Time(sec=seconds, nanosec=rest_ns), level=severity, name=logger.name, msg=text))
         self._write(wall_ns, severity, source, text)
+        seconds, rest_ns = divmod(wall_ns, NS_PER_S)
+        with suppress(RuntimeError):  # rclpy was shut down: the core's last words
+            self._publisher.publish(Log(
+                stamp=Time(sec=seconds, nanosec=rest_ns), level=severity, name=logger.name,
+                msg=text))
 
     def note(self, severity: int, text: str) -> None:
         """Say something of the node itself, and write it down as well."""

@@ -45,6 +45,9 @@ class Talker(Module):
     def activate(self):
         self.jobs = 0
 
+    def deactivate(self):
+        self.log.info('goodbye after %d jobs', self.jobs)
+
     def step(self):
         self.jobs += 1
         self.log.debug('detail %d', self.jobs)
@@ -107,6 +110,7 @@ def test_a_module_logs_to_rosout_to_the_console_and_to_the_file(
     written = (tmp_path / 'robot.log').read_text()
     assert ' WARN talker: job 1 of [1, 2]\n' in written and ' DEBUG talker: detail ' in written
     assert ' INFO node: connected to the core' in written
+    assert ' INFO talker: goodbye after ' in written
 
 
 @pytest.mark.skipif(not os.path.exists('/dev/full'), reason='there is no /dev/full')
