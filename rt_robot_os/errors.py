@@ -25,6 +25,7 @@ The one error tree.
     |- DeviceError (OSError)         the outside world: a port that is missing, unplugged, silent
     |- LinkError (OSError)           the other side of the link is gone or talks nonsense
     |- BlackBoxError (OSError)       a dump of the black box cannot be written or read
+    |- RecordingError (OSError)      a recording cannot be written or read
     `- KernelError (RuntimeError)    a defect in the kernel itself: please report it
 
 Every message names the object, the value and the remedy.
@@ -73,6 +74,10 @@ class LinkError(RtRobotError, OSError):
 
 class BlackBoxError(RtRobotError, OSError):
     """A dump of the black box cannot be written, or is no whole dump of this version."""
+
+
+class RecordingError(RtRobotError, OSError):
+    """A recording cannot be written, or holds nothing that can be read."""
 
 
 class KernelError(RtRobotError, RuntimeError):

@@ -40,6 +40,7 @@ LAYERS = (
     ('settings',),
     ('plan',),
     ('core',),
+    ('recording',),
     ('doctor',),
     ('ros',),
     ('bench',),
@@ -61,6 +62,7 @@ LIBRARIES = {
     'cv2': (f'{PACKAGE}.drivers.capture.camera',),
     'PIL': (f'{PACKAGE}.drivers.capture.camera',),
     'sounddevice': (f'{PACKAGE}.drivers.capture.sound',),
+    'mcap': (f'{PACKAGE}.recording',),
     'smbus2': (f'{PACKAGE}.drivers.i2c_linux',),
     'rich': (f'{PACKAGE}.top.live',),
 }

@@ -40,12 +40,15 @@ from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.session import Session
 from rt_robot_os.logger import LEVELS
 from rt_robot_os.reports import Severity
+from rt_robot_os.settings import to_json
 
 if TYPE_CHECKING:
     from rt_robot_os.core.app import Core
     from rt_robot_os.modules import Module
 
 Arguments = dict[str, Any]
+
+_TEXT_A_PACKET = 16_384
 
 
 def _plain(value: Any) -> Any:
@@ -87,8 +90,8 @@ class Answers:
     def __init__(self, core: Core) -> None:
         self._core = core
         self._known: dict[str, Callable[[Session, Arguments], Arguments]] = {
-            'hello': self._hello, 'mirror': self._mirror, 'unmirror': self._unmirror,
-            'advertise': self._advertise, 'set_rate': self._set_rate,
+            'hello': self._hello, 'tap': self._tap, 'mirror': self._mirror,
+            'unmirror': self._unmirror, 'advertise': self._advertise, 'set_rate': self._set_rate,
             'set_parameter': self._set_parameter, 'change': self._change,
             'reset_statistics': self._reset_statistics,
             'rearm': self._rearm, 'stop': self._stop,
@@ -96,7 +99,7 @@ class Answers:
         # What takes several packets.
         self._long: dict[str, Callable[[Session, int, Arguments], None]] = {
             'black_box': self._black_box, 'parameters': self._parameters,
-            'statistics': self._statistics,
+            'settings': self._settings, 'statistics': self._statistics,
         }
 
     def __call__(self, session: Session, packet: bytes) -> None:
@@ -131,13 +134,21 @@ class Answers:
         core = self._core
         return {
             'pid': os.getpid(), 'start_ns': core.kernel.start_ns,
-            'tasks': [task.name for task in core.kernel.tasks],
-            'topics': [{
-                'name': topic.name, 'channel': channel, 'type_name': topic.layout.type_name,
-                'size': topic.layout.size, 'max_size': topic.layout.max_size,
-                'stamp_offset': topic.layout.stamp_offset, 'depth': topic.depth,
-                'rate_hz': topic.rate_hz,
-            } for channel, topic in enumerate(core.bus.topics)]}
+            'tasks': [task.name for task in core.kernel.tasks], 'taps': list(core.taps.topics),
+            'topics': self._topics()}
+
+    def _topics(self) -> list[Arguments]:
+        return [{
+            'name': topic.name, 'channel': channel, 'type_name': topic.layout.type_name,
+            'size': topic.layout.size, 'max_size': topic.layout.max_size,
+            'stamp_offset': topic.layout.stamp_offset, 'depth': topic.depth,
+            'rate_hz': topic.rate_hz,
+        } for channel, topic in enumerate(self._core.bus.topics)]
+
+    def _tap(self, session: Session, arguments: Arguments) -> Arguments:
+        """Turn the taps on, for a recorder; they stay on."""
+        self._core.turn_on_taps()
+        return {'taps': list(self._core.taps.topics), 'topics': self._topics()}
 
     def _mirror(self, session: Session, arguments: Arguments) -> Arguments:
         name = _text(arguments, 'topic')
@@ -148,7 +159,8 @@ class Answers:
             raise LinkError(f'policy = {wanted!r}: must be drain or latest') from None
         channel = self._core.link.mirror(
             session, name, policy, _number(arguments, 'max_rate_hz', 0.0),
-            bool(arguments.get('initial', False)))
+            bool(arguments.get('initial', False)), bool(arguments.get('oldest', False)),
+            bool(arguments.get('patient', False)))
         return {'channel': channel}
 
     def _unmirror(self, session: Session, arguments: Arguments) -> Arguments:
@@ -226,6 +238,19 @@ class Answers:
         def packets() -> Iterator[bytes]:
             for part in live:
                 yield encode_json(Kind.REPLY, part, seq=number, more=True)
+            yield encode_json(Kind.REPLY, {}, seq=number)
+
+        session.post_all(packets())
+
+    # ---- settings ----------------------------------------------------------------------------
+
+    def _settings(self, session: Session, number: int, arguments: Arguments) -> None:
+        text = to_json(self._core.settings)
+
+        def packets() -> Iterator[bytes]:
+            for start in range(0, len(text), _TEXT_A_PACKET):
+                yield encode_json(Kind.REPLY, {'text': text[start:start + _TEXT_A_PACKET]},
+                                  seq=number, more=True)
             yield encode_json(Kind.REPLY, {}, seq=number)
 
         session.post_all(packets())

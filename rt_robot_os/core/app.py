@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Mapping
 from contextlib import suppress
 import functools
@@ -29,6 +30,7 @@ from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.parameters import LiveParameters
 from rt_robot_os.core.process_guard import ProcessGuard
+from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
 from rt_robot_os.core.tasks import declaration
@@ -72,6 +74,7 @@ class Core:
     :param writer: of the black box; None saves it nowhere.
     :param loaded: what the files said, when something was changed since.
     :param captures: socket of what starts the processes of cameras and microphones.
+    :param make_bus: a replay has one of its own.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
@@ -79,7 +82,8 @@ class Core:
                  ports: Mapping[str, str] | None = None, clock: Clock | None = None,
                  writer: BlackBoxWriter | None = None,
                  loaded: RobotSettings | None = None,
-                 captures: Path | None = None) -> None:
+                 captures: Path | None = None,
+                 make_bus: Callable[[Kernel], Bus] = Bus) -> None:
         self.settings = settings
         self.parameters = LiveParameters(self, loaded or settings)
         core = settings.core
@@ -87,7 +91,7 @@ class Core:
             clock = CooperativeClock()
         self.kernel = Kernel(clock, spin_ns=round(core.spin_us * NS_PER_US),
                              black_box_records=core.black_box_records)
-        self.bus = Bus(self.kernel)
+        self.bus = make_bus(self.kernel)
         self.reports = Reports()
         self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
         self._failures = FailureLog(
@@ -106,6 +110,9 @@ class Core:
                              depth=topic.depth, rate_hz=topic.rate_hz)
         self._add_devices(ports or {}, captures)
         self._add_modules()
+        self.taps = Taps(self.kernel, self.bus, self.sensors)
+        if core.record_bytes:
+            self.turn_on_taps()
         self.link = LinkServer(
             self.kernel, self.bus, path, Answers(self), self.reports,
             service_priority=settings.core.link_priority,
@@ -161,6 +168,14 @@ class Core:
         module.activate()
         self.note(Severity.INFO, module.name, 'restarted')
 
+    def turn_on_taps(self) -> None:
+        """
+        Begin to note bytes and schedule for a recorder; not for the real-time loop.
+
+        :raises TopicError: a topic of the robot has one of the names.
+        """
+        self.taps.turn_on([module.name for module in self.modules])
+
     def prepare_process(self) -> None:
         """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
         wanted = self.settings.core
@@ -192,8 +207,7 @@ class Core:
         collector.on_overdue = functools.partial(self.note, Severity.WARN, 'core')
         self.kernel.on_idle = collector.idle
         try:
-            for module in self.modules:
-                self._prepare(module)
+            self.prepare_modules()
             self.link.open()
             collector.prime()
             return self._run_kernel(duration_ns)
@@ -206,6 +220,15 @@ class Core:
         except Exception as error:
             self.black_box.ask(f'the kernel fell: {type(error).__name__}: {error}')
             raise
+
+    def prepare_modules(self) -> None:
+        """
+        Configure and activate all modules; :meth:`run` does it.
+
+        :raises RtRobotError: one of them could not be prepared.
+        """
+        for module in self.modules:
+            self._prepare(module)
 
     def _prepare(self, module: Module) -> None:
         try:
@@ -254,6 +277,7 @@ class Core:
 
     def _watch(self) -> None:
         """Tell people of failed jobs and save the black box, at the lowest priority."""
+        self.taps.drain()
         self._failures.watch()
         self.black_box.watch()
         self.guard.ready()

@@ -118,12 +118,32 @@ class DeviceStatistics:
     dropped_write_bytes: int = 0
 
 
+class Tap(Protocol):
+    """
+    What listens to a device's bytes, for a recorder; called in the loop.
+
+    :ivar command: whether the round that runs wrote first; the SensorManager sets it.
+    """
+
+    command: bool
+
+    def read(self, now_ns: int, data: bytes) -> None:
+        """Note what a round read, which may be nothing."""
+
+    def opened(self, now_ns: int) -> None:
+        """Note that the port was opened."""
+
+    def failed(self, now_ns: int) -> None:
+        """Note that the port failed in this round."""
+
+
 class Device(ABC):
     """
     One device.
 
     :cvar SETTINGS: the keys of the device's section in the configuration.
     :cvar description: one line for lists of drivers.
+    :cvar TAPPED: it tells :attr:`tap` every byte that it reads.
     :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
     :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
         ``timeout_s``.
@@ -133,6 +153,7 @@ class Device(ABC):
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
     :ivar changes: live settings that were changed and wait for the next poll.
+    :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
 
     A driver with outputs may have a method ``safe_state()``: it brings them to rest, without
@@ -141,6 +162,7 @@ class Device(ABC):
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
     description: ClassVar[str] = ''
+    TAPPED: ClassVar[bool] = False
     SHARES_PORT: ClassVar[bool] = False
     OPENING_S: ClassVar[float] = 0.0
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
@@ -159,6 +181,7 @@ class Device(ABC):
         self.log = Logger(name)
         self.changes: dict[str, Any] = {}
         self.clock_ns: Callable[[], int] = time.monotonic_ns
+        self.tap: Tap | None = None
         self._publishers: tuple[SamplePublisher, ...] = ()
 
     @abstractmethod

@@ -22,6 +22,7 @@ A driver for a serial device adds a decoder and says what a frame means; see ``w
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
@@ -60,6 +61,21 @@ class Frame(Protocol):
 
 FrameT = TypeVar('FrameT', bound=Frame)
 FrameOutT = TypeVar('FrameOutT', bound=Frame, covariant=True)
+
+
+class Port(Protocol):
+    """What a serial device needs of :class:`SerialPort`; a replay puts recorded bytes in place."""
+
+    bytes_read: int
+    dropped_write_bytes: int
+
+    def fileno(self) -> int: ...
+
+    def read(self) -> bytes: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
 
 
 class Decoder(Protocol[FrameOutT]):
@@ -120,7 +136,12 @@ class SerialDevice(Device, Generic[FrameT]):
 
     The arrival of a frame is back-dated by the bytes that followed it in the same read, since
     those took their time on the line; it never lies before the arrival of the frame before.
+
+    :cvar make_port: opens its port.
     """
+
+    TAPPED = True
+    make_port: Callable[[str, int], Port] = SerialPort
 
     def __init__(
         self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT],
@@ -134,7 +155,7 @@ class SerialDevice(Device, Generic[FrameT]):
         baud: int = settings['baud']
         self._decoder = decoder
         self._byte_ns = BITS_PER_BYTE * NS_PER_S // baud if baud else 0
-        self._port: SerialPort | None = None
+        self._port: Port | None = None
         self._bytes_read = 0
         self._dropped_write_bytes = 0
         self._samples = 0
@@ -175,7 +196,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """
         self.close()
         try:
-            self._port = SerialPort(self.settings['port'], self.settings['baud'])
+            self._port = self.make_port(self.settings['port'], self.settings['baud'])
         except DeviceError as error:
             raise DeviceError(f'{self.name}: {error}') from error
         self._decoder.reset()
@@ -205,6 +226,8 @@ class SerialDevice(Device, Generic[FrameT]):
             data = self._opened().read()
         except DeviceError as error:
             raise DeviceError(f'{self.name}: {error}') from error
+        if self.tap is not None:
+            self.tap.read(now_ns, data)
         samples = 0
         if data:
             size = len(data)
@@ -264,7 +287,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """Give the number of bytes that wait for the rest of their frame."""
         return self._decoder.pending_bytes
 
-    def _opened(self) -> SerialPort:
+    def _opened(self) -> Port:
         if self._port is None:
             raise DeviceError(f'port {self.settings["port"]} is not open: call open() first')
         return self._port

@@ -278,18 +278,31 @@ class LinkClient:
         return collect(self._ask('statistics'))
 
     def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
-               initial: bool = False) -> int:
+               initial: bool = False, oldest: bool = False, patient: bool = False) -> int:
         """
         Ask for the samples of a topic.
 
         :param policy: ``drain`` or ``latest``.
         :param max_rate_hz: 0 for no limit.
         :param initial: begin with the last sample that is there already.
+        :param oldest: begin with the oldest that is kept.
+        :param patient: what does not fit the socket now is tried again, not lost at once.
         :return: their channel.
         :raises LinkError: as for :meth:`request`.
         """
         return int(self.request('mirror', topic=topic, policy=policy, max_rate_hz=max_rate_hz,
-                                initial=initial)['channel'])
+                                initial=initial, oldest=oldest, patient=patient)['channel'])
+
+    def tap(self) -> tuple[str, ...]:
+        """
+        Have the bytes of devices and the times of jobs noted in topics, see ``core/tap.py``.
+
+        :return: those topics; :attr:`topics` has them now.
+        :raises LinkError: as for :meth:`request`.
+        """
+        answer = self.request('tap')
+        self.topics = {t['name']: TopicInfo(**t) for t in answer['topics']}
+        return tuple(answer['taps'])
 
     def advertise(self, topic: str) -> int:
         """

@@ -73,6 +73,8 @@ class Mirror:
 
     :param channel: number of the topic.
     :param max_rate_hz: 0 for no limit.
+    :ivar patient: what a full socket refuses stays in the ring and is tried again, until it is
+        overwritten there; otherwise it is lost at once.
     :param service: the link's task, released by each publication as long as the mirror is there.
     :param buffer: where samples are copied to; by default a packet.
     """
@@ -91,6 +93,7 @@ class Mirror:
             topic, f'link:{client}', initial=initial, buffer=buffer or self._view[HEADER_BYTES:],
             task=service)
         self._began = self.subscription.next_seq
+        self.patient = False
         self.sent = self.full = self.limited = 0
         self._next_ns = 0
         self.set_policy(policy, max_rate_hz)
@@ -100,6 +103,11 @@ class Mirror:
         self.policy = policy
         self.max_rate_hz = max_rate_hz
         self._interval_ns = round(NS_PER_S / max_rate_hz) if max_rate_hz > 0 else 0
+
+    def begin_with_oldest(self) -> None:
+        """Send what is kept already, too; before anything was sent."""
+        self.subscription.rewind()
+        self._began = self.subscription.next_seq
 
     @property
     def missed(self) -> int:
@@ -132,7 +140,10 @@ class Mirror:
                 else:
                     self._send(self._view[:HEADER_BYTES + subscription.length])
             except BlockingIOError:
-                self.full += 1
+                if self.patient:
+                    subscription.put_back()
+                else:
+                    self.full += 1
                 return
             self.sent += 1
 

@@ -230,9 +230,13 @@ class LinkServer:
     # ---- for answers -------------------------------------------------------------------------
 
     def mirror(self, session: Session, topic: str, policy: Policy, max_rate_hz: float,
-               initial: bool) -> int:
+               initial: bool, oldest: bool = False, patient: bool = False) -> int:
         """
         Begin to carry a topic to a client, or change how.
+
+        :param initial: begin with the last sample that is there already.
+        :param oldest: begin with the oldest that is kept.
+        :param patient: what does not fit the client's socket now is tried again.
 
         :return: the channel of its samples.
         :raises TopicError: there is no such topic, or it has all its subscribers.
@@ -251,6 +255,10 @@ class LinkServer:
         else:
             session.add_large(topic, lambda number: LargeMirror(*arguments, number=number),
                               memory_bytes(size))
+        session.mirrors[topic].patient = patient
+        if oldest:
+            session.mirrors[topic].begin_with_oldest()
+            self._kernel.release(self._service)
         return channel
 
     def unmirror(self, session: Session, topic: str) -> None:

@@ -94,7 +94,6 @@ class Session:
         self._large: dict[int, LargeMirror] = {}
         self._memories = 0
         self._bus = bus
-        self._channels = bus.topics
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
         self._outbox_bytes = 0
@@ -209,7 +208,7 @@ class Session:
         :raises TopicError: there is no such topic.
         """
         publisher = self._bus.publisher(topic)
-        channel = self._channels.index(publisher.topic)
+        channel = self._bus.topics.index(publisher.topic)
         self._publishers.setdefault(channel, publisher)
         return channel
 
@@ -219,7 +218,7 @@ class Session:
 
         :raises TopicError: there is no such topic.
         """
-        return self._channels.index(self._bus.topic(topic))
+        return self._bus.topics.index(self._bus.topic(topic))
 
     def post(self, packet: bytes) -> None:
         """Send a packet as soon as the client takes it; a client that is too slow loses it."""

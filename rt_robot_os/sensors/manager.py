@@ -89,6 +89,8 @@ class ManagedDevice:
         if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
             return
         now_ns = self._kernel.now_ns()
+        if (tap := self.device.tap) is not None:
+            tap.command = command
         try:
             if self.device.changes:
                 self.device.take_changes()
@@ -96,6 +98,8 @@ class ManagedDevice:
                 self.device.write(now_ns)
             samples = self.device.read(now_ns)
         except Exception as error:
+            if tap is not None:
+                tap.failed(now_ns)
             self._fault(reason_of(error))
             return
         if samples:
@@ -143,6 +147,8 @@ class ManagedDevice:
         self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
         self._bytes_when_alive = self.device.statistics().bytes_read
         self.state = DeviceState.OPENING
+        if self.device.tap is not None:
+            self.device.tap.opened(self._alive_ns)
         if self.arrival is not None:
             self._watch(self.arrival)
 

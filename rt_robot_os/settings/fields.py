@@ -76,6 +76,8 @@ CORE: Final = (
     Field('black_box_records', int, 8192, 'records the black box keeps', 'records', 64, 1 << 20),
     Field('black_box_folder', str, '', 'where the black box is written after a fault; when absent '
           '$ROS_LOG_DIR or ~/.ros/log'),
+    Field('record_bytes', bool, False, 'tap bytes of devices and times of jobs from the start, so '
+          'that record gets all of them and replay is exact'),
 )
 
 WATCHDOG: Final = (

@@ -48,6 +48,7 @@ class CoreSettings:
     :ivar dispatcher: ``preemptive`` or ``cooperative``.
     :ivar black_box_records: how many the black box keeps.
     :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
+    :ivar record_bytes: devices' bytes and the schedule are tapped from the start.
     """
 
     spawn: bool
@@ -62,6 +63,7 @@ class CoreSettings:
     dispatcher: str = 'preemptive'
     black_box_records: int = 8192
     black_box_folder: str = ''
+    record_bytes: bool = False
 
 
 @dataclass(frozen=True, slots=True)

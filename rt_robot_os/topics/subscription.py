@@ -126,6 +126,15 @@ class Subscription(SubscriberStatisticsSource):
             self._next += behind
         return self.take()
 
+    def put_back(self) -> None:
+        """Let the next ``take`` give the sample again that the last one gave."""
+        self._next -= 1
+        self.reads -= 1
+
+    def rewind(self) -> None:
+        """Go back to the oldest sample that is kept."""
+        self._next = max(0, self.topic.head - self._depth)
+
     def next(self) -> Wait:  # noqa: A003
         """
         Give something to await in a task that is a coroutine: over when :meth:`take` succeeded.

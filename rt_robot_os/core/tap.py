@@ -1,0 +1,190 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The taps: what devices read and when jobs ran, as topics that a recorder mirrors for replay.
+
+They are off until the setting ``core.record_bytes`` or a client asks. Then each round of a serial
+device appends a number to a list, each one that read something publishes it, and each job of a
+device or a module, and each publication, appends a tuple that exists anyway. ``core/watch`` puts
+those into the topic ``core/schedule`` ten times a second, at the lowest priority.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from rt_robot_os.core.tap_format import A_JOB
+from rt_robot_os.core.tap_format import array_cdr
+from rt_robot_os.core.tap_format import device_front
+from rt_robot_os.core.tap_format import device_topic
+from rt_robot_os.core.tap_format import MESSAGE
+from rt_robot_os.core.tap_format import NO_TASK
+from rt_robot_os.core.tap_format import RECORD
+from rt_robot_os.core.tap_format import schedule_cdr
+from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
+from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.kernel.black_box import JOB
+from rt_robot_os.kernel.black_box import PUBLISH
+from rt_robot_os.sensors import SensorManager
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
+
+CHUNK_BYTES: Final = 1024
+IDLE_MOST: Final = 64
+_FRONT_BYTES: Final = 4 + 8 * (IDLE_MOST + 1)
+_DEVICE_DEPTH: Final = 512
+_RECORDS_A_MESSAGE: Final = 1024
+_SCHEDULE_DEPTH: Final = 64
+_PENDING_MOST: Final = 65_536
+_DURATION_MOST: Final = (1 << 32) - 1
+
+
+class DeviceTap:
+    """
+    The tap of one device; called in its task.
+
+    :ivar command: whether the round that runs wrote first.
+    """
+
+    __slots__ = ('command', '_publisher', '_idle')
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.command = False
+        self._publisher = publisher
+        self._idle: list[int] = []
+
+    def read(self, now_ns: int, data: bytes) -> None:
+        """Note what a round read, which may be nothing; safe in the real-time loop."""
+        if not data and len(self._idle) < IDLE_MOST:
+            self._idle.append(now_ns << 1 | self.command)
+            return
+        self._publish(TapKind.READ, now_ns, data[:CHUNK_BYTES])
+        for start in range(CHUNK_BYTES, len(data), CHUNK_BYTES):
+            self._publish(TapKind.MORE, now_ns, data[start:start + CHUNK_BYTES])
+
+    def opened(self, now_ns: int) -> None:
+        """Note that its port was opened."""
+        self._publish(TapKind.OPENED, now_ns, b'')
+
+    def failed(self, now_ns: int) -> None:
+        """Note that its port failed in this round."""
+        self._publish(TapKind.FAILED, now_ns, b'')
+
+    def _publish(self, kind: TapKind, now_ns: int, data: bytes) -> None:
+        front = device_front(kind, now_ns << 1 | self.command, self._idle)
+        self._idle.clear()
+        self._publisher.publish_cdr(array_cdr(front, data), now_ns)
+
+
+class ScheduleTap:
+    """
+    Collect what the kernel records of jobs and publications, and publish it in batches.
+
+    :ivar dropped: records that found no room because nobody published them.
+    """
+
+    def __init__(self, kernel: Kernel, publisher: Publisher, tasks: dict[Task | None, int],
+                 topics: dict[str, int]) -> None:
+        self.dropped = 0
+        self._kernel = kernel
+        self._publisher = publisher
+        self._tasks = tasks
+        self._topics = topics
+        self._pending: list[tuple[Any, ...]] = []
+        self._add = kernel.black_box.add
+        kernel.record = self._record
+
+    def _record(self, record: tuple[Any, ...]) -> None:
+        """Take a record of the kernel, in its critical section, besides the black box."""
+        self._add(record)
+        if record[0] <= PUBLISH and (
+                record[1] in self._tasks if record[0] == JOB else record[3] in self._topics):
+            if len(self._pending) < _PENDING_MOST:
+                self._pending.append(record)
+            else:
+                self.dropped += 1
+
+    def drain(self) -> None:
+        """
+        Publish what was collected; called by the lowest task, when no other job runs.
+
+        There is a message each time: its stamp says up to when the schedule is complete with it.
+        """
+        now_ns = self._kernel.now_ns()
+        pending, self._pending = self._pending, []
+        for start in range(0, len(pending) or 1, _RECORDS_A_MESSAGE):
+            data = b''.join(map(self._pack, pending[start:start + _RECORDS_A_MESSAGE]))
+            last = start + _RECORDS_A_MESSAGE >= len(pending)
+            self._publisher.publish_cdr(schedule_cdr(data, last), now_ns)
+
+    def _pack(self, record: tuple[Any, ...]) -> bytes:
+        if record[0] == JOB:
+            _, task, _, start_ns, end_ns, _ = record
+            return RECORD.pack(self._tasks[task], A_JOB, min(end_ns - start_ns, _DURATION_MOST),
+                               start_ns)
+        _, task, at_ns, topic, number = record
+        return RECORD.pack(self._tasks.get(task, NO_TASK), self._topics[topic],
+                           number & 0xFFFFFFFF, at_ns)
+
+
+class Taps:
+    """
+    All taps of a core.
+
+    :ivar topics: their topics; empty while they are off.
+    """
+
+    def __init__(self, kernel: Kernel, bus: Bus, sensors: SensorManager) -> None:
+        self.topics: tuple[str, ...] = ()
+        self._kernel = kernel
+        self._bus = bus
+        self._sensors = sensors
+        self._schedule: ScheduleTap | None = None
+
+    def turn_on(self, modules: Sequence[str]) -> None:
+        """
+        Declare the topics and begin; not for the real-time loop. A second time does nothing.
+
+        :param modules: whose jobs are noted, besides those of devices.
+        :raises TopicError: one of the names is taken.
+        """
+        if self._schedule is not None:
+            return
+        noted = {managed.device.name for managed in self._sensors.devices}
+        noted |= {f'{name}/arrival' for name in noted} | set(modules)
+        tasks: dict[Task | None, int] = {
+            task: number for number, task in enumerate(self._kernel.tasks) if task.name in noted}
+        topics = {topic.name: number for number, topic in enumerate(self._bus.topics)}
+        names = []
+        for managed in self._sensors.devices:
+            if managed.device.TAPPED:
+                names.append(device_topic(managed.device.name))
+                self._bus.declare(names[-1], MESSAGE, tail=_FRONT_BYTES + CHUNK_BYTES,
+                                  depth=_DEVICE_DEPTH)
+                managed.device.tap = DeviceTap(self._bus.publisher(names[-1]))
+        self._bus.declare(SCHEDULE_TOPIC, MESSAGE, tail=_RECORDS_A_MESSAGE * RECORD.size,
+                          depth=_SCHEDULE_DEPTH)
+        self._schedule = ScheduleTap(
+            self._kernel, self._bus.publisher(SCHEDULE_TOPIC), tasks, topics)
+        self.topics = (SCHEDULE_TOPIC, *names)
+
+    def drain(self) -> None:
+        """Publish the schedule so far, if the taps are on."""
+        if self._schedule is not None:
+            self._schedule.drain()

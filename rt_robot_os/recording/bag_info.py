@@ -1,0 +1,112 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``metadata.yaml``: what makes a folder of MCAP files a bag of ROS 2 Jazzy (version 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import field
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+METADATA: Final = 'metadata.yaml'
+_VERSION: Final = 9
+_FOREVER: Final = {'sec': 9223372036, 'nsec': 854775807}
+
+
+@dataclass(frozen=True)
+class TopicFacts:
+    """A topic in a bag; ``name`` begins with a slash."""
+
+    name: str
+    type_name: str
+    type_hash: str = ''
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+
+    def qos(self) -> list[dict[str, Any]]:
+        """Give the quality of service that `ros2 bag play` offers."""
+        return [{
+            'history': 'keep_last', 'depth': 10, 'reliability': self.reliability,
+            'durability': self.durability, 'deadline': dict(_FOREVER),
+            'lifespan': dict(_FOREVER), 'liveliness': 'automatic',
+            'liveliness_lease_duration': dict(_FOREVER),
+            'avoid_ros_namespace_conventions': False}]
+
+    def qos_text(self) -> str:
+        """Give the same as text, as it stands in the channel."""
+        return str(yaml.safe_dump(self.qos(), sort_keys=False))
+
+
+@dataclass
+class FileFacts:
+    """A file of a bag: its name, the times of its first and last message, and how many."""
+
+    name: str
+    first_ns: int = 0
+    last_ns: int = 0
+    counts: dict[TopicFacts, int] = field(default_factory=dict)
+
+    @property
+    def messages(self) -> int:
+        """How many messages it has."""
+        return sum(self.counts.values())
+
+
+def bag_text(files: Sequence[FileFacts]) -> str:
+    """Write the metadata of a bag."""
+    counts: dict[TopicFacts, int] = {}
+    for file in files:
+        for topic, count in file.counts.items():
+            counts[topic] = counts.get(topic, 0) + count
+    filled = [file for file in files if file.messages]
+    first_ns = min((file.first_ns for file in filled), default=0)
+    last_ns = max((file.last_ns for file in filled), default=0)
+    return str(yaml.safe_dump({'rosbag2_bagfile_information': {
+        'version': _VERSION, 'storage_identifier': 'mcap',
+        'duration': {'nanoseconds': last_ns - first_ns},
+        'starting_time': {'nanoseconds_since_epoch': first_ns},
+        'message_count': sum(counts.values()),
+        'topics_with_message_count': [{
+            'topic_metadata': {
+                'name': topic.name, 'type': topic.type_name, 'serialization_format': 'cdr',
+                'offered_qos_profiles': topic.qos(), 'type_description_hash': topic.type_hash},
+            'message_count': count} for topic, count in counts.items()],
+        'compression_format': '', 'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [{
+            'path': file.name,
+            'starting_time': {'nanoseconds_since_epoch': file.first_ns},
+            'duration': {'nanoseconds': file.last_ns - file.first_ns},
+            'message_count': file.messages} for file in files],
+        'custom_data': None, 'ros_distro': 'jazzy'}}, sort_keys=False))
+
+
+def write_bag_info(folder: Path, files: Sequence[FileFacts]) -> None:
+    """
+    Write ``metadata.yaml``, whole or not at all.
+
+    :raises OSError: it cannot be written; the one before stays.
+    """
+    temporary = folder / f'.{METADATA}'
+    try:
+        temporary.write_text(bag_text(files))
+        os.replace(temporary, folder / METADATA)
+    finally:
+        temporary.unlink(missing_ok=True)

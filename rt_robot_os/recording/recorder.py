@@ -1,0 +1,238 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The recorder: a client of the link that writes what it gets.
+
+Two threads: this one receives, in batches, so that the sockets stay empty; the other compresses
+and writes, so that a slow disk costs memory, up to a limit, and no samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+import queue
+import threading
+import time
+from typing import Final
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import RecordingError
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.recording.bag import Bag
+from rt_robot_os.recording.bag import Packet
+from rt_robot_os.recording.definitions import is_known
+from rt_robot_os.recording.session import Session
+from rt_robot_os.units import NS_PER_S
+
+# Packets that arrive within this wait for each other: one wake-up for all of them. A socket of
+# the usual size holds ten times as many at 10 000 a second.
+_BATCH_S: Final = 0.003
+_LOOK_S: Final = 0.1
+_RETRY_S: Final = 0.2
+_QUEUE_BYTES: Final = 64 << 20
+_BEAT_NS: Final = NS_PER_S // 2
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """
+    What to record.
+
+    :ivar topics: names; empty for all.
+    :ivar taps: bytes of devices and the schedule, too.
+    :ivar duration_ns: since the first connection; 0 until stopped.
+    """
+
+    topics: tuple[str, ...] = ()
+    taps: bool = True
+    duration_ns: int = 0
+
+
+@dataclass(frozen=True)
+class Status:
+    """How it stands."""
+
+    elapsed_ns: int
+    messages: int
+    size: int
+    lost: dict[str, int]
+    connected: bool
+
+
+class Recorder:
+    """
+    Record a robot until stopped.
+
+    :param path: of the core's socket.
+    :param tell: called with lines for people.
+    :param show: called once a second with the status.
+    :ivar stopping: set it to end.
+    """
+
+    def __init__(self, path: Path, bag: Bag, wanted: Wanted, tell: Callable[[str], None],
+                 show: Callable[[Status], None]) -> None:
+        self.stopping = False
+        self._path = path
+        self._bag = bag
+        self._wanted = wanted
+        self._tell = tell
+        self._show = show
+        self._sessions = 0
+        self._batch: list[Packet] = []
+        self._queue: queue.SimpleQueue[Session | list[Packet] | None] = queue.SimpleQueue()
+        self._queued = self._written = self._dropped = 0
+        self._error: Exception | None = None
+        self._begin_ns = self._shown_ns = 0
+
+    # ---- receiving ---------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """
+        Record; returns when stopped, or when the time is over.
+
+        :raises RecordingError: it cannot be written any more; what was written is closed.
+        """
+        writer = threading.Thread(target=self._write, name='writer')
+        writer.start()
+        try:
+            waiting = False
+            while not self._over():
+                try:
+                    client = LinkClient(self._path, 'record')
+                except LinkError as error:
+                    if not waiting:
+                        self._tell(f'waiting for a core: {error}' if not self._sessions else
+                                   'the core is gone; waiting for it to come back')
+                    waiting = True
+                    time.sleep(_RETRY_S)
+                    self._report(False)
+                    continue
+                waiting = False
+                with client:
+                    self._record(client)
+        finally:
+            self._queue.put(None)
+            writer.join()
+        self._report(False, last=True)
+        if self._error is not None:
+            what = (self._error.strerror if isinstance(self._error, OSError)
+                    and self._error.strerror else str(self._error))
+            raise RecordingError(f'recording stopped: {what}; {self._bag.rescue()}')
+
+    def _over(self) -> bool:
+        wanted_ns = self._wanted.duration_ns
+        return self.stopping or self._error is not None or (
+            wanted_ns > 0 and self._begin_ns > 0
+            and time.monotonic_ns() - self._begin_ns >= wanted_ns)
+
+    def _record(self, client: LinkClient) -> None:
+        """Record one core until it is gone."""
+        try:
+            session = self._session(client)
+            client.on_data = self._take
+            self._queue.put(session)
+            for info in session.recorded:
+                client.mirror(info.name, oldest=True, patient=True)
+            self._begin_ns = self._begin_ns or time.monotonic_ns()
+            beat_ns = 0
+            while not self._over():
+                client.pump(_LOOK_S)
+                self._hand_over()
+                now_ns = time.monotonic_ns()
+                if now_ns - beat_ns > _BEAT_NS:
+                    beat_ns = now_ns
+                    client.beat()
+                self._report(True)
+                time.sleep(_BATCH_S)
+            client.pump(0.0)
+        except LinkError as error:
+            if not self.stopping:
+                self._tell(f'{error}; what it sent is kept')
+        finally:
+            self._hand_over()
+
+    def _session(self, client: LinkClient) -> Session:
+        settings = ''.join(str(part['text']) for part in client.request_all('settings'))
+        taps = client.tap() if self._wanted.taps else ()
+        known = client.topics
+        missing = [name for name in self._wanted.topics if name not in known]
+        if missing:
+            self._tell(f'no topic {", ".join(missing)} in the core; there are '
+                       f'{", ".join(sorted(known))}')
+        chosen = []
+        for info in known.values():
+            if info.name in taps or not self._wanted.topics or info.name in self._wanted.topics:
+                if not is_known(info.type_name):
+                    self._tell(f'topic {info.name}: {info.type_name} is not installed here; it '
+                               'is not recorded')
+                elif taps or not _is_tap(info.name):
+                    chosen.append(info)
+        session = Session(
+            self._sessions, int(client.core['pid']), int(client.core['start_ns']),
+            bool(client.core['taps']), tuple(client.core['tasks']), tuple(known),
+            tuple(chosen), taps, settings)
+        self._sessions += 1
+        self._tell(f'connected to the core (pid {session.pid}): recording {len(chosen)} topics '
+                   f'to {self._bag.folder}')
+        return session
+
+    def _take(self, head: Header, cdr: memoryview) -> None:
+        self._batch.append((head, bytearray(cdr)))
+
+    def _hand_over(self) -> None:
+        batch, self._batch = self._batch, []
+        if not batch:
+            return
+        size = sum(len(cdr) for _, cdr in batch)
+        if self._queued + size - self._written > _QUEUE_BYTES:
+            self._dropped += len(batch)  # the gaps in their numbers count them by topic
+            return
+        self._queued += size
+        self._queue.put(batch)
+
+    def _report(self, connected: bool, last: bool = False) -> None:
+        now_ns = time.monotonic_ns()
+        if self._begin_ns and (last or now_ns - self._shown_ns >= NS_PER_S):
+            self._shown_ns = now_ns
+            self._show(Status(now_ns - self._begin_ns, self._bag.messages, self._bag.size,
+                              self._bag.lost, connected))
+
+    # ---- writing -----------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        try:
+            while True:
+                try:
+                    item = self._queue.get(timeout=_LOOK_S)
+                except queue.Empty:
+                    item = []
+                if item is None:
+                    self._bag.end()
+                    return
+                if isinstance(item, Session):
+                    self._bag.begin(item)
+                else:
+                    self._bag.write(item)
+                    self._written += sum(len(cdr) for _, cdr in item)
+                self._bag.tick(time.monotonic_ns())
+        except Exception as error:
+            self._error = error
+
+
+def _is_tap(name: str) -> bool:
+    return name == 'core/schedule' or (name.startswith('device/') and name.endswith('/bytes'))

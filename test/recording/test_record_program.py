@@ -1,0 +1,158 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program record: with a real core, read back with readers of others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import resource
+import signal
+from typing import Any
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+import yaml
+
+TOPICS = {'/imu/data', '/imu/mag', '/gps/fix', '/gps/time', '/cmd_vel_safe', '/attitude/imu'}
+
+
+def read(path: Path) -> dict[str, list[Any]]:
+    """Decode a file with the public reader of MCAP."""
+    found: dict[str, list[Any]] = {}
+    with path.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == 'ros2'
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((message, decoded))
+    return found
+
+
+def read_bag(folder: Path) -> dict[str, int]:
+    """Decode a folder with rosbags; give the messages of each topic."""
+    counts: dict[str, int] = {}
+    with AnyReader([folder]) as reader:
+        for connection, _, raw in reader.messages():
+            reader.deserialize(raw, connection.msgtype)
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+    return counts
+
+
+def test_public_readers_open_a_recording(recording: Path) -> None:
+    files = sorted(recording.glob('*.mcap'))
+    assert len(files) == 1
+    found = read(files[0])
+    assert TOPICS <= set(found)
+    message, imu = found['/imu/data'][-1]
+    assert imu.header.frame_id == 'imu_link'
+    assert abs(imu.linear_acceleration.z) > 1.0
+    assert imu.header.stamp.sec * 10**9 + imu.header.stamp.nanosec == message.log_time
+    assert {'/core/schedule', '/device/imu/bytes', '/device/gps/bytes'} <= set(found)
+    counts = read_bag(recording)
+    assert counts == {topic: len(messages) for topic, messages in found.items()}
+
+
+def test_the_folder_is_a_bag_of_jazzy(recording: Path) -> None:
+    info = yaml.safe_load((recording / 'metadata.yaml').read_text())[
+        'rosbag2_bagfile_information']
+    assert info['version'] == 9
+    assert info['storage_identifier'] == 'mcap'
+    assert info['relative_file_paths'] == [path.name for path in recording.glob('*.mcap')]
+    found = read(next(recording.glob('*.mcap')))
+    counts = {each['topic_metadata']['name']: each['message_count']
+              for each in info['topics_with_message_count']}
+    assert {name: count for name, count in counts.items() if count} == {
+        topic: len(messages) for topic, messages in found.items()}
+    imu = next(each['topic_metadata'] for each in info['topics_with_message_count']
+               if each['topic_metadata']['name'] == '/imu/data')
+    assert imu['type_description_hash'].startswith('RIHS01_')
+    assert imu['offered_qos_profiles'][0]['reliability'] == 'reliable'
+
+
+def test_bytes_of_a_device_stand_behind_the_offset(recording: Path) -> None:
+    arrays = [decoded for _, decoded in read(next(recording.glob('*.mcap')))['/device/gps/bytes']]
+    stream = b''.join(bytes(array.data[array.layout.data_offset:]) for array in arrays)
+    assert b'GGA,' in stream and b'\r\n$' in stream
+
+
+def test_a_killed_recorder_leaves_a_file_that_can_be_mended(robot: Any) -> None:
+    robot.core()
+    bag = robot.output / 'bag'
+    recorder, log = robot.record('-o', str(bag))
+    robot.wait_for_messages(log, recorder, 1000)
+    robot.end(recorder, signal.SIGKILL)
+    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(bag))
+    assert code == 0, text
+    assert 'mended' in text
+    found = read(bag / 'bag_0.mcap')
+    assert len(found['/imu/data']) > 50
+    assert read_bag(bag)['/imu/data'] == len(found['/imu/data'])
+    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(bag))
+    assert 'whole' in text
+
+
+def test_a_full_disk_ends_the_recording_readably(robot: Any) -> None:
+    robot.core()
+    bag = robot.output / 'bag'
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+
+    recorder, log = robot.record('-o', str(bag), '--compression', 'none', preexec_fn=limit)
+    assert recorder.wait(60) == 1
+    text = log.read_text()
+    assert 'recording stopped: File too large' in text
+    assert 'can be read' in text
+    assert len(read(bag / 'bag_0.mcap')['/imu/data']) > 10
+    assert read_bag(bag)['/imu/data'] > 10
+
+
+def test_a_core_that_comes_back_is_another_session(robot: Any) -> None:
+    core = robot.core()
+    bag = robot.output / 'bag'
+    recorder, log = robot.record('-o', str(bag), 'imu/data', '--no-bytes')
+    robot.wait_for_messages(log, recorder, 50)
+    robot.end(core)
+    robot.core()
+    robot.wait_for_messages(log, recorder, 300)
+    assert robot.end(recorder) == 0
+    assert 'the core is gone; waiting' in log.read_text()
+    assert [path.name for path in sorted(bag.glob('*.mcap'))] == ['bag_0.mcap', 'bag_1.mcap']
+    assert set(read(bag / 'bag_1.mcap')) == {'/imu/data'}
+
+
+def test_old_files_make_room(robot: Any) -> None:
+    robot.core()
+    bag = robot.output / 'bag'
+    recorder, log = robot.record(
+        '-o', str(bag), '--max-bytes', '64k', '--max-files', '2', '--compression', 'none')
+    robot.wait_for_messages(log, recorder, 1500)
+    assert robot.end(recorder) == 0
+    names = sorted(path.name for path in bag.glob('*.mcap'))
+    assert len(names) == 2
+    assert 'bag_0.mcap' not in names
+    assert set(read_bag(bag)) >= {'/imu/data'}
+
+
+def test_what_is_wrong_is_said(robot: Any) -> None:
+    code, text = robot.run('rt_robot_os.cli.record', '-o', str(robot.output))
+    assert code == 1 and 'choose another with -o' in text
+    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(robot.output / 'none'))
+    assert code == 1 and 'does not exist' in text
+    (robot.output / 'x.mcap').write_bytes(b'nonsense')
+    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(robot.output / 'x.mcap'))
+    assert code == 1 and 'is no MCAP file' in text
+    code, text = robot.run('rt_robot_os.cli.record', '--max-files', '2')
+    assert code == 2 and '--max-files needs --max-bytes' in text
