@@ -145,8 +145,8 @@ class World:
         return self.start('rt_robot_os.sim.main:player', str(log), '--link', str(port), '--wait',
                           *arguments)
 
-    def listen(self, message: Any, topic: str, depth: int = 2000) -> list[Any]:
-        """Collect what comes on a topic."""
+    def listen(self, message: Any, topic: str, depth: Any = 2000) -> list[Any]:
+        """Collect what comes on a topic; depth may be a quality of service."""
         received: list[Any] = []
         self.node.create_subscription(message, topic, received.append, depth)
         return received
