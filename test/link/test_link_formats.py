@@ -27,7 +27,6 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.kernel import DeadlineMiss
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
@@ -63,7 +62,7 @@ def test_statistics_of_a_task_survive_the_link(
     task.overruns = task.aborted = task.budget_exceeded = task.response_maximum_ns = runs
     task.deadline_missed = missed
     if missed:
-        task.last_miss = DeadlineMiss(missed, runs, period_ns, ('imu', name)[:runs % 3])
+        task.miss, task.suspects = (missed, runs, period_ns), ('imu', name)[:runs % 3]
     for histogram, durations in ((task.latency, latency), (task.execution, execution),
                                  (task.jitter, jitter)):
         for duration_ns in durations:
