@@ -57,6 +57,15 @@ US_PER_S = 1_000_000
 DataHandler = Callable[[Header, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
 
+_CLOSED = 'the core closed the connection'
+
+
+def _parted(error: OSError) -> LinkError:
+    """Say the same of a core that has ended, whether it was noticed in reading or in sending."""
+    if isinstance(error, BrokenPipeError | ConnectionResetError):
+        return LinkError(_CLOSED)
+    return LinkError(f'the core is gone: {error.strerror or error}')
+
 
 class LinkClient:
     """
@@ -158,11 +167,11 @@ class LinkClient:
         except OSError as error:
             if count:
                 return 0
-            raise LinkError(f'the core is gone: {error.strerror}') from error
+            raise _parted(error) from error
         if ancillary:
             self._memories.take(self._view[:length], received_fds(ancillary))
         if not length and not count:
-            raise LinkError('the core closed the connection')
+            raise LinkError(_CLOSED)
         return length
 
     def _handle(self, length: int) -> None:
@@ -210,7 +219,7 @@ class LinkClient:
         except BlockingIOError:
             pass  # it will be tried again; until then the core has fewer slots to fill
         except OSError as error:
-            raise LinkError(f'the core is gone: {error.strerror or error}') from error
+            raise _parted(error) from error
 
     def _deliver(self, number: int, head: Header, packet: bytes) -> None:
         waiting = self._replies.get(number)
@@ -344,4 +353,4 @@ class LinkClient:
                 if not room.poll(max(0.0, deadline - time.monotonic()) * 1000):
                     raise LinkError('the core does not read what it is sent') from None
             except OSError as error:
-                raise LinkError(f'the core is gone: {error.strerror or error}') from error
+                raise _parted(error) from error

@@ -87,7 +87,7 @@ class Program:
                  f'{text!r} in the output', timeout_s)
         assert self.said(text), f'ended with {self.process.returncode}:\n{self.output}'
 
-    def end(self, signo: int = signal.SIGINT, timeout_s: float = 15.0) -> int:
+    def end(self, signo: int = signal.SIGINT, timeout_s: float = TIMEOUT_S) -> int:
         if self.process.poll() is None:
             self.process.send_signal(signo)
         try:

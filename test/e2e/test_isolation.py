@@ -180,7 +180,7 @@ def test_a_client_that_talks_nonsense_is_dropped_and_the_robot_runs_on(
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
         stranger.connect(str(world.folder / 'robot.sock'))
         stranger.send(os.urandom(200))
-        stranger.settimeout(20)
+        stranger.settimeout(60)
         while stranger.recv(70_000):
             pass  # until the core hangs up
     robot.wait_for_line('refused')

@@ -92,7 +92,7 @@ class CoreUnderTest:
     def end(self, signo: int = signal.SIGTERM) -> int:
         if self.process.poll() is None:
             self.process.send_signal(signo)
-        return self.process.wait(20)
+        return self.process.wait(TIMEOUT_S)
 
     def close(self) -> None:
         for client in self.clients:

@@ -257,7 +257,7 @@ def test_a_client_that_talks_nonsense_is_dropped_and_the_core_runs_on(
     good = core.client('good')
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
         stranger.connect(str(core.path))
-        stranger.settimeout(30)
+        stranger.settimeout(60)
         stranger.send(packet)
         try:
             while stranger.recv(70_000):
@@ -274,7 +274,7 @@ def test_any_noise_of_any_length_is_survived(core: Any, until: Until) -> None:
     for _ in range(100):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
             stranger.connect(str(core.path))
-            stranger.settimeout(30)
+            stranger.settimeout(60)
             try:
                 for _ in range(rng.randint(1, 5)):
                     head = bytes([rng.choice([1, 2, 3, 4, 5, 6, 200]), rng.choice([1, 1, 1, 9])])
@@ -303,12 +303,23 @@ def test_another_user_is_refused(core: Any, until: Until) -> None:
     os.chmod(core.folder, 0o755)
     os.chmod(core.path, 0o666)  # even if the permissions failed to keep it out
     code = (f'import os, socket; os.setuid(65534); s = socket.socket(socket.AF_UNIX, '
-            f'socket.SOCK_SEQPACKET); s.connect({str(core.path)!r}); s.settimeout(30)\n'
+            f'socket.SOCK_SEQPACKET); s.connect({str(core.path)!r}); s.settimeout(60)\n'
             'try:\n    print(len(s.recv(99)))\nexcept OSError:\n    print(0)')
     answer = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                             timeout=60, check=True)
     assert answer.stdout.strip() == '0'
     until(lambda: good.statistics().core['refused'] == 1, 'the refusal counted')
+
+
+@pytest.mark.parametrize('use', [LinkClient.beat, lambda client: client.pump(60.0)],
+                         ids=['sending', 'reading'])
+def test_a_core_that_ended_is_told_in_the_same_words_however_it_is_noticed(
+        core: Any, use: Any) -> None:
+    client = core.client()
+    core.end()
+    with pytest.raises(LinkError, match='the core closed the connection'):
+        while True:
+            use(client)
 
 
 def test_a_client_that_is_killed_is_forgotten(core: Any, until: Until) -> None:
@@ -328,7 +339,7 @@ def test_a_client_that_is_killed_is_forgotten(core: Any, until: Until) -> None:
 
 def test_the_core_stops_when_it_is_asked_and_removes_its_socket(core: Any) -> None:
     core.client().request('stop')
-    assert core.process.wait(20) == 0
+    assert core.process.wait(60) == 0
     assert not core.path.exists()
 
 

@@ -32,7 +32,7 @@ def listener() -> Iterator[socket.socket]:
     with tempfile.TemporaryDirectory(prefix='rtr') as folder, socket.socket(
             socket.AF_UNIX, socket.SOCK_DGRAM) as made:
         made.bind(str(Path(folder) / 'notify'))
-        made.settimeout(10.0)
+        made.settimeout(60)
         yield made
 
 
@@ -52,7 +52,7 @@ def test_it_is_told_in_its_own_words(listener: socket.socket) -> None:
 def test_an_abstract_name_is_one() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind('')  # Linux chooses an abstract name
-        listener.settimeout(10.0)
+        listener.settimeout(60)
         name = listener.getsockname().decode().replace('\0', '@')
         manager = ServiceManager({'NOTIFY_SOCKET': name})
         manager.tell('READY=1')

@@ -120,7 +120,7 @@ def test_the_program(chip: Path, signo: int, tmp_path: Path) -> None:
     with pytest.raises(OSError, match='Remote I/O'):
         transport.transfer(0x11, b'\xd0', 1)
     process.send_signal(signo)
-    process.communicate(timeout=20)
+    process.communicate(timeout=60)
     assert process.returncode == 0
     with pytest.raises(OSError):
         transport.transfer(0x76, b'\xd0', 1)

@@ -113,7 +113,7 @@ def test_the_program_plays_scans(tmp_path: Path) -> None:
             wait_readable(device, 20.0)
             device.read(1)
         device.close()
-        assert program.wait(20) == 0
+        assert program.wait(60) == 0
     finally:
         program.kill()
         program.wait()

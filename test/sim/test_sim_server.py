@@ -51,7 +51,7 @@ def running(command: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     finally:
         if process.poll() is None:
             process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
 def read_some(path: str, count: int) -> bytes:
@@ -184,7 +184,7 @@ def test_simulator(tmp_path: Path) -> None:
             raise OSError('end of file')
         os.close(descriptor)
         process.send_signal(signal.SIGTERM)
-        _, rest = process.communicate(timeout=20)
+        _, rest = process.communicate(timeout=60)
         assert (process.returncode, rest) == (0, '')
     assert os.listdir(tmp_path) == []
 
@@ -207,7 +207,7 @@ def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
         assert bus.transfer(0x68, b'\x75', 1) == b'\x68'
         bus.close()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=20) == 0
+        assert process.wait(timeout=60) == 0
     assert os.listdir(tmp_path) == []
 
 
@@ -217,7 +217,7 @@ def test_other_signals_end_it_too(number: int, tmp_path: Path) -> None:
         Lines(process.stdout).next_line()
         read_some(str(tmp_path / 'imu'), 30)
         process.send_signal(number)
-        assert process.wait(timeout=20) == 0
+        assert process.wait(timeout=60) == 0
     assert os.listdir(tmp_path) == []
 
 
@@ -232,7 +232,7 @@ def test_it_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     read_end, write_end = os.pipe()
     subprocess.run(
         [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format('main'),
-         'imu:witmotion', '--dir', str(tmp_path)], cwd=ROOT, pass_fds=[write_end], timeout=20,
+         'imu:witmotion', '--dir', str(tmp_path)], cwd=ROOT, pass_fds=[write_end], timeout=60,
         check=True)
     os.close(write_end)
     assert select.select([read_end], [], [], 20)[0], 'it is still there'
@@ -249,7 +249,7 @@ def test_player(tmp_path: Path) -> None:
                  '--wait') as process:
         assert Lines(process.stdout).next_line() == str(link)
         assert read_some(str(link), 260) == b'$GPVTG,1*00\r\n' * 20
-        assert process.wait(timeout=20) == 0
+        assert process.wait(timeout=60) == 0
     assert not os.path.lexists(link)
 
 
