@@ -25,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from xml.etree import ElementTree
 
 import pytest
 
@@ -81,6 +82,14 @@ def test_colcon_finds_both_packages_once(workspace: Workspace) -> None:
     listed = [line.split() for line in workspace.colcon('list').splitlines()]
     assert sorted((name, kind) for name, _, kind in listed) == [
         ('rt_robot_example', '(ros.ament_python)'), ('rt_robot_os', '(ros.ament_python)')]
+
+
+def test_its_launch_file_gives_ours_what_it_takes() -> None:
+    example = ElementTree.parse(EXAMPLE / 'launch' / 'example.launch.xml').getroot()
+    ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
+    include, = example.iter('include')
+    assert include.get('file') == '$(find-pkg-share rt_robot_os)/launch/robot.launch.xml'
+    assert {each.get('name') for each in include} <= {each.get('name') for each in ours.iter('arg')}
 
 
 def test_its_own_tests_pass(workspace: Workspace) -> None:
