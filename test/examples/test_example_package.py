@@ -89,7 +89,8 @@ def test_its_launch_file_gives_ours_what_it_takes() -> None:
     ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
     include, = example.iter('include')
     assert include.get('file') == '$(find-pkg-share rt_robot_os)/launch/robot.launch.xml'
-    assert {each.get('name') for each in include} <= {each.get('name') for each in ours.iter('arg')}
+    taken = {each.get('name') for each in ours.iter('arg')}
+    assert {each.get('name') for each in include} <= taken
 
 
 def test_its_own_tests_pass(workspace: Workspace) -> None:
