@@ -41,9 +41,14 @@ KEYS = {
 }
 
 # import name -> the extra of setup.py that brings it: what only some robots need
-OPTIONAL = {'rich': 'top', 'smbus2': 'i2c', 'vqf': 'attitude', **dict.fromkeys(
-    ('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison'),
-            **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
+OPTIONAL = {
+    'PIL': 'camera', 'cv2': 'camera', 'rich': 'top', 'smbus2': 'i2c', 'sounddevice': 'sound',
+    'vqf': 'attitude',
+    **dict.fromkeys(('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison'),
+    **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
+
+# import name -> distribution, where they differ
+DISTRIBUTIONS = {'PIL': 'pillow', 'cv2': 'opencv-python-headless'}
 
 
 def _setup() -> dict[str, ast.expr]:
@@ -109,7 +114,7 @@ def test_everything_imported_is_an_exec_depend() -> None:
             elif isinstance(node, ast.ImportFrom) and node.module:
                 imported.add(node.module.split('.')[0])
     extras = ast.literal_eval(SETUP['extras_require'])
-    assert all(name in extras[extra] for name, extra in OPTIONAL.items())
+    assert all(DISTRIBUTIONS.get(name, name) in extras[extra] for name, extra in OPTIONAL.items())
     foreign = imported - set(sys.stdlib_module_names) - {PACKAGE} - set(OPTIONAL)
     assert sorted({KEYS.get(name, name) for name in foreign} - set(_manifest('exec_depend'))) == []
 

@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.cases import capture
 from rt_robot_os.bench.cases import delay
 from rt_robot_os.bench.cases import frequency
 from rt_robot_os.bench.cases import kernel
@@ -35,5 +36,5 @@ from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE,
-    mirror.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START,
+    mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START,
     start.MEMORY)})

@@ -190,6 +190,7 @@ def test_pictures_come_in_their_order_and_begin_anew(tmp_path: Path) -> None:
 
 
 def test_pictures_that_do_not_fit_or_are_damaged_are_named(tmp_path: Path) -> None:
+    pytest.importorskip('PIL.Image', reason='Pillow is not installed')
     with pytest.raises(DeviceError, match='holds no pictures'):
         open_camera(values('camera', **SMALL, port=str(tmp_path)))
     write_pictures(tmp_path, (24, 32, 3))
