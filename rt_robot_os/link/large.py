@@ -110,6 +110,8 @@ class LargeMirror(Mirror):
                     self._pass_over(subscription.unread)
                 return
             slot = self.loans.take()
+            if slot < 0 and self.patient:
+                return  # it waits in the topic until it is overwritten there
             if slot < 0:
                 self.full += subscription.pass_over(latest)
                 return
@@ -119,7 +121,10 @@ class LargeMirror(Mirror):
                 return
             self._count_interval(now_ns)
             if not self._hand_over(slot):
-                self.full += 1
+                if self.patient:
+                    subscription.put_back()
+                else:
+                    self.full += 1
                 return
             self.sent += 1
 

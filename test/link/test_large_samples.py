@@ -218,6 +218,21 @@ def test_a_client_that_gives_nothing_back_loses_samples_and_others_do_not(world:
     assert Header(*HEADER.unpack_from(stalled.packets[-1])).missed == 20 - SLOTS
 
 
+def test_a_patient_client_gets_what_waited_in_the_topic(world: World) -> None:
+    client = world.client()
+    client.ask('mirror', topic='picture', patient=True)
+    for _ in range(SLOTS + 3):
+        world.publish(1)
+        world.run()
+    client.receive()
+    assert [n for n, _ in client.seen] == list(range(SLOTS))
+    client.give(SLOTS)
+    world.run()
+    client.receive()
+    assert client.seen == [(n, n) for n in range(SLOTS + 3)]
+    assert (world.told()['full'], world.told()['lost']) == (0, 0)
+
+
 @pytest.mark.parametrize('answers, said', [
     ([(1, 3)], 'gives back slot 3 of 1, which it has not got'),
     ([(1, 0), (1, 0)], 'gives back slot 0 of 1, which it has not got'),
