@@ -129,6 +129,10 @@ def _record(arguments: argparse.Namespace) -> None:
     finally:
         if sys.stderr.isatty():
             print(file=sys.stderr)
+    if bag.empty:
+        folder.rmdir()
+        print('nothing was recorded: no core was there')
+        return
     print(f'{folder}: {bag.messages} messages, {bag.size / 1e6:.2f} MB, '
           f'{sum(bag.lost.values())} lost' + (
               f', the oldest {bag.removed} files deleted' if bag.removed else ''))

@@ -86,6 +86,14 @@ class DeviceTap:
         """Note that its port failed in this round."""
         self._publish(TapKind.FAILED, now_ns, b'')
 
+    def flush(self) -> None:
+        """Publish the rounds so far that read nothing; called by the lowest task."""
+        idle, self._idle = self._idle, []
+        if idle:
+            moment = idle.pop()
+            self._publisher.publish_cdr(
+                array_cdr(device_front(TapKind.READ, moment, idle), b''), moment >> 1)
+
     def _publish(self, kind: TapKind, now_ns: int, data: bytes) -> None:
         front = device_front(kind, now_ns << 1 | self.command, self._idle)
         self._idle.clear()
@@ -102,7 +110,6 @@ class ScheduleTap:
     def __init__(self, kernel: Kernel, publisher: Publisher, tasks: dict[Task | None, int],
                  topics: dict[str, int]) -> None:
         self.dropped = 0
-        self._kernel = kernel
         self._publisher = publisher
         self._tasks = tasks
         self._topics = topics
@@ -120,13 +127,12 @@ class ScheduleTap:
             else:
                 self.dropped += 1
 
-    def drain(self) -> None:
+    def drain(self, now_ns: int) -> None:
         """
         Publish what was collected; called by the lowest task, when no other job runs.
 
         There is a message each time: its stamp says up to when the schedule is complete with it.
         """
-        now_ns = self._kernel.now_ns()
         pending, self._pending = self._pending, []
         for start in range(0, len(pending) or 1, _RECORDS_A_MESSAGE):
             data = b''.join(map(self._pack, pending[start:start + _RECORDS_A_MESSAGE]))
@@ -156,6 +162,7 @@ class Taps:
         self._bus = bus
         self._sensors = sensors
         self._schedule: ScheduleTap | None = None
+        self._devices: list[DeviceTap] = []
 
     def turn_on(self, modules: Sequence[str]) -> None:
         """
@@ -177,7 +184,8 @@ class Taps:
                 names.append(device_topic(managed.device.name))
                 self._bus.declare(names[-1], MESSAGE, tail=_FRONT_BYTES + CHUNK_BYTES,
                                   depth=_DEVICE_DEPTH)
-                managed.device.tap = DeviceTap(self._bus.publisher(names[-1]))
+                managed.device.tap = tap = DeviceTap(self._bus.publisher(names[-1]))
+                self._devices.append(tap)
         self._bus.declare(SCHEDULE_TOPIC, MESSAGE, tail=_RECORDS_A_MESSAGE * RECORD.size,
                           depth=_SCHEDULE_DEPTH)
         self._schedule = ScheduleTap(
@@ -185,6 +193,9 @@ class Taps:
         self.topics = (SCHEDULE_TOPIC, *names)
 
     def drain(self) -> None:
-        """Publish the schedule so far, if the taps are on."""
+        """Publish what happened so far, if the taps are on."""
         if self._schedule is not None:
-            self._schedule.drain()
+            now_ns = self._kernel.now_ns()
+            for tap in self._devices:
+                tap.flush()
+            self._schedule.drain(now_ns)

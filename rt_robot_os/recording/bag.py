@@ -115,6 +115,11 @@ class Bag:
         return self._bytes + (self._file.size if self._file is not None else 0)
 
     @property
+    def empty(self) -> bool:
+        """Whether there is no file."""
+        return not self._opened
+
+    @property
     def lost(self) -> dict[str, int]:
         """Count what did not get here, by topic, of topics that lost any."""
         found = dict(self._lost)

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+import os
+
 from rt_robot_os.errors import DeviceError
 
 
@@ -26,10 +28,12 @@ class RecordedPort:
         self.bytes_read = self.dropped_write_bytes = 0
         self.data = b''
         self.fails = False
+        # Never readable: the recorded rounds come at their times.
+        self._fd = os.eventfd(0, os.EFD_CLOEXEC)
 
     def fileno(self) -> int:
-        """Give none."""
-        return -1
+        """Give a descriptor that is never readable."""
+        return self._fd
 
     def read(self) -> bytes:
         """
@@ -51,7 +55,10 @@ class RecordedPort:
         self._fail()
 
     def close(self) -> None:
-        """Do nothing."""
+        """Close the descriptor; may be called twice."""
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            os.close(fd)
 
     def _fail(self) -> None:
         if self.fails:

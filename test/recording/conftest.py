@@ -47,6 +47,8 @@ def wait_for(condition: Callable[[], object], what: str) -> None:
 class Robot:
     """A runtime folder of its own, and the programs that a test starts in it."""
 
+    ORDINARY = CORE
+
     def __init__(self, folder: Path, output: Path) -> None:
         self.folder = folder
         self.output = output
@@ -76,6 +78,10 @@ class Robot:
                  'a core with devices')
         assert program.poll() is None, log.read_text()
         return program
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Wait until a condition holds."""
+        wait_for(condition, what)
 
     def record(self, *arguments: str, **options: object) -> tuple[subprocess.Popen[bytes], Path]:
         """Start to record, and wait until something is on the disk."""

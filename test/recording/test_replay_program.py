@@ -58,6 +58,32 @@ def test_another_configuration_differs_by_field(recording: Path, robot: Any) -> 
     assert 'linear_acceleration_covariance[0]: recorded 0.0004, replayed 0.25' in text
 
 
+FAULTS = """
+/**/robot:
+  ros__parameters:
+    devices: [imu]
+    imu:
+      {type: witmotion, port: sim, topic: imu/data, rate_hz: 200.0, priority: 80, read: interrupt,
+       timeout_s: 0.3, retry_s: 0.1,
+       sim: {faults: ['unplug at 1 for 0.3', 'garbage at 2 for 0.2', 'silent at 2.5 for 0.6']}}
+"""
+
+
+def test_faults_are_replayed_too(robot: Any) -> None:
+    parameters = robot.output / 'faults.yaml'
+    parameters.write_text(FAULTS)
+    bag = robot.output / 'bag'
+    recorder, log = robot.record('-o', str(bag))
+    core, said = robot.start('rt_robot_os.core.main', '--ros-args', '--params-file',
+                             str(parameters), *robot.ORDINARY, '-p', 'core.record_bytes:=true')
+    robot.until(lambda: said.read_text().count('active again') >= 2 or core.poll() is not None,
+                'a device that came back twice')
+    robot.end(core)
+    robot.end(recorder)
+    code, text = robot.run(REPLAY, str(bag))
+    assert code == 0, text + said.read_text()
+
+
 def test_a_recording_cut_short_is_replayed_up_to_there(recording: Path, robot: Any) -> None:
     cut = robot.output / 'cut.mcap'
     data = next(recording.glob('*.mcap')).read_bytes()
