@@ -44,11 +44,15 @@ KEYS = {
 OPTIONAL = {
     'PIL': 'camera', 'cv2': 'camera', 'rich': 'top', 'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
+    **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 # import name -> distribution, where they differ
-DISTRIBUTIONS = {'PIL': 'pillow', 'cv2': 'opencv-python-headless'}
+DISTRIBUTIONS = {
+    'PIL': 'pillow', 'cv2': 'opencv-python-headless',
+    # mcap brings the other two.
+    **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'mcap>=1.3')}
 
 
 def _setup() -> dict[str, ast.expr]:
