@@ -32,7 +32,7 @@ import wave
 
 import numpy as np
 
-from rt_robot_os.drivers.capture.camera import Grid
+from rt_robot_os.drivers.capture.pictures import Grid
 from rt_robot_os.errors import DeviceError
 
 NS_PER_S: Final = 1_000_000_000
