@@ -133,7 +133,7 @@ class SerialBench:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ports: dict[str, MemoryPort] = {}
-        monkeypatch.setattr(serial_device, 'SerialPort',
+        monkeypatch.setattr(serial_device.SerialDevice, 'make_port',
                             type('Line', (MemorySerial,), {'ports': self.ports}))
         self.kernel = Kernel(VirtualClock(start_ns=S))
         self.bus = Bus(self.kernel)
