@@ -83,7 +83,7 @@ robot:
     class Client:
         post = staticmethod(sent.append)
 
-    Answers(core)._statistics(Client(), 5)  # type: ignore[arg-type]
+    Answers(core)._statistics(Client(), 5, {})  # type: ignore[arg-type]
     return [decode_json(packet) for packet in sent if b'"part":' in packet]
 
 
