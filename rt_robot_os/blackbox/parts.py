@@ -65,7 +65,7 @@ def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | Non
     Divide the black box of a running kernel into parts; not above its lowest priorities.
 
     Its records are copied by one native call, about 5 us a thousand; the rest can be preempted. A
-    whole :class:`BlackBoxDump` is not made: giving back its 8192 tuples is one native call of
+    whole :class:`BlackBoxDump` is not made: giving back 8192 tuples is one native call of
     500 us, so they are made, and the old ones given up, one by one.
     """
     kept = kernel.black_box.records

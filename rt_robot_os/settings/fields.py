@@ -73,7 +73,7 @@ CORE: Final = (
           '/dev/cpu_dma_latency; -1: leave it', 'us', -1, 1_000_000),
     Field('dispatcher', str, 'preemptive', 'preemptive: the higher priority interrupts the lower; '
           'cooperative: it waits for the end of the job', choices=('preemptive', 'cooperative')),
-    Field('black_box_records', int, 8192, 'records the black box keeps', 'records', 64, 1 << 20),
+    Field('black_box_records', int, 2048, 'records the black box keeps', 'records', 64, 1 << 20),
     Field('black_box_folder', str, '', 'where the black box is written after a fault; when absent '
           '$ROS_LOG_DIR or ~/.ros/log'),
     Field('record_bytes', bool, False, 'tap bytes of devices and times of jobs from the start, so '

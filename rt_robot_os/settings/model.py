@@ -61,7 +61,7 @@ class CoreSettings:
     spin_us: float = 0.0
     cpu_latency_us: int = -1
     dispatcher: str = 'preemptive'
-    black_box_records: int = 8192
+    black_box_records: int = 2048
     black_box_folder: str = ''
     record_bytes: bool = False
 
