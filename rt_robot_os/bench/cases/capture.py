@@ -98,7 +98,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                 outcomes.ratio(key, 'none', _latency(0.99)),
                 why='the core copies 64 KiB at a time and the capture processes share the caches '
                     'and the host; ' + common.disturbances(outcomes, key))
-            for key, text in (('both', 'camera and microphone'), ('mirrored', 'both, mirrored'))]
+            for key, text in (('both', 'camera and sound'), ('mirrored', 'both, mirrored'))]
     plot = Plot('capture', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(run.label, np.concatenate(
