@@ -228,7 +228,7 @@ def test_on_the_real_clock_a_job_without_end_is_ended_and_the_others_go_on(
                            on_budget=ABORT)
     lower = kernel.add_task('lower', lambda: kernel.stop('enough') if lower.runs > 4 else None,
                             priority=10, rate_hz=20.0)
-    # As in the core: a strike that fell into the end of another test's garbage would be lost there.
+    # As in the core: a strike that fell into the end of older garbage would be lost there.
     gc.collect()
     gc.disable()
     try:
