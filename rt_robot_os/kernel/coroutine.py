@@ -109,10 +109,18 @@ class Event:
         return self._set
 
     def set(self) -> None:  # noqa: A003
-        """Set it: whoever awaits it goes on, above the caller's priority before this returns."""
+        """
+        Set it: whoever awaits it goes on, by priority.
+
+        Those above the caller's do so before this returns.
+        """
         self._set = True
-        for task in tuple(self._waiting):
-            self._kernel.release(task)
+        kernel = self._kernel
+        locked, kernel.locked = kernel.locked, True
+        kernel.wake(tuple(self._waiting), kernel.now_ns())  # all of them, before the first runs
+        kernel.locked = locked
+        if kernel.pending and not locked:
+            kernel.settle()
 
     def clear(self) -> None:
         """Let those wait who await it from now on."""

@@ -107,11 +107,14 @@ def test_it_awaits_samples_in_order_and_loses_none(kernel: Kernel) -> None:
     assert bus.topic('x').wakes == []  # what it waited for is undone
 
 
-def test_events_let_all_go_on_that_wait_the_highest_first(kernel: Kernel) -> None:
+@pytest.mark.parametrize('setter', [50, 10])
+def test_events_let_all_go_on_that_wait_the_highest_first(kernel: Kernel, setter: int) -> None:
     event, order = Event(kernel), []
 
     def waiter(name: str) -> Callable[[], Coroutine[Any, Any, None]]:
         async def body() -> None:
+            if name == 'high':
+                await kernel.sleep(MS)  # so that the lower one waits first
             await event.wait()
             order.append((name, kernel.now_ns() // MS))
             await event.wait()  # still set: goes on at once
@@ -120,7 +123,7 @@ def test_events_let_all_go_on_that_wait_the_highest_first(kernel: Kernel) -> Non
 
     kernel.add_async_task('low', waiter('low'), priority=20)
     kernel.add_async_task('high', waiter('high'), priority=80)
-    kernel.add_task('setter', event.set, priority=50, rate_hz=1.0, phase_ns=7 * MS)
+    kernel.add_task('setter', event.set, priority=setter, rate_hz=1.0, phase_ns=7 * MS)
     kernel.run(20 * MS)
     assert order == [('high', 7), ('high', 7), ('low', 7), ('low', 7)]
     assert event.is_set
