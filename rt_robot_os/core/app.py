@@ -57,6 +57,7 @@ from rt_robot_os.sensors import SensorManager
 from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
@@ -116,7 +117,8 @@ class Core:
         self.link = LinkServer(
             self.kernel, self.bus, path, Answers(self), self.reports,
             service_priority=settings.core.link_priority,
-            command_priority=settings.core.command_priority)
+            command_priority=settings.core.command_priority,
+            gather_ns=round(settings.core.link_gather_ms * NS_PER_MS))
         self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=10.0)
         self.guard = ProcessGuard(settings.watchdog)
         self.watchdog: Watchdog | None = None

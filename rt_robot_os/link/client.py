@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from collections.abc import Iterator
 import itertools
 import os
 from pathlib import Path
@@ -34,6 +35,7 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.link.batch import records
 from rt_robot_os.link.facts import collect
 from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
 from rt_robot_os.link.facts import TopicInfo as TopicInfo
@@ -98,6 +100,7 @@ class LinkClient:
         self._view = memoryview(self._buffer)
         self._memories = ClientMemories()
         self._owed: deque[bytes] = deque()
+        self._records: Iterator[memoryview] | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
@@ -147,6 +150,8 @@ class LinkClient:
                 raise LinkError('the connection to the core is closed')
             if self._owed:
                 self._settle()
+            if self._records is not None:
+                self._hand_on(self._records)  # a handler raised: the others come after it
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
                 return 0
             count = 0
@@ -181,6 +186,10 @@ class LinkClient:
                 self.on_data(Header(*HEADER.unpack_from(self._buffer)),
                              self._view[HEADER_BYTES:length])
             return
+        if kind == Kind.BATCH:
+            self._records = records(self._view[:length])
+            self._hand_on(self._records)
+            return
         if kind == Kind.SLOT:
             self._handle_slot(length)
             return
@@ -195,6 +204,12 @@ class LinkClient:
             self._deliver(head.seq, head, packet)
         elif kind == Kind.REPLY:
             self._deliver(head.seq, head, packet)
+
+    def _hand_on(self, samples: Iterator[memoryview]) -> None:
+        for sample in samples:
+            if self.on_data is not None:
+                self.on_data(Header(*HEADER.unpack_from(sample)), sample[HEADER_BYTES:])
+        self._records = None
 
     def _handle_slot(self, length: int) -> None:
         """Hand on a large sample in place, and give its slot back, whatever the handler does."""

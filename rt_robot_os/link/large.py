@@ -22,6 +22,7 @@ back loses samples, which are counted as ``full``; the core waits for nothing.
 
 from __future__ import annotations
 
+import socket
 from typing import Any
 
 from rt_robot_os.errors import LinkError
@@ -56,12 +57,14 @@ class LargeMirror(Mirror):
 
     :param arguments: as for :class:`Mirror`.
     :param number: of the memory among those of the client.
+    :param connection: to the client.
     :ivar loans: which slots the client has; it gives them back in the task for commands.
     :ivar memory_bytes: how much memory it takes.
     :raises LinkError: there is not so much memory.
     """
 
-    def __init__(self, bus: Bus, topic: str, *arguments: Any, number: int) -> None:
+    def __init__(self, bus: Bus, topic: str, *arguments: Any, number: int,
+                 connection: socket.socket) -> None:
         size = bus.topic(topic).layout.max_size
         try:
             self._memory = MemoryFile.create(f'rt_robot_os {topic}', SLOTS, size)
@@ -73,13 +76,12 @@ class LargeMirror(Mirror):
         except BaseException:
             self._memory.close()
             raise
-        # Its view would hold the memory, and nobody reads it.
-        self.subscription.msg = None
         self.memory_bytes = memory_bytes(size)
         self.loans = Loans(SLOTS)
         self._number = number
         self._size = size
-        self._connection = arguments[1]
+        self._connection = connection
+        self._send = connection.send
         self._announced = False
         self._packet = bytearray(HEADER_BYTES + SLOT.size)
 
@@ -119,7 +121,8 @@ class LargeMirror(Mirror):
             if not (subscription.latest() if latest else subscription.take()):
                 self.loans.put_back(slot)
                 return
-            self._count_interval(now_ns)
+            if self._interval_ns:
+                self._count_interval(now_ns)
             if not self._hand_over(slot):
                 if self.patient:
                     subscription.put_back()

@@ -18,13 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-import socket
 
-from rt_robot_os.kernel import Task
-from rt_robot_os.link.protocol import HEADER
-from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.link.batch import Batch
+from rt_robot_os.link.gather import Gather
+from rt_robot_os.link.gather import Gathered
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
@@ -72,26 +69,28 @@ class Mirror:
     One topic to one client; used by the link's task alone.
 
     :param channel: number of the topic.
+    :param batch: what the client gets next.
     :param max_rate_hz: 0 for no limit.
+    :param gather: releases the link's task as long as the mirror is there.
+    :param buffer: where samples are copied to at first.
     :ivar patient: what a full socket refuses stays in the ring and is tried again, until it is
         overwritten there; otherwise it is lost at once.
-    :param service: the link's task, released by each publication as long as the mirror is there.
-    :param buffer: where samples are copied to; by default a packet.
+    :ivar sent: samples handed to the client's socket, or in the packet that it gets next.
     """
 
-    def __init__(self, bus: Bus, topic: str, client: str, connection: socket.socket, channel: int,
-                 policy: Policy, max_rate_hz: float, initial: bool, service: Task, *,
+    def __init__(self, bus: Bus, topic: str, client: str, batch: Batch, channel: int,
+                 policy: Policy, max_rate_hz: float, initial: bool, gather: Gather, *,
                  buffer: memoryview | None = None) -> None:
-        self._packet = bytearray(
-            HEADER_BYTES + (0 if buffer else bus.topic(topic).layout.max_size))
-        self._view = memoryview(self._packet)
         self._channel = channel
-        self._send = connection.send
+        self._batch = batch
         self._bus = bus
         self.topic = bus.topic(topic)
+        self._longest = self.topic.layout.max_size
         self.subscription = bus.subscribe(
-            topic, f'link:{client}', initial=initial, buffer=buffer or self._view[HEADER_BYTES:],
-            task=service)
+            topic, f'link:{client}', initial=initial, buffer=buffer)
+        self.subscription.msg = None  # nobody reads it: samples go where they are sent from
+        self._trigger = Gathered(gather, self.subscription)
+        self.topic.triggers.append(self._trigger)
         self._began = self.subscription.next_seq
         self.patient = False
         self.sent = self.full = self.limited = 0
@@ -116,43 +115,37 @@ class Mirror:
 
     def carry(self, now_ns: int) -> None:
         """
-        Send what is there and due; never waits.
+        Put what is there and due into the batch; never waits.
 
         :raises OSError: the client is gone.
         """
-        subscription = self.subscription
+        subscription, batch = self.subscription, self._batch
         latest = self.policy is Policy.LATEST
-        while subscription.unread:
+        take = subscription.latest if latest else subscription.take
+        while True:
             if self._interval_ns and now_ns < self._next_ns:
                 if not latest:
                     self._pass_over(subscription.unread)
                 return
-            if not (subscription.latest() if latest else subscription.take()):
+            room = batch.room(self._longest)
+            if room is None:
+                if not self.patient:
+                    self.full += subscription.pass_over(latest)
                 return
-            HEADER.pack_into(
-                self._packet, 0, Kind.DATA, VERSION, self._channel,
-                (self.full + subscription.lost) & 0xFFFFFFFF, subscription.stamp_ns,
-                subscription.seq)
-            self._count_interval(now_ns)
-            try:
-                if subscription.length == len(subscription.buffer):
-                    self._send(self._packet)
-                else:
-                    self._send(self._view[:HEADER_BYTES + subscription.length])
-            except BlockingIOError:
-                if self.patient:
-                    subscription.put_back()
-                else:
-                    self.full += 1
+            subscription.buffer = room
+            if not take():
                 return
+            batch.add(self._channel, self.full + subscription.lost, subscription.stamp_ns,
+                      subscription.seq, subscription.length)
             self.sent += 1
+            if self._interval_ns:
+                self._count_interval(now_ns)
 
     def _count_interval(self, now_ns: int) -> None:
-        if self._interval_ns:
-            # On the grid while the topic keeps up; after a pause the grid starts anew.
-            self._next_ns += self._interval_ns
-            if self._next_ns < now_ns:
-                self._next_ns = now_ns + self._interval_ns
+        # On the grid while the topic keeps up; after a pause the grid starts anew.
+        self._next_ns += self._interval_ns
+        if self._next_ns < now_ns:
+            self._next_ns = now_ns + self._interval_ns
 
     def _pass_over(self, count: int) -> None:
         for _ in range(count):
@@ -165,6 +158,8 @@ class Mirror:
 
         :param gone: the client has closed the connection and reads nothing any more.
         """
+        if self._trigger in self.topic.triggers:
+            self.topic.triggers.remove(self._trigger)
         self._bus.unsubscribe(self.subscription)
 
     def statistics(self) -> MirrorStatistics:

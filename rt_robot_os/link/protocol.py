@@ -30,6 +30,10 @@ offset size meaning
 
 An answer may take several packets: all but the last have channel 1.
 
+Samples that go out at the same moment share a ``BATCH``: after its header, whose sequence number
+counts them, each of them as a ``DATA`` packet of its own, its length before it in 8 bytes, and
+zeros behind it up to a multiple of 8. The core sends it; clients send ``DATA`` alone.
+
 A sample that is too long for a packet lies in a memory file that both sides have mapped. The core
 sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet
 for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
@@ -57,9 +61,10 @@ from typing import NamedTuple
 
 from rt_robot_os.errors import LinkError
 
-VERSION = 2
+VERSION = 3
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
+RECORD = struct.Struct('<Q')
 MEMORY = struct.Struct('<IIQ')
 SLOT = struct.Struct('<IIQ')
 GIVE_BACK = struct.Struct('<II')
@@ -82,6 +87,7 @@ class Kind(IntEnum):
     MEMORY = 7
     SLOT = 8
     GIVE_BACK = 9
+    BATCH = 10
 
 
 class Header(NamedTuple):

@@ -17,9 +17,9 @@ The core's side of the link.
 
 Two tasks share the work. ``link/commands`` has a priority of the user's choice: released by the
 arrival of packets, it publishes samples from outside at once. ``link/service`` has a low one: it
-answers requests and carries mirrored topics out, released by each publication. With the same low
-priority ``link/accept`` welcomes clients, and ``link/beat`` runs 50 times a second for heart-beats
-and what is left.
+answers requests and carries mirrored topics out, released by their publications: at once after a
+pause, else for all that comes within an interval. With the same low priority ``link/accept``
+welcomes clients, and ``link/beat`` runs 50 times a second for heart-beats and what is left.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ import struct
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.large import memory_bytes
 from rt_robot_os.link.mirror import Mirror
@@ -72,10 +73,12 @@ class LinkServer:
     :param answer: called for each request, at low priority.
     :param service_priority: of mirroring; below everything that matters.
     :param command_priority: of samples that clients publish.
+    :param gather_ns: what is published within this time goes out together.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, path: Path, answer: Answer, reports: Reports, *,
-                 service_priority: int = 2, command_priority: int = 50) -> None:
+                 service_priority: int = 2, command_priority: int = 50,
+                 gather_ns: int = 0) -> None:
         self.path = path
         self.accepted = self.refused = 0
         self._kernel = kernel
@@ -90,6 +93,7 @@ class LinkServer:
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
+        self._gather = Gather(kernel, self._service, gather_ns)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
 
@@ -129,6 +133,7 @@ class LinkServer:
         """
         self._report()
         for session in self._sessions:
+            session.carry(self._kernel.now_ns())
             self._kernel.remove_interrupt(session.connection.fileno())
             session.close()
         self._sessions = ()
@@ -169,6 +174,7 @@ class LinkServer:
 
     def _serve(self) -> None:
         now_ns = self._kernel.now_ns()
+        self._gather.begin(now_ns)
         for session in self._sessions:
             while session.requests and not session.gone:
                 try:
@@ -176,8 +182,7 @@ class LinkServer:
                 except Exception as error:
                     # The code of a module's author may be behind it: only the asking client goes.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
-            if session.mirrors:
-                session.carry(now_ns)
+            session.carry(now_ns)
             if session.gone:
                 self._remove(session)
 
@@ -247,13 +252,14 @@ class LinkServer:
         if known is not None:
             known.set_policy(policy, max_rate_hz)
             return channel
-        arguments = (self._bus, topic, session.name, session.connection, channel, policy,
-                     max_rate_hz, initial, self._service)
+        arguments = (self._bus, topic, session.name, session.batch, channel, policy,
+                     max_rate_hz, initial, self._gather)
         size = self._bus.topic(topic).layout.max_size
         if size <= SAMPLE_BYTES_MAXIMUM:
             session.mirrors[topic] = Mirror(*arguments)
         else:
-            session.add_large(topic, lambda number: LargeMirror(*arguments, number=number),
+            session.add_large(topic, lambda number: LargeMirror(
+                *arguments, number=number, connection=session.connection),
                               memory_bytes(size))
         session.mirrors[topic].patient = patient
         if oldest:

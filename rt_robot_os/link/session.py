@@ -26,6 +26,7 @@ from typing import Any
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
+from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.large import CLIENT_MEMORY_MAXIMUM
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.mirror import Mirror
@@ -91,6 +92,7 @@ class Session:
         self.report_place = 0
         self.requests: deque[bytes] = deque()
         self.mirrors: dict[str, Mirror] = {}
+        self.batch = Batch(connection)
         self._large: dict[int, LargeMirror] = {}
         self._memories = 0
         self._bus = bus
@@ -267,6 +269,7 @@ class Session:
             for mirror in self.mirrors.values():
                 if mirror.subscription.unread:
                     mirror.carry(now_ns)
+            self.batch.send()
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
 

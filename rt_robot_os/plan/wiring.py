@@ -103,7 +103,11 @@ class Wiring:
         return module in self._coroutines
 
     def outputs_events(self, priority: int) -> tuple[Event, ...]:
-        """Say what releases the task of a priority that carries topics to ROS."""
+        """
+        Say what releases the task of a priority that carries topics to ROS.
+
+        At most: publications that go out together release it once.
+        """
         return self._events(dict.fromkeys(self.outputs(), 1), priority)
 
     def module_events(self, module: str, priority: int) -> tuple[Event, ...]:

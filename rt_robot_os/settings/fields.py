@@ -65,6 +65,9 @@ CORE: Final = (
           's', 0.1, 60.0),
     Field('link_priority', int, 2, 'kernel priority of what serves clients: below what matters',
           minimum=1, maximum=99),
+    Field('link_gather_ms', float, 5.0, 'samples that are mirrored within this time of those '
+          'before go out together: the core spends less on each; 0: each at once', 'ms',
+          0.0, 1000.0),
     Field('command_priority', int, 50, 'kernel priority at which samples from ROS are published',
           minimum=1, maximum=99),
     Field('spin_us', float, 0.0, 'wake this much early and spin up to the release: less jitter '

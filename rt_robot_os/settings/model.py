@@ -49,6 +49,7 @@ class CoreSettings:
     :ivar black_box_records: how many the black box keeps.
     :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
     :ivar record_bytes: devices' bytes and the schedule are tapped from the start.
+    :ivar link_gather_ms: samples mirrored within this time go out together; 0 for each at once.
     """
 
     spawn: bool
@@ -64,6 +65,7 @@ class CoreSettings:
     black_box_records: int = 2048
     black_box_folder: str = ''
     record_bytes: bool = False
+    link_gather_ms: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)

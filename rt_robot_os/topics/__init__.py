@@ -22,6 +22,7 @@ from rt_robot_os.topics.subscription import Subscription
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
+from rt_robot_os.topics.trigger import Trigger
 
 __all__ = ['Bus', 'Layout', 'Publisher', 'ReadStatus', 'SubscriberStatistics', 'Subscription',
-           'Topic', 'TopicStatistics']
+           'Topic', 'TopicStatistics', 'Trigger']

@@ -160,7 +160,9 @@ class Topic:
 
     def pull(self, now_ns: int) -> None:
         """Release the tasks whose triggers say so; within a publication."""
-        self.kernel.wake([t.task for t in self.triggers if t.published(self)], now_ns)
+        tasks = [trigger.task for trigger in self.triggers if trigger.published(self)]
+        if tasks:
+            self.kernel.wake(tasks, now_ns)
 
     def statistics(self) -> TopicStatistics:
         """Take the statistics; not for the real-time loop."""

@@ -32,6 +32,7 @@ import pytest
 from rt_robot_os.core.app import Core
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.batch import records
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
@@ -73,6 +74,7 @@ class Raw:
         self.number = 0
         self.ended = False
         self.samples: list[Header] = []
+        self.batches: list[int] = []
         self.name = name
         self.ask('hello', name=name)
 
@@ -92,6 +94,11 @@ class Raw:
             head = Header(*HEADER.unpack_from(packet))
             if head.kind == Kind.DATA:
                 self.samples.append(head)
+            elif head.kind == Kind.BATCH:
+                found = [Header(*HEADER.unpack_from(r)) for r in records(memoryview(packet))]
+                assert len(found) == head.seq > 1
+                self.samples += found
+                self.batches.append(len(found))
             elif head.kind not in (Kind.BEAT, Kind.REPORT):
                 packets.append((head, packet[HEADER_BYTES:]))
         return packets
@@ -296,18 +303,17 @@ def test_publications_wake_the_link_only_while_somebody_mirrors(world: World, le
     publisher = world.core.bus.publisher('text')
 
     def wakes() -> int:
-        counts: list[int] = []
+        before: list[int] = []
 
         def publish(slack_ns: int) -> None:
-            if not counts:  # with nothing else going on
-                before = service.releases
+            if not before:  # with nothing else going on
+                before.append(service.releases)
                 publisher.publish()
-                counts.append(service.releases - before)
 
         world.core.kernel.on_idle = publish
         world.run()
         world.core.kernel.on_idle = None
-        return counts[0]
+        return service.releases - before[0]
 
     assert not wakes()
     for client in clients:
@@ -321,6 +327,35 @@ def test_publications_wake_the_link_only_while_somebody_mirrors(world: World, le
             client.socket.close()
             world.run()
     assert not wakes()
+
+
+def test_samples_that_were_held_back_as_a_run_ended_come_in_the_next(world: World) -> None:
+    client = world.client()
+    client.ask('mirror', topic='text')
+    publisher = world.core.bus.publisher('text')
+    left = [3, 2]
+
+    def publish(slack_ns: int) -> None:
+        for _ in range(left.pop() if left else 0):
+            publisher.publish()
+
+    world.core.kernel.on_idle = publish
+    world.run(MS)  # the one before went out, and these have to wait
+    world.run(3 * MS)
+    world.core.kernel.on_idle = None
+    world.run()
+    client.receive()
+    assert [head.seq for head in client.samples] == [0, 1, 2, 3, 4]
+
+
+def test_what_was_held_back_goes_out_before_the_goodbye(world: World) -> None:
+    client = world.client()
+    client.ask('mirror', topic='text')
+    world.publish(3, 'text')
+    world.core.link.close()
+    client.receive()
+    assert [head.seq for head in client.samples] == [0, 1, 2]
+    assert client.ended
 
 
 def test_what_a_full_socket_costs_is_counted_and_told_to_the_client(world: World) -> None:

@@ -52,7 +52,7 @@ TASKS = st.builds(
 ROBOTS = st.builds(
     RobotSettings, st.booleans(), NUMBERS,
     st.builds(CoreSettings, st.booleans(), INTEGERS, INTEGERS, st.booleans(), NUMBERS, INTEGERS,
-              INTEGERS, NUMBERS, INTEGERS, TEXTS, INTEGERS, TEXTS),
+              INTEGERS, NUMBERS, INTEGERS, TEXTS, INTEGERS, TEXTS, st.booleans(), NUMBERS),
     st.lists(st.builds(DeviceSettings, TEXTS, TEXTS, TEXTS, NUMBERS, INTEGERS, NUMBERS, NUMBERS,
                        NUMBERS, MAPS, st.none() | MAPS, TEXTS, TASKS), max_size=2).map(tuple),
     st.lists(st.builds(ModuleSettings, TEXTS, TEXTS, NUMBERS, INTEGERS, MAPS, TASKS),
