@@ -37,6 +37,7 @@ from rt_robot_os.bench.result import Need
 from rt_robot_os.bench.result import quoted
 from rt_robot_os.bench.result import Row
 from rt_robot_os.bench.result import Table
+from rt_robot_os.bench.workers.delay import ALONE
 from rt_robot_os.bench.workers.delay import key as variant
 from rt_robot_os.bench.workers.delay import WARM
 from rt_robot_os.bench.workers.delay import WARM_BYTES
@@ -124,9 +125,10 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         rows += [outcomes.row(key, {**common.tails_of(sample), 'arrived': _arrived(sample)},
                               f'{name} {run.label}') for key, run in outcomes.runs.items()]
     if 'kernel' in outcomes.runs:
-        rows.append(outcomes.row(
-            'kernel', common.tails_of(WARM),
-            f'{size_text(WARM_BYTES):>6},  1 sub  rt_robot_os, fifth in a row'))
+        rows += [outcomes.row('kernel', common.tails_of(sample),
+                              f'{size_text(WARM_BYTES):>6},  1 sub  {label}')
+                 for sample, label in ((WARM, 'rt_robot_os, fifth in a row'),
+                                       (ALONE, 'bare loop, sleep publish take'))]
     why = _why(outcomes)
     aims = [Aim(f'delay p50, {size_text(size)}, 1 subscriber', _LIMIT_US,
                 outcomes.metric('kernel', common.part_of(variant(size, 1), 0.5)), 'us',
@@ -140,10 +142,11 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 def _why(outcomes: Outcomes) -> str:
     """Say what the delay is when the caches are warm: the rest is theirs."""
-    warm = outcomes.metric('kernel', common.part_of(WARM, 0.5))
-    told = '' if warm is None else (
-        f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches, '
-        'which are cold after 2 ms of idling; ')
+    warm, alone = (outcomes.metric('kernel', common.part_of(name, 0.5)) for name in (WARM, ALONE))
+    told = '' if warm is None or alone is None else (
+        f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches '
+        'of the CPU, cold after 2 ms of idling; a bare loop that sleeps, publishes and takes '
+        f'without any kernel needs {alone.median:.1f} us; ')
     return told + common.disturbances(outcomes, 'kernel')
 
 

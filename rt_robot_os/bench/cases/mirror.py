@@ -42,6 +42,7 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
 _RATE_HZ = 2000
+_GATHER_MS = 5.0
 _WARMUP_NS = 600 * NS_PER_MS
 _START_S = 1.2
 _LIMIT_US = 5.0
@@ -70,12 +71,14 @@ _COLUMNS = (
     Column('p10', 'p10', 'us', 'CPU time'), Column('p90', 'p90', 'us', 'CPU time'))
 _NOTES = (
     'One Imu (324 B). Core: 2 kHz, stretches of 0.25 s with and without, CPU time of the process;',
-    'the difference is what mirroring costs, the dispatch of the link included. The client sleeps',
-    'between two samples, on another CPU: sending wakes it. Bare socket: only that send, from a',
-    'kernel task. Node: CPU time of the publishing thread, blocks of 100.')
+    'the difference is what mirroring costs, the dispatch of the link included. Samples go out',
+    'together, here by eight: half of the ring. The client sleeps between two packets, on another',
+    'CPU: sending wakes it. Bare socket: only that send for each sample, from a kernel task.',
+    'Node: CPU time of the publishing thread, blocks of 100.')
 _ROWS = (
     ('core', 'difference_ns', 'core: mirror to a client of the link'),
-    ('floor', 'difference_ns', '  of which: a bare socket that wakes'),
+    ('single', 'difference_ns', '  with link_gather_ms 0: each at once'),
+    ('floor', 'difference_ns', '  a bare socket: send and wake'),
     ('core', 'without_ns', '  beside: publish without mirror, job'),
     ('node 0', 'carry_ns', 'node: stamp and publish raw'),
     ('node 0', 'build_ns', 'rclpy: build and publish an Imu'),
@@ -91,7 +94,9 @@ def _plan(options: Options) -> Sequence[Run]:
     arguments = {'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns}
     return (
         *_isolation_plan(options),
-        Run('core', 'core with a mirror', f'{_CORE}:core', arguments, seconds),
+        *(Run(key, label, f'{_CORE}:core', {**arguments, 'gather_ms': gather_ms}, seconds)
+          for key, label, gather_ms in (('core', 'core with a mirror', _GATHER_MS),
+                                        ('single', 'core, nothing gathered', 0.0))),
         Run('floor', 'bare socket', f'{_CORE}:floor', arguments, seconds),
         *(Run(f'node {count}', f'node, {count} subscribers', _NODE,
               {**arguments, 'subscribers': count}, seconds + count)
@@ -169,10 +174,11 @@ def _cost(name: str, part: float) -> Callable[[Outcome], float | None]:
 def _sending(outcomes: Outcomes) -> str:
     """Say what the system call that wakes the client costs by itself."""
     floor = outcomes.metric('floor', _cost('difference_ns', 0.5))
-    bare = '' if floor is None else f'{floor.median:.1f} us of it are '
-    return (f'{bare}the system call that sends to and wakes another process, which in a virtual '
-            'machine costs an interrupt between processors; '
-            + common.disturbances(outcomes, 'core'))
+    bare = '' if floor is None else (
+        'a packet of eight samples is a system call that wakes another process: '
+        f'{floor.median:.1f} us, in a virtual machine an interrupt between processors; the rest '
+        'is a job of the link that runs with cold caches; ')
+    return bare + common.disturbances(outcomes, 'core')
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:

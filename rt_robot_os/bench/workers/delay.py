@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 import struct
+import time
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,9 @@ from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Measured
 from rt_robot_os.bench.stamps import Stamps
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
 
@@ -37,7 +40,7 @@ MESSAGE = 'std_msgs/msg/UInt8MultiArray'
 OVERHEAD_BYTES = 16
 NUMBER = struct.Struct('<I')
 _NO_NUMBER = 0xFFFFFFFF
-WARM, WARM_BYTES = 'warm', 64
+WARM, ALONE, WARM_BYTES = 'warm', 'alone', 64
 
 
 class Receiver:
@@ -97,17 +100,36 @@ def kernel(harness: Harness) -> Measured:
     """Measure all variants (bytes, subscribers), one after the other."""
     a = harness.arguments
     samples: dict[str, Samples] = {}
-    variants = [(size, subscribers, _Variant(a, size, subscribers))
+    variants = [(size, subscribers, Variant(a, size, subscribers))
                 for size, subscribers in a['variants']]
-    warm = _Variant(a, WARM_BYTES, 1, before=4)
+    warm = Variant(a, WARM_BYTES, 1, before=4)
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()
     samples[WARM] = warm.run()
+    samples[ALONE] = _alone(a)
     return Measured(samples, {'due': due(a)})
 
 
-class _Variant:
+def _alone(a: Mapping[str, int]) -> Samples:
+    """Publish and take in a bare loop that sleeps in between: no kernel has a part in it."""
+    bus = Bus(Kernel())
+    bus.declare('message', MESSAGE, {'data': WARM_BYTES - OVERHEAD_BYTES})
+    publish, take = bus.publisher('message').publish, bus.subscribe('message', 'reader').take
+    sleeper, now_ns = Sleeper(), time.monotonic_ns
+    delays = np.zeros((a['warmup_ns'] + a['measure_ns']) // a['period_ns'], np.int64)
+    wake_ns = now_ns()
+    for i in range(len(delays)):
+        wake_ns += a['period_ns']
+        sleeper.sleep_until_ns(wake_ns)
+        begin_ns = now_ns()
+        publish()
+        take()
+        delays[i] = now_ns() - begin_ns
+    return delays[a['warmup_ns'] // a['period_ns']:]
+
+
+class Variant:
     """
     One size of message and number of subscribers, in a kernel of its own.
 
@@ -126,7 +148,7 @@ class _Variant:
         self._receivers = [Receiver(room * (1 + before)) for _ in range(subscribers)]
         self._before = range(before)
         publisher = bus.publisher('message')
-        self._kernel.add_task('publish', self._publishing(publisher.msg.data, publisher.publish),
+        self._kernel.add_task('publish', self._publishing(publisher),
                               priority=10, rate_hz=NS_PER_S / a['period_ns'])
         for i, receiver in enumerate(self._receivers):
             # The function needs the subscription, which needs the task: filled in afterwards.
@@ -135,14 +157,16 @@ class _Variant:
                                          priority=50 + i)
             cell.append(bus.subscribe('message', f'take{i}', task=task))
 
-    def _publishing(self, data: Any, publish: Callable[[], None]) -> Callable[[], None]:
+    def _publishing(self, publisher: Publisher) -> Callable[[], None]:
         sent, write, before = self._sent, NUMBER.pack_into, self._before
+        publish = publisher.publish
 
         def job() -> None:
             for _ in before:
-                write(data, 0, _NO_NUMBER)
+                write(publisher.msg.data, 0, _NO_NUMBER)
                 publish()
-            write(data, 0, sent.count)
+            # Not kept: publishing a large message gives its buffer away.
+            write(publisher.msg.data, 0, sent.count)
             sent.stamp()
             publish()
 

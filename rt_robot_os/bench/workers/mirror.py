@@ -44,17 +44,19 @@ _CLIENT = 'rt_robot_os.bench.workers.mirror:client'
 _RECEIVER = 'rt_robot_os.bench.workers.mirror:receiver'
 
 
-def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]]) -> RobotSettings:
+def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]],
+             gather_ms: float = 5.0) -> RobotSettings:
     """
     Make a robot without devices.
 
     :param topics: message type and fixed fields, by name.
+    :param gather_ms: what is mirrored within this time goes out together; the default of a robot.
     """
     declared = tuple(TopicSettings(name.replace('/', '_'), name, message, 16, 0.0, fixed)
                      for name, (message, fixed) in topics.items())
     return RobotSettings(True, 1.0, CoreSettings(
         spawn=False, cpu=-1, scheduler_priority=0, lock_memory=True, heartbeat_s=1.0,
-        link_priority=2, command_priority=50), topics=declared)
+        link_priority=2, command_priority=50, link_gather_ms=gather_ms), topics=declared)
 
 
 def core(harness: Harness) -> Measured:
@@ -65,7 +67,8 @@ def core(harness: Harness) -> Measured:
     """
     a = harness.arguments
     path = socket_path('bench')
-    tested = Core(settings({name: (IMU, IMU_SHAPE) for name in (MIRRORED, PLAIN)}), path)
+    tested = Core(settings({name: (IMU, IMU_SHAPE) for name in (MIRRORED, PLAIN)},
+                           a['gather_ms']), path)
     sent = [0]
 
     def count() -> None:
