@@ -55,11 +55,14 @@ class Gather:
         self._timer.start_at(self._open_ns)
         return False
 
-    def begin(self, now_ns: int) -> None:
+    def begin(self) -> None:
         """Note that the task runs, before it looks at the topics."""
         if self._timer.started:
             self._timer.cancel()
         self.waiting = False
+
+    def carried(self, now_ns: int) -> None:
+        """Note that samples went out; a job that found none holds nothing back."""
         self._open_ns = now_ns + self.interval_ns
 
 

@@ -174,7 +174,8 @@ class LinkServer:
 
     def _serve(self) -> None:
         now_ns = self._kernel.now_ns()
-        self._gather.begin(now_ns)
+        self._gather.begin()
+        some = False
         for session in self._sessions:
             while session.requests and not session.gone:
                 try:
@@ -182,9 +183,11 @@ class LinkServer:
                 except Exception as error:
                     # The code of a module's author may be behind it: only the asking client goes.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
-            session.carry(now_ns)
+            some |= session.carry(now_ns)
             if session.gone:
                 self._remove(session)
+        if some:
+            self._gather.carried(now_ns)
 
     def _beat(self) -> None:
         self._beats += 1

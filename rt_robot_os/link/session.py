@@ -263,15 +263,22 @@ class Session:
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
 
-    def carry(self, now_ns: int) -> None:
-        """Send the samples of all mirrored topics."""
+    def carry(self, now_ns: int) -> bool:
+        """
+        Send the samples of all mirrored topics.
+
+        :return: whether there were any.
+        """
+        some = False
         try:
             for mirror in self.mirrors.values():
                 if mirror.subscription.unread:
+                    some = True
                     mirror.carry(now_ns)
             self.batch.send()
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
+        return some
 
     def close(self) -> None:
         """Remove everything that it had."""

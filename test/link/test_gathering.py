@@ -179,8 +179,9 @@ class Carried:
     def _serve(self) -> None:
         now_ns = self.kernel.now_ns()
         self.served_ns.append(now_ns - self.kernel.start_ns)
-        self.gather.begin(now_ns)
-        self.session.carry(now_ns)
+        self.gather.begin()
+        if self.session.carry(now_ns):
+            self.gather.carried(now_ns)
         self._came += packets(self.theirs)
 
     def publish(self, name: str, times_us: Sequence[int]) -> None:
@@ -233,6 +234,15 @@ def test_what_comes_within_the_interval_goes_out_together_at_its_end(
     world.kernel.run(30 * MS)
     assert world.served_ns == [1 * MS, 6 * MS, 11 * MS]
     assert world.received() == [[(0, 0)], [(0, 1), (0, 2), (1, 0)], [(0, 3)]]
+
+
+def test_a_job_that_finds_nothing_holds_nothing_back(carried: Callable[..., Carried]) -> None:
+    world = carried(GATHER_NS)
+    world.publish('a', [1000, 11_000])
+    timer = world.kernel.timer(world.service)
+    world.kernel.add_task('ask', lambda: timer.start(10 * MS), priority=60, rate_hz=1.0)
+    world.kernel.run(30 * MS)
+    assert world.served_ns == [1 * MS, 10 * MS, 11 * MS]
 
 
 def test_without_an_interval_each_publication_goes_out_at_once(

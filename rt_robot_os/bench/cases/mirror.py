@@ -96,7 +96,8 @@ def _plan(options: Options) -> Sequence[Run]:
         *_isolation_plan(options),
         *(Run(key, label, f'{_CORE}:core', {**arguments, 'gather_ms': gather_ms}, seconds)
           for key, label, gather_ms in (('core', 'core with a mirror', _GATHER_MS),
-                                        ('single', 'core, nothing gathered', 0.0))),
+                                        ('single', 'core, nothing gathered', 0.0))
+          if key == 'core' or not options.quick),
         Run('floor', 'bare socket', f'{_CORE}:floor', arguments, seconds),
         *(Run(f'node {count}', f'node, {count} subscribers', _NODE,
               {**arguments, 'subscribers': count}, seconds + count)

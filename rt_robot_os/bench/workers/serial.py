@@ -34,6 +34,7 @@ import numpy as np
 
 from rt_robot_os.bench.harness import Harness
 from rt_robot_os.bench.harness import Measured
+from rt_robot_os.bench.harness import Unavailable
 from rt_robot_os.bench.workers.compute import compute
 from rt_robot_os.bench.workers.mirror import settings
 from rt_robot_os.bench.workers.sine import Decoder
@@ -54,15 +55,35 @@ _START_NS = NS_PER_S
 _TAIL_NS = NS_PER_S // 5
 _BUSY_NS, _BUSY_PERIOD_NS = 8 * NS_PER_MS, 100 * NS_PER_MS
 _CHUNK = 4096
+_WORK_QUEUES = Path('/sys/devices/virtual/workqueue/cpumask')
 
 
 def _work_queue_mask() -> int:
     """Read on which CPUs Linux may run its unbound work queues, which deliver serial bytes."""
     try:
-        text = Path('/sys/devices/virtual/workqueue/cpumask').read_text()
-        return int(text.strip().replace(',', ''), 16)
+        return int(_WORK_QUEUES.read_text().strip().replace(',', ''), 16)
     except (OSError, ValueError):
         return -1
+
+
+@contextmanager
+def _work_queues_off(cpu: int) -> Iterator[None]:
+    """
+    Keep Linux's unbound work queues off a CPU for a while, as the administrator can for good.
+
+    :raises Unavailable: there is no other CPU, or not the right to do so.
+    """
+    before = _work_queue_mask()
+    if before < 0 or not before & ~(1 << cpu):
+        raise Unavailable(f'the work queues have no CPU but {cpu}')
+    try:
+        _WORK_QUEUES.write_text(f'{before & ~(1 << cpu):x}')
+    except OSError as error:
+        raise Unavailable(f'{_WORK_QUEUES}: {error.strerror} (remedy: run as root)') from error
+    try:
+        yield
+    finally:
+        _WORK_QUEUES.write_text(f'{before:x}')
 
 
 class _Setup:
@@ -111,12 +132,13 @@ class _Setup:
 
 @contextmanager
 def _loaded(harness: Harness) -> Iterator[None]:
-    """Let ``processes`` compute on the CPU of the measured ones."""
+    """Let ``processes`` compute on the CPU of the measured ones, ``alone`` without work queues."""
     count = harness.arguments['processes']
-    if not count:
-        yield
-        return
-    with harness.helper(f'{_SINE}:loads', {'count': count}, same_cpu=True):
+    with ExitStack() as stack:
+        if harness.arguments['alone']:
+            stack.enter_context(_work_queues_off(harness.own_cpu))
+        if count:
+            stack.enter_context(harness.helper(f'{_SINE}:loads', {'count': count}, same_cpu=True))
         yield
 
 
