@@ -37,8 +37,9 @@ from rt_robot_os.bench.result import Need
 from rt_robot_os.bench.result import quoted
 from rt_robot_os.bench.result import Row
 from rt_robot_os.bench.result import Table
-from rt_robot_os.bench.workers.delay import ALONE
 from rt_robot_os.bench.workers.delay import key as variant
+from rt_robot_os.bench.workers.delay import SLEEPING
+from rt_robot_os.bench.workers.delay import WAITING
 from rt_robot_os.bench.workers.delay import WARM
 from rt_robot_os.bench.workers.delay import WARM_BYTES
 from rt_robot_os.units import NS_PER_MS
@@ -63,7 +64,8 @@ _NOTES = (
     'last one has it. rclpy: timer, publisher and subscriptions in one process. Threads: bytes in',
     'a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room',
     'for more than 4 KB, and gives a message to one of several nodes. The same CPU, SCHED_FIFO',
-    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.')
+    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.',
+    'Bare loop: publish and take every 2 ms in Python, no kernel, no task: what the caches cost.')
 
 
 def _variants(options: Options) -> Sequence[tuple[int, int]]:
@@ -128,7 +130,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         rows += [outcomes.row('kernel', common.tails_of(sample),
                               f'{size_text(WARM_BYTES):>6},  1 sub  {label}')
                  for sample, label in ((WARM, 'rt_robot_os, fifth in a row'),
-                                       (ALONE, 'bare loop, sleep publish take'))]
+                                       (SLEEPING, 'bare loop that sleeps'),
+                                       (WAITING, 'bare loop that never sleeps'))]
     why = _why(outcomes)
     aims = [Aim(f'delay p50, {size_text(size)}, 1 subscriber', _LIMIT_US,
                 outcomes.metric('kernel', common.part_of(variant(size, 1), 0.5)), 'us',
@@ -142,11 +145,13 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 def _why(outcomes: Outcomes) -> str:
     """Say what the delay is when the caches are warm: the rest is theirs."""
-    warm, alone = (outcomes.metric('kernel', common.part_of(name, 0.5)) for name in (WARM, ALONE))
-    told = '' if warm is None or alone is None else (
+    warm, sleeping, waiting = (outcomes.metric('kernel', common.part_of(name, 0.5))
+                               for name in (WARM, SLEEPING, WAITING))
+    told = '' if warm is None or sleeping is None or waiting is None else (
         f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches '
-        'of the CPU, cold after 2 ms of idling; a bare loop that sleeps, publishes and takes '
-        f'without any kernel needs {alone.median:.1f} us; ')
+        'of the CPU, cold after 2 ms. To publish and take in a bare loop, without any kernel, '
+        f'takes {sleeping.median:.1f} us after 2 ms of sleep, and {waiting.median:.1f} us after '
+        '2 ms of waiting awake: that much is lost to whom else the host lets use them; ')
     return told + common.disturbances(outcomes, 'kernel')
 
 

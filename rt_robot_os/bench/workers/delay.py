@@ -40,7 +40,8 @@ MESSAGE = 'std_msgs/msg/UInt8MultiArray'
 OVERHEAD_BYTES = 16
 NUMBER = struct.Struct('<I')
 _NO_NUMBER = 0xFFFFFFFF
-WARM, ALONE, WARM_BYTES = 'warm', 'alone', 64
+WARM, WARM_BYTES = 'warm', 64
+SLEEPING, WAITING = 'sleeping', 'waiting'
 
 
 class Receiver:
@@ -107,12 +108,12 @@ def kernel(harness: Harness) -> Measured:
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()
     samples[WARM] = warm.run()
-    samples[ALONE] = _alone(a)
+    samples[SLEEPING], samples[WAITING] = _alone(a, True), _alone(a, False)
     return Measured(samples, {'due': due(a)})
 
 
-def _alone(a: Mapping[str, int]) -> Samples:
-    """Publish and take in a bare loop that sleeps in between: no kernel has a part in it."""
+def _alone(a: Mapping[str, int], sleeping: bool) -> Samples:
+    """Publish and take in a bare loop, without a kernel, that sleeps or waits in between."""
     bus = Bus(Kernel())
     bus.declare('message', MESSAGE, {'data': WARM_BYTES - OVERHEAD_BYTES})
     publish, take = bus.publisher('message').publish, bus.subscribe('message', 'reader').take
@@ -121,7 +122,10 @@ def _alone(a: Mapping[str, int]) -> Samples:
     wake_ns = now_ns()
     for i in range(len(delays)):
         wake_ns += a['period_ns']
-        sleeper.sleep_until_ns(wake_ns)
+        if sleeping:
+            sleeper.sleep_until_ns(wake_ns)
+        while now_ns() < wake_ns:
+            pass
         begin_ns = now_ns()
         publish()
         take()
