@@ -67,6 +67,13 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
         'run/repeat/sample. `bench --page FOLDER` computes every table, plot and verdict from '
         'them again.',
     ]
+    pace = conditions.get('loop_ns')
+    if pace:
+        lines.append(
+            f'The pace of the machine: beside each measurement the same process times a plain '
+            f'Python loop. A turn took {pace["median"]:.1f} ns in the median of '
+            f'{pace["processes"]} processes, {pace["least"]:.1f} in the fastest and '
+            f'{pace["most"]:.1f} in the slowest: so much did the machine itself vary.')
     if machine['virtual']:
         lines.append(
             'A virtual machine: when its host gives the CPU to others, everything in it stands '

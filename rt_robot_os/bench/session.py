@@ -21,6 +21,7 @@ from datetime import datetime
 from datetime import timezone
 from pathlib import Path
 import shlex
+import statistics
 import sys
 import textwrap
 from typing import Any
@@ -48,6 +49,7 @@ from rt_robot_os.bench.runner import expected_seconds
 from rt_robot_os.bench.runner import Measure
 from rt_robot_os.bench.runner import run_case
 from rt_robot_os.bench.stamps import cost_ns
+from rt_robot_os.bench.surroundings import LOOP
 from rt_robot_os.bench.text import case_lines
 from rt_robot_os.bench.text import WIDTH
 
@@ -69,6 +71,7 @@ class Session:
         self._expected_s = sum(expected_seconds(case, request.options) for case in request.cases)
         self._progress = Progress(sys.stderr, self._expected_s)
         self._realtime: dict[str, str] = {}
+        self._paces: list[float] = []
         self.results: list[CaseResult] = []
         self.failed = False
         self.machine = machine.describe()
@@ -113,6 +116,7 @@ class Session:
     def _evaluate(self, case: Case, outcomes: Outcomes) -> None:
         known = [outcome for key in outcomes.runs for outcome in outcomes.all(key)]
         self._note_realtime(known)
+        self._paces += [o.figures[LOOP] for o in known if LOOP in o.figures]
         self.failed = self.failed or any(o.status is Status.FAILED for o in known)
         result = case.evaluate(self._request.options, outcomes)
         self.results.append(result)
@@ -133,6 +137,10 @@ class Session:
 
     def _content(self, interrupted: bool) -> dict[str, Any]:
         self.conditions['ended'] = datetime.now(timezone.utc).isoformat(timespec='seconds')
+        if self._paces:
+            self.conditions['loop_ns'] = {
+                'median': statistics.median(self._paces), 'least': min(self._paces),
+                'most': max(self._paces), 'processes': len(self._paces)}
         return document(self.machine, self.conditions, self._request.options, self.results,
                         interrupted)
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
+import statistics
 
 from rt_robot_os.bench.case import FIFO_PRIORITY
 from rt_robot_os.bench.case import LAST_CPU
@@ -28,11 +29,13 @@ from rt_robot_os.bench.case import UNPINNED
 from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.stats import percentile
 from rt_robot_os.bench.surroundings import explain
+from rt_robot_os.bench.surroundings import LOOP
 
 Of = Callable[[Outcome], 'float | None']
 
 # Of one second's start: interpreter and NumPy; rclpy and its discovery on top.
 START_S = 0.8
+_SLOWER = 1.25
 START_PEER_S = 1.6
 
 RCLPY = ('single', 'multi', 'events')
@@ -101,6 +104,18 @@ def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
             'HORUS': metric('horus'), 'threads': metric('threads')}
 
 
+def _slower(outcomes: Outcomes, key: str) -> str:
+    """Say that the CPU itself was slow, where a plain loop shows it."""
+    paces = {name: [pace for outcome in outcomes.measured(name)
+                    if (pace := outcome.figures.get(LOOP))] for name in outcomes.runs}
+    if not paces.get(key):
+        return ''
+    factor = statistics.median(paces[key]) / min(min(some) for some in paces.values() if some)
+    return '' if factor < _SLOWER else (
+        f'even a plain Python loop ran {factor:.1f} times slower beside it than in the best '
+        'process of this case: the CPU gave less, as the host of a virtual machine decides')
+
+
 def disturbances(outcomes: Outcomes, key: str) -> str:
     """Say what disturbed a run, as far as its counters tell; the worst of the repeats."""
     refused = [step for outcome in outcomes.measured(key)
@@ -109,6 +124,9 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
         return f'{refused[0]} was refused: every other process of the machine can delay it'
     if not any('env waited_ms' in outcome.figures for outcome in outcomes.measured(key)):
         return 'not known: nothing was counted'
+    slow = _slower(outcomes, key)
+    if slow:
+        return slow
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
     return told[-1] if told else ('nothing outside was counted that explains it: the program '
                                   'itself, the interpreter, or the virtual machine')

@@ -151,7 +151,7 @@ def _why(outcomes: Outcomes) -> str:
         f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches '
         'of the CPU, cold after 2 ms. To publish and take in a bare loop, without any kernel, '
         f'takes {sleeping.median:.1f} us after 2 ms of sleep, and {waiting.median:.1f} us after '
-        '2 ms of waiting awake: that much is lost to whom else the host lets use them; ')
+        '2 ms of waiting awake; ')
     return told + common.disturbances(outcomes, 'kernel')
 
 
