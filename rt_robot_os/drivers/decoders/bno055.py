@@ -23,10 +23,11 @@ nothing at all, before fusion begins). A flipped bit elsewhere in the data canno
 
 from __future__ import annotations
 
-import re
 import struct
 from typing import Final
 from typing import NamedTuple
+
+from rt_robot_os.drivers.framing import FrameDecoder
 
 DATA: Final = 0xBB
 STATUS: Final = 0xEE
@@ -45,7 +46,6 @@ STATUSES: Final = {
     0x08: 'too long', 0x09: 'too short', 0x0A: 'request came too slowly',
 }
 
-_START: Final = re.compile(b'[\xbb\xee]').search
 _QUATERNION: Final = struct.Struct('<4h').unpack_from
 _QUATERNION_AT: Final = 24
 _UNIT: Final = 1 << 28
@@ -66,69 +66,32 @@ class Bno055Frame(NamedTuple):
     end: int
 
 
-class Bno055Decoder:
+class Bno055Decoder(FrameDecoder[Bno055Frame]):
     """
     Find the answers in a stream of bytes; safe in the loop, keeps less than 48 bytes.
 
-    :ivar frames: valid answers so far.
-    :ivar rejected_bytes: bytes that belong to no valid answer.
-    :ivar rejected_frames: blocks that cannot be measurements.
+    A rejected frame is a block that cannot be a measurement.
     """
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+    STARTS = bytes((DATA, STATUS))
+    SHORTEST = 2
+    LONGEST = 2 + BLOCK_SIZE
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their answer."""
-        return len(self._pending)
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where an answer ends, 0 when there is none of that kind."""
+        second = buffer[at + 1]
+        if buffer[at] == STATUS:
+            return at + 2 if second in STATUSES else 0
+        return at + 2 + second if second in (1, BLOCK_SIZE) else 0
 
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[Bno055Frame]:
-        """
-        Take the next bytes of the stream.
-
-        :return: the answers that they complete, in order; the same however the stream is cut.
-        """
-        held = len(self._pending)
-        buffer = self._pending + data
-        size = len(buffer)
-        frames: list[Bno055Frame] = []
-        used = at = 0
-        while True:
-            match = _START(buffer, at)
-            at = size if match is None else match.start()
-            if size - at < 2:
-                break
-            second = buffer[at + 1]
-            if buffer[at] == STATUS:
-                end = at + 2 if second in STATUSES else 0
-            else:
-                end = at + 2 + second if second in (1, BLOCK_SIZE) else 0
-            if end > size:
-                break
-            if end and buffer[at] == DATA and second == BLOCK_SIZE \
-                    and not _plausible(buffer, at + 2):
-                self.rejected_frames += 1
-                end = 0
-            if not end:
-                at += 1
-                continue
-            frames.append(Bno055Frame(second, b'', end - held) if buffer[at] == STATUS
-                          else Bno055Frame(0, buffer[at + 2:end], end - held))
-            used += end - at
-            at = end
-        self.rejected_bytes += at - used
-        self._pending = buffer[at:]
-        self.frames += len(frames)
-        return frames
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> Bno055Frame | None:
+        """Read an answer; a block needs a rotation in it."""
+        second = buffer[at + 1]
+        if buffer[at] == STATUS:
+            return Bno055Frame(second, b'', arrived)
+        if second == BLOCK_SIZE and not _plausible(buffer, at + 2):
+            return None
+        return Bno055Frame(0, buffer[at + 2:end], arrived)
 
 
 def _plausible(buffer: bytes, at: int) -> bool:

@@ -25,6 +25,8 @@ import re
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.drivers.framing import FrameDecoder
+
 # Metres of a unit, digits of a reading, what is sent without a target.
 UNITS: Final = {'mm': (0.001, 4, (5000, 9999)), 'cm': (0.01, 3, (765, 1068)),
                 'inch': (0.0254, 3, (255,))}
@@ -51,61 +53,27 @@ class MaxBotixFrame(NamedTuple):
     end: int
 
 
-class MaxBotixDecoder:
+class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
     """
     Find the readings in a stream of bytes; safe in the loop, keeps less than 10 bytes.
 
-    :ivar frames: valid readings so far.
-    :ivar rejected_bytes: bytes that belong to no reading.
-    :ivar rejected_frames: lines that begin with R and are no reading.
+    A rejected frame is a line that begins with R and is no reading.
     """
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+    STARTS = b'R'
+    SHORTEST = 5
+    LONGEST = _LONGEST
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their reading."""
-        return len(self._pending)
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where the line ends; where the next R stands, if the line was cut off there."""
+        limit = at + _LONGEST
+        end = buffer.find(_CR, at, limit) + 1 or limit
+        again = buffer.find(b'R', at + 1, end)
+        return again if again > 0 else end
 
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[MaxBotixFrame]:
-        """
-        Take the next bytes of the stream.
-
-        :return: the readings that they complete, in order; the same however the stream is cut.
-        """
-        held = len(self._pending)
-        buffer = self._pending + data
-        size = len(buffer)
-        frames: list[MaxBotixFrame] = []
-        used = 0
-        at = buffer.find(b'R')
-        while at >= 0:
-            end = buffer.find(_CR, at, at + _LONGEST) + 1
-            # Another R before the end: the first reading was cut off.
-            again = buffer.find(b'R', at + 1, end or at + _LONGEST)
-            if again >= 0:
-                self.rejected_frames += 1
-                at = again
-                continue
-            if not end and size - at < _LONGEST:
-                break
-            match = _LINE(buffer[at:end]) if end else None
-            if match is None:
-                self.rejected_frames += 1
-            else:
-                frames.append(MaxBotixFrame(int(match[1]), len(match[1]), end - at, end - held))
-                used += end - at
-            at = buffer.find(b'R', end or at + _LONGEST)
-        self._pending = buffer[at:] if at >= 0 else b''
-        self.rejected_bytes += size - len(self._pending) - used
-        self.frames += len(frames)
-        return frames
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> MaxBotixFrame | None:
+        """Read a line."""
+        match = _LINE(buffer[at:end])
+        if match is None:
+            return None
+        return MaxBotixFrame(int(match[1]), len(match[1]), end - at, arrived)

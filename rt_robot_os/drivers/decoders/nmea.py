@@ -26,9 +26,13 @@ import re
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.drivers.framing import FrameDecoder
+
+# "$X*58\n" is the shortest.
+MIN_SENTENCE: Final = 6
 MAX_SENTENCE: Final = 200
 
-_LINE: Final = re.compile(rb'\$([ -#%-)+-~]+)\*([0-9A-Fa-f]{2})\r?\n').fullmatch
+_SENTENCE: Final = re.compile(rb'\$[ -#%-)+-~]+\*[0-9A-Fa-f]{2}\r?\n').fullmatch
 
 
 class NmeaFrame(NamedTuple):
@@ -45,72 +49,44 @@ class NmeaFrame(NamedTuple):
     end: int
 
 
-class NmeaDecoder:
-    """
-    Find the sentences in a stream of bytes; safe in the loop, keeps less than 200 bytes.
+class NmeaDecoder(FrameDecoder[NmeaFrame]):
+    """Find the sentences in a stream of bytes; safe in the loop, keeps less than 200 bytes."""
 
-    :ivar frames: valid sentences so far.
-    :ivar rejected_bytes: bytes that belong to no valid sentence.
-    :ivar rejected_frames: sentences whose checksum was wrong.
-    """
+    STARTS = b'$'
+    SHORTEST = MIN_SENTENCE
+    LONGEST = MAX_SENTENCE
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where a sentence ends, 0 when none begins here."""
+        return sentence_end(buffer, at)
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their sentence."""
-        return len(self._pending)
-
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[NmeaFrame]:
-        """
-        Take the next bytes of the stream.
-
-        :return: the sentences that they complete, in order; the same however the stream is cut.
-        """
-        held = len(self._pending)
-        buffer = self._pending + data
-        size = len(buffer)
-        frames: list[NmeaFrame] = []
-        used = 0
-        at = buffer.find(b'$')
-        while at >= 0:
-            end = buffer.find(b'\n', at, at + MAX_SENTENCE) + 1
-            # A second `$` before the line end: the first sentence was cut off.
-            next_at = buffer.find(b'$', at + 1, end or at + MAX_SENTENCE)
-            if next_at < 0:
-                if end:
-                    address = self._address(buffer[at:end])
-                    if address is not None:
-                        frames.append(NmeaFrame(buffer[at:end], address, end - held))
-                        used += end - at
-                elif size - at < MAX_SENTENCE:
-                    break
-                next_at = buffer.find(b'$', end or at + MAX_SENTENCE)
-            at = next_at
-        self._pending = buffer[at:] if at >= 0 else b''
-        self.rejected_bytes += size - len(self._pending) - used
-        self.frames += len(frames)
-        return frames
-
-    def _address(self, line: bytes) -> str | None:
-        """Give the address of a valid sentence, None when it is not valid."""
-        match = _LINE(line)
-        if match is None:
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> NmeaFrame | None:
+        """Read a sentence with a good checksum."""
+        sentence = buffer[at:end]
+        content = checked(sentence)
+        if content is None:
             return None
-        content, checksum = match.groups()
-        if xor(content) != int(checksum, 16):
-            self.rejected_frames += 1
-            return None
-        return content.partition(b',')[0].decode('ascii')
+        return NmeaFrame(sentence, content.partition(b',')[0].decode('ascii'), arrived)
+
+
+def sentence_end(buffer: bytes, at: int) -> int:
+    """
+    Say where the sentence that begins at an index ends.
+
+    :return: index just after its line end, one behind the buffer while it may go on, or 0.
+    """
+    limit = at + MAX_SENTENCE
+    end = buffer.find(b'\n', at, limit) + 1
+    if end:
+        return end if _SENTENCE(buffer, at, end) else 0
+    # A second `$` before the line end: the first sentence was cut off.
+    return limit if len(buffer) < limit and buffer.find(b'$', at + 1) < 0 else 0
+
+
+def checked(sentence: bytes) -> bytes | None:
+    """Give what is between ``$`` and ``*``, None when the checksum behind it is another."""
+    content, _, checksum = sentence[1:].partition(b'*')
+    return content if xor(content) == int(checksum[:2], 16) else None
 
 
 def xor(content: bytes) -> int:

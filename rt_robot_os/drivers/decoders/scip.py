@@ -32,6 +32,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rt_robot_os.drivers.framing import StreamDecoder
+
 END: Final = b'\n\n'
 SCAN: Final = 99
 OK: Final = 0
@@ -75,30 +77,12 @@ class ScipFrame(NamedTuple):
         return self.echo[:2]
 
 
-class ScipDecoder:
+class ScipDecoder(StreamDecoder[ScipFrame]):
     """
     Find the answers in a stream of bytes; safe in the loop, keeps at most 6000 bytes.
 
-    :ivar frames: valid answers so far.
-    :ivar rejected_bytes: bytes that belong to no valid answer.
-    :ivar rejected_frames: answers with a wrong sum.
+    Only the end of an answer shows that there was one, so it looks for ends and reads backwards.
     """
-
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
-
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their answer."""
-        return len(self._pending)
-
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
 
     def feed(self, data: bytes) -> list[ScipFrame]:
         """

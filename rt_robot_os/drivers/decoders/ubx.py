@@ -29,7 +29,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
+from rt_robot_os.drivers.decoders.nmea import checked
+from rt_robot_os.drivers.decoders.nmea import MIN_SENTENCE
+from rt_robot_os.drivers.decoders.nmea import sentence_end
+from rt_robot_os.drivers.framing import FrameDecoder
 
 SYNC: Final = b'\xb5\x62'
 # A header found by chance holds up what follows until its length is there: keep that short.
@@ -128,100 +131,35 @@ class NavPvt(NamedTuple):
         return self.flags >> 6
 
 
-class UbxDecoder:
-    """
-    Find messages and sentences in a stream of bytes; safe in the loop, keeps less than 3 KiB.
+class UbxDecoder(FrameDecoder[UbxFrame]):
+    """Find messages and sentences in a stream; safe in the loop, keeps less than 3 KiB."""
 
-    :ivar frames: valid messages and sentences so far.
-    :ivar rejected_bytes: bytes that belong to none.
-    :ivar rejected_frames: those with a wrong checksum.
-    """
+    STARTS = SYNC[:1] + b'$'
+    SHORTEST = MIN_SENTENCE  # as long as the header of a message
+    LONGEST = _OVERHEAD + MAX_PAYLOAD
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._own_rejected_bytes = 0
-        self._own_rejected_frames = 0
-        self._pending = b''
-        self._nmea = NmeaDecoder()
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where a message or sentence ends, 0 when none begins here."""
+        if buffer[at] != SYNC[0]:
+            end = sentence_end(buffer, at)
+            # A message cuts off what has not ended.
+            return end if end <= len(buffer) or SYNC not in buffer[at:] else 0
+        if buffer[at + 1] != SYNC[1] or buffer[at + 2] not in _CLASSES:
+            return 0
+        length = buffer[at + 4] | buffer[at + 5] << 8
+        if buffer[at + 2] == NAV and buffer[at + 3] == PVT and length not in PVT_SIZES:
+            return 0
+        return at + _OVERHEAD + length
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
-        return len(self._pending) + self._nmea.pending_bytes
-
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self._own_rejected_bytes += len(self._pending)
-        self._pending = b''
-        self._nmea.reset()
-        self._count()
-
-    def feed(self, data: bytes) -> list[UbxFrame]:
-        """
-        Take the next bytes of the stream.
-
-        :return: the frames that they complete, in order; the same however the stream is cut.
-        """
-        held = len(self._pending)
-        buffer = self._pending + data if held else data
-        size = len(buffer)
-        frames: list[UbxFrame] = []
-        at = text = 0
-        while True:
-            at = buffer.find(SYNC, at)
-            if at < 0:
-                at = size - 1 if size > text and buffer[-1] == SYNC[0] else size
-                break
-            length = _length(buffer, at)
-            end = at + _OVERHEAD + length
-            if length >= 0 and end > size:
-                break
-            if length < 0 or not self._sums_up(buffer, at, end):
-                at += 1
-                continue
-            if at > text or self._nmea.pending_bytes:
-                self._between(buffer[text:at], text - held, frames)
-                self._nmea.reset()  # what a message cuts off is no sentence
-            frames.append(UbxFrame(buffer[at + 2], buffer[at + 3], buffer[at + _HEADER:end - 2],
-                                   end - at, end - held))
-            at = text = end
-        if at > text:
-            self._between(buffer[text:at], text - held, frames)
-        self._pending = buffer[at:]
-        self.frames += len(frames)
-        self._count()
-        return frames
-
-    def _sums_up(self, buffer: bytes, at: int, end: int) -> bool:
-        good = buffer[end - 2:end] == fletcher(buffer[at + 2:end - 2])
-        if not good:
-            self._own_rejected_frames += 1
-        return good
-
-    def _between(self, content: bytes, offset: int, frames: list[UbxFrame]) -> None:
-        """Look for sentences in what is no UBX; they come before the messages behind them."""
-        frames.extend(
-            UbxFrame(NMEA, 0, each.sentence, len(each.sentence), offset + each.end)
-            for each in self._nmea.feed(content))
-
-    def _count(self) -> None:
-        self.rejected_bytes = self._own_rejected_bytes + self._nmea.rejected_bytes
-        self.rejected_frames = self._own_rejected_frames + self._nmea.rejected_frames
-
-
-def _length(buffer: bytes, at: int) -> int:
-    """Give the length of the payload; -1 when there is none, the longest when not there yet."""
-    left = len(buffer) - at
-    if left > 2 and buffer[at + 2] not in _CLASSES:
-        return -1
-    if left < _HEADER:
-        return MAX_PAYLOAD
-    length = buffer[at + 4] | buffer[at + 5] << 8
-    if buffer[at + 2] == NAV and buffer[at + 3] == PVT and length not in PVT_SIZES:
-        return -1
-    return length if length <= MAX_PAYLOAD else -1
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> UbxFrame | None:
+        """Read a message or sentence with a good checksum."""
+        if buffer[at] != SYNC[0]:
+            sentence = buffer[at:end]
+            return UbxFrame(NMEA, 0, sentence, end - at, arrived) if checked(sentence) else None
+        if buffer[end - 2:end] != fletcher(buffer[at + 2:end - 2]):
+            return None
+        return UbxFrame(buffer[at + 2], buffer[at + 3], buffer[at + _HEADER:end - 2], end - at,
+                        arrived)
 
 
 def fletcher(content: bytes) -> bytes:

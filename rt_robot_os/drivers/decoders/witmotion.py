@@ -28,6 +28,8 @@ import struct
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.drivers.framing import StreamDecoder
+
 TIME: Final = 0x50
 ACCELERATION: Final = 0x51
 ANGULAR_VELOCITY: Final = 0x52
@@ -65,31 +67,21 @@ class WitMotionFrame(NamedTuple):
     skipped: int
 
 
-class WitMotionDecoder:
+class WitMotionDecoder(StreamDecoder[WitMotionFrame]):
     """
     Find the frames in a stream of bytes; safe in the loop, keeps at most 10 bytes.
 
-    :ivar frames: valid frames so far.
-    :ivar rejected_bytes: bytes that belong to no valid frame.
-    :ivar rejected_frames: headers with a known ID whose sum was wrong.
+    A rejected frame is a header with a known ID whose sum was wrong. The loop is its own: frames
+    are so short, and so many, that two calls for each would cost a fifth of the time.
     """
 
     def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+        super().__init__()
         self._skipped = 0
-
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
-        return len(self._pending)
 
     def reset(self) -> None:
         """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
+        super().reset()
         self._skipped = 0
 
     def feed(self, data: bytes) -> list[WitMotionFrame]:

@@ -26,6 +26,8 @@ from __future__ import annotations
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.drivers.framing import FrameDecoder
+
 PREAMBLE: Final = b'\xfa\xff'
 EXTENDED: Final = 0xFF
 # A header found by chance holds up what follows until its length is there: keep that short.
@@ -51,71 +53,27 @@ class XbusFrame(NamedTuple):
     end: int
 
 
-class XbusDecoder:
-    """
-    Find the messages in a stream of bytes; safe in the loop, keeps at most about 2 KiB.
+class XbusDecoder(FrameDecoder[XbusFrame]):
+    """Find the messages in a stream of bytes; safe in the loop, keeps at most about 2 KiB."""
 
-    :ivar frames: valid messages so far.
-    :ivar rejected_bytes: bytes that belong to no valid message.
-    :ivar rejected_frames: headers whose message had a wrong sum.
-    """
+    STARTS = PREAMBLE[:1]
+    SHORTEST = _HEADER + 1
+    LONGEST = _LONG_HEADER + MAX_PAYLOAD + 1
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where a message ends, 0 when none begins here."""
+        if buffer[at + 1] != PREAMBLE[1]:
+            return 0
+        length = buffer[at + 3]
+        if length < EXTENDED:
+            return at + _HEADER + length + 1
+        if len(buffer) - at < _LONG_HEADER:
+            return at + _LONG_HEADER
+        return at + _LONG_HEADER + (buffer[at + 4] << 8 | buffer[at + 5]) + 1
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their message."""
-        return len(self._pending)
-
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[XbusFrame]:
-        """
-        Take the next bytes of the stream.
-
-        :return: the messages that they complete, in order; the same however the stream is cut.
-        """
-        held = len(self._pending)
-        buffer = self._pending + data if held else data
-        size = len(buffer)
-        frames: list[XbusFrame] = []
-        used = at = 0
-        while True:
-            found = buffer.find(PREAMBLE, at)
-            if found < 0:
-                at = size - 1 if at < size and buffer[-1] == PREAMBLE[0] else size
-                break
-            at = found
-            begin = at + _HEADER
-            if begin > size:
-                break
-            length = buffer[at + 3]
-            if length == EXTENDED:
-                begin = at + _LONG_HEADER
-                if begin > size:
-                    break
-                length = buffer[at + 4] << 8 | buffer[at + 5]
-                if length > MAX_PAYLOAD:
-                    at += 1
-                    continue
-            end = begin + length + 1
-            if end > size:
-                break
-            if sum(buffer[at + 1:end]) & 0xFF:
-                self.rejected_frames += 1
-                at += 1
-                continue
-            frames.append(XbusFrame(buffer[at + 2], buffer[begin:end - 1], end - at, end - held))
-            used += end - at
-            at = end
-        self.rejected_bytes += at - used
-        self._pending = buffer[at:]
-        self.frames += len(frames)
-        return frames
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> XbusFrame | None:
+        """Read a message with a good sum."""
+        if sum(buffer[at + 1:end]) & 0xFF:
+            return None
+        begin = at + (_HEADER if buffer[at + 3] < EXTENDED else _LONG_HEADER)
+        return XbusFrame(buffer[at + 2], buffer[begin:end - 1], end - at, arrived)
