@@ -36,7 +36,6 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from rt_robot_os.drivers import serial_device
 from rt_robot_os.drivers.encoders import bno055
 from rt_robot_os.drivers.encoders import nmea
 from rt_robot_os.drivers.encoders import ranging
@@ -45,6 +44,7 @@ from rt_robot_os.drivers.encoders import ubx
 from rt_robot_os.drivers.encoders import witmotion
 from rt_robot_os.drivers.encoders import xbus
 from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.drivers.serial_device import SerialDevice
 
 MAX_PENDING = {'hokuyo': 6001, 'ublox': 3000, 'xsens': 2100}
 SIZES = {'ranges': 682, 'covariance': 36}
@@ -301,7 +301,7 @@ def main() -> int:
     parser.add_argument('--examples', type=int, default=100_000)
     parser.add_argument('--seed', type=int, default=1)
     arguments = parser.parse_args()
-    with mock.patch.object(serial_device, 'SerialPort', ScriptedPort):
+    with mock.patch.object(SerialDevice, 'make_port', ScriptedPort):
         good = [fuzz(name, arguments.examples, arguments.seed) for name in arguments.drivers]
     return 0 if all(good) else 1
 
