@@ -73,17 +73,22 @@ class Gathered(Trigger):
     At once, whatever the interval, when half of the topic's ring is unread: none shall be lost.
     """
 
-    __slots__ = ('_gather', '_subscription', '_enough')
+    __slots__ = ('_gather', '_subscription', '_enough', '_full_at')
 
     def __init__(self, gather: Gather, subscription: Subscription) -> None:
         super().__init__(gather.task)
         self._gather = gather
         self._subscription = subscription
         self._enough = max(1, subscription.topic.depth // 2)
+        self.carried()
+
+    def carried(self) -> None:
+        """Look anew how far the topic was read."""
+        self._full_at = self._subscription.next_seq + self._enough
 
     def published(self, topic: Topic) -> bool:
         gather = self._gather
-        if topic.head - self._subscription.next_seq == self._enough:
+        if topic.head == self._full_at:
             gather.waiting = True
             return True
         return not gather.waiting and gather.due()

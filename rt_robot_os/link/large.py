@@ -85,16 +85,11 @@ class LargeMirror(Mirror):
         self._announced = False
         self._packet = bytearray(HEADER_BYTES + SLOT.size)
 
-    def carry(self, now_ns: int) -> None:
-        """
-        Hand over what is there and due; never waits.
-
-        :raises OSError: the client is gone.
-        """
+    def _carry(self, now_ns: int, unread: int) -> None:
         try:
             if not self._announced:
                 self._announce()
-            self._carry(now_ns)
+            self._lend(now_ns)
         except BlockingIOError:
             pass  # no room even for the memory: the samples wait in the topic
 
@@ -103,7 +98,7 @@ class LargeMirror(Mirror):
             self._number, SLOTS, self._size), self._memory.fd)
         self._announced = True
 
-    def _carry(self, now_ns: int) -> None:
+    def _lend(self, now_ns: int) -> None:
         subscription = self.subscription
         latest = self.policy is Policy.LATEST
         while subscription.unread:

@@ -113,16 +113,32 @@ class Mirror:
         """How many samples the client did not get and did not ask to be spared."""
         return self.full + self.subscription.lost
 
-    def carry(self, now_ns: int) -> None:
+    def carry(self, now_ns: int) -> bool:
         """
-        Put what is there and due into the batch; never waits.
+        Send what is there and due; never waits.
+
+        :return: whether there was anything.
+        :raises OSError: the client is gone.
+        """
+        unread = self.subscription.unread
+        if not unread:
+            return False
+        try:
+            self._carry(now_ns, unread)
+        finally:
+            self._trigger.carried()
+        return True
+
+    def _carry(self, now_ns: int, unread: int) -> None:
+        """
+        Put what is there and due into the batch; more that comes meanwhile waits for the next.
 
         :raises OSError: the client is gone.
         """
         subscription, batch = self.subscription, self._batch
         latest = self.policy is Policy.LATEST
         take = subscription.latest if latest else subscription.take
-        while True:
+        for _ in range(1 if latest else unread):
             if self._interval_ns and now_ns < self._next_ns:
                 if not latest:
                     self._pass_over(subscription.unread)

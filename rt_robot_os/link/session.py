@@ -272,9 +272,7 @@ class Session:
         some = False
         try:
             for mirror in self.mirrors.values():
-                if mirror.subscription.unread:
-                    some = True
-                    mirror.carry(now_ns)
+                some |= mirror.carry(now_ns)
             self.batch.send()
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'

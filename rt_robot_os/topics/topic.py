@@ -160,9 +160,9 @@ class Topic:
 
     def pull(self, now_ns: int) -> None:
         """Release the tasks whose triggers say so; within a publication."""
-        tasks = [trigger.task for trigger in self.triggers if trigger.published(self)]
-        if tasks:
-            self.kernel.wake(tasks, now_ns)
+        for trigger in self.triggers:
+            if trigger.published(self):
+                self.kernel.wake((trigger.task,), now_ns)
 
     def statistics(self) -> TopicStatistics:
         """Take the statistics; not for the real-time loop."""
