@@ -15,7 +15,8 @@
 """
 What the tests of your own drivers and modules stand on: no hardware, no waiting.
 
-For a driver: :class:`DriverContract`, the suite that every serial driver has to pass;
+For a driver: :class:`DriverContract`, the suite that every serial driver has to pass (and
+:class:`DecoderContract`, the part of it that needs a decoder only);
 :func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
 simulated twin on a real pty with time in the test's hand. For a module: :class:`ModuleBench`, a
 kernel on the virtual clock. Needs pytest and hypothesis, which a robot does not.
@@ -27,9 +28,10 @@ import pytest
 
 # Before they are imported: their asserts then tell the values.
 pytest.register_assert_rewrite(*(f'{__name__}.{part}' for part in (
-    'contract', 'fakes', 'module_bench', 'rig')))
+    'contract', 'decoder_contract', 'fakes', 'module_bench', 'rig')))
 
 from rt_robot_os.testing.contract import DriverContract  # noqa: E402
+from rt_robot_os.testing.decoder_contract import DecoderContract  # noqa: E402
 from rt_robot_os.testing.fakes import RecordingPublisher  # noqa: E402
 from rt_robot_os.testing.fakes import scripted  # noqa: E402
 from rt_robot_os.testing.fakes import settings_of  # noqa: E402
@@ -37,5 +39,5 @@ from rt_robot_os.testing.module_bench import ModuleBench  # noqa: E402
 from rt_robot_os.testing.rig import Rig  # noqa: E402
 from rt_robot_os.testing.rig import rig  # noqa: E402
 
-__all__ = ['DriverContract', 'ModuleBench', 'RecordingPublisher', 'Rig', 'rig', 'scripted',
-           'settings_of']
+__all__ = ['DecoderContract', 'DriverContract', 'ModuleBench', 'RecordingPublisher', 'Rig', 'rig',
+           'scripted', 'settings_of']

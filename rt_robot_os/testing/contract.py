@@ -49,6 +49,7 @@ from rt_robot_os.drivers.device import Device
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.testing.decoder_contract import DecoderContract
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import opened
 from rt_robot_os.testing.fakes import read_all
@@ -58,32 +59,18 @@ from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.fakes import wait_for_device_error
 
 
-class DriverContract:
+class DriverContract(DecoderContract):
     """
-    The contract.
+    The contract; that of the decoder is part of it.
 
     :cvar driver: the class under test.
-    :cvar stream: bytes of a few samples with nothing wrong in them, whole frames.
-    :cvar samples: how many samples they make, on all topics.
-    :cvar tokens: pieces that make random bytes interesting for the decoder.
+    :cvar samples: how many samples the stream makes, on all topics.
     :cvar changes: settings other than the defaults.
-    :cvar pending_limit: the decoder keeps less than this.
     """
 
     driver: ClassVar[type[Any]]
-    stream: ClassVar[bytes]
     samples: ClassVar[int]
-    tokens: ClassVar[tuple[bytes, ...]]
     changes: ClassVar[dict[str, Any]] = {}
-    pending_limit: ClassVar[int] = 256
-
-    def decoder(self) -> Any:
-        """Make a decoder of the driver."""
-        raise NotImplementedError
-
-    def frame_size(self, frame: Any) -> int:
-        """Give the number of bytes of a frame."""
-        raise NotImplementedError
 
     def publishers(self, device: Device) -> list[Any]:
         """Bind a device to publishers that have ``stamps`` and comparable ``values``."""

@@ -26,7 +26,10 @@ from functools import reduce
 from operator import xor
 import re
 
-FRAME = re.compile(rb'\$(B(\d\d\.\d\d),([+-]\d\d\.\d\d),(\d{3}))\*([0-9A-F]{2})\r\n')
+from rt_robot_os.drivers.framing import FrameDecoder
+
+FRAME = re.compile(
+    rb'\$(B(\d\d\.\d\d),([+-]\d\d\.\d\d),(\d{3}))\*([0-9A-F]{2})\r\n').fullmatch
 FRAME_BYTES = 23
 
 
@@ -55,46 +58,22 @@ class Reading:
     end: int
 
 
-class GaugeDecoder:
+class GaugeDecoder(FrameDecoder[Reading]):
     """Turn bytes into readings; each byte is in a reading, rejected, or pending."""
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.rejected_bytes = 0
-        self.rejected_frames = 0
-        self._pending = b''
+    STARTS = b'$'
+    SHORTEST = LONGEST = FRAME_BYTES
 
-    @property
-    def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
-        return len(self._pending)
+    def end(self, buffer: bytes, at: int) -> int:
+        """Say where the frame that begins at an index ends."""
+        return at + FRAME_BYTES
 
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        self.rejected_bytes += len(self._pending)
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[Reading]:
-        """Take the next bytes and give the readings that they complete; never raises."""
-        before = len(self._pending)
-        data = self._pending + data
-        found: list[Reading] = []
-        at = 0
-        for match in FRAME.finditer(data):
-            body, voltage, current, percent, check = match.groups()
-            if checksum(body) == int(check, 16):
-                self.rejected_bytes += match.start() - at
-                found.append(Reading(
-                    float(voltage), float(current), int(percent), match.end() - before))
-            else:
-                self.rejected_bytes += match.end() - at
-                self.rejected_frames += 1
-            at = match.end()
-        # Only what follows the last $ can be the beginning of a frame.
-        start = data.rfind(b'$', at)
-        if start < 0 or len(data) - start >= FRAME_BYTES:
-            start = len(data)
-        self.rejected_bytes += start - at
-        self._pending = data[start:]
-        self.frames += len(found)
-        return found
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> Reading | None:
+        """Check a frame and read it; None when it is none."""
+        match = FRAME(buffer, at, end)
+        if match is None:
+            return None
+        body, voltage, current, percent, check = match.groups()
+        if checksum(body) != int(check, 16):
+            return None
+        return Reading(float(voltage), float(current), int(percent), arrived)

@@ -1,0 +1,147 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What every decoder has to do with any bytes; :class:`DriverContract` brings it along."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from typing import ClassVar
+from typing import NamedTuple
+
+from hypothesis import given
+from hypothesis import HealthCheck
+from hypothesis import settings
+from hypothesis import strategies as st
+
+
+class Decoded(NamedTuple):
+    """
+    What a decoder made of some bytes.
+
+    :ivar places: where each frame stood in the stream, begin and end.
+    :ivar pending: bytes.
+    """
+
+    places: list[tuple[int, int]]
+    rejected_bytes: int
+    rejected_frames: int
+    pending: int
+
+
+class DecoderContract:
+    """
+    The contract of a decoder, without a device.
+
+    :cvar stream: bytes of a few samples with nothing wrong in them, whole frames.
+    :cvar tokens: pieces that make random bytes interesting for the decoder.
+    :cvar pending_limit: the decoder keeps less than this.
+    """
+
+    stream: ClassVar[bytes]
+    tokens: ClassVar[tuple[bytes, ...]]
+    pending_limit: ClassVar[int] = 256
+
+    def decoder(self) -> Any:
+        """Make a decoder."""
+        raise NotImplementedError
+
+    def frame_size(self, frame: Any) -> int:
+        """Give the number of bytes of a frame."""
+        raise NotImplementedError
+
+    def decode(self, chunks: list[bytes], decoder: Any = None) -> Decoded:
+        """Feed a decoder, a new one by default, and check its counters after each chunk."""
+        decoder = decoder or self.decoder()
+        before = decoder.rejected_bytes + decoder.pending_bytes
+        frames, rejected_bytes = decoder.frames, decoder.rejected_bytes
+        places: list[tuple[int, int]] = []
+        fed = framed = 0
+        for chunk in chunks:
+            for frame in decoder.feed(chunk):
+                end = fed + frame.end
+                places.append((end - self.frame_size(frame), end))
+                framed += self.frame_size(frame)
+            fed += len(chunk)
+            assert decoder.frames == frames + len(places)
+            assert decoder.rejected_bytes >= rejected_bytes, 'a counter went back'
+            assert framed + decoder.rejected_bytes + decoder.pending_bytes == before + fed
+            assert decoder.pending_bytes < self.pending_limit
+            rejected_bytes = decoder.rejected_bytes
+        return Decoded(places, rejected_bytes, decoder.rejected_frames, decoder.pending_bytes)
+
+    def any_chunks(self) -> Any:
+        """Give the strategy of chunks: noise, tokens, good frames and damaged ones."""
+        cut = st.tuples(st.integers(0, len(self.stream)), st.integers(0, len(self.stream)))
+        parts = cut.map(lambda at: self.stream[min(at):max(at)])
+        return st.lists(st.binary(max_size=30) | st.sampled_from((*self.tokens, self.stream))
+                        | parts, max_size=12)
+
+    def check_with_any_chunks(self, check: Callable[[list[bytes]], None]) -> None:
+        """Run a check on many examples."""
+        # Made here, because hypothesis wants one function for each class that inherits.
+        @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+        @given(chunks=self.any_chunks())
+        def run(chunks: list[bytes]) -> None:
+            check(chunks)
+
+        run()
+
+    def test_frames_are_the_same_however_the_stream_is_cut(self) -> None:
+        def check(chunks: list[bytes]) -> None:
+            whole = b''.join(chunks)
+            expected = self.decode([whole])
+            assert self.decode(chunks) == expected
+            assert self.decode([whole[at:at + 1] for at in range(len(whole))]) == expected
+
+        self.check_with_any_chunks(check)
+
+    def test_frames_neither_overlap_nor_go_back(self) -> None:
+        def check(chunks: list[bytes]) -> None:
+            edges = [edge for place in self.decode(chunks).places for edge in place]
+            assert edges == sorted(edges)
+
+        self.check_with_any_chunks(check)
+
+    def test_the_bytes_of_a_frame_alone_are_a_frame(self) -> None:
+        def check(chunks: list[bytes]) -> None:
+            whole = b''.join(chunks)
+            for begin, end in self.decode(chunks).places:
+                assert self.decode([whole[begin:end]]) == ([(0, end - begin)], 0, 0, 0)
+
+        self.check_with_any_chunks(check)
+
+    def test_after_a_reset_the_stream_is_decoded_whole(self) -> None:
+        expected = len(self.decode([self.stream]).places)
+
+        def check(chunks: list[bytes]) -> None:
+            decoder = self.decoder()
+            rejected = self.decode(chunks, decoder)
+            decoder.reset()
+            assert decoder.pending_bytes == 0
+            assert decoder.rejected_bytes == rejected.rejected_bytes + rejected.pending
+            again = self.decode([self.stream], decoder)
+            assert len(again.places) == expected
+            assert again.rejected_bytes == decoder.rejected_bytes
+            assert again.pending == 0
+
+        self.check_with_any_chunks(check)
+
+    def test_nothing_makes_it_keep_more_than_its_limit(self) -> None:
+        for token in (*self.tokens, self.stream[:-1], b'\x00', b'\xff'):
+            for size in (1, 7, 4096):
+                endless = token * (3 * self.pending_limit // len(token) + 1)
+                self.decode([endless[at:at + size] for at in range(0, len(endless), size)])
