@@ -1,0 +1,198 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a client of the link does with the packets that come."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from collections.abc import Iterator
+import queue
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link.batch import records
+from rt_robot_os.link.memories import ClientMemories
+from rt_robot_os.link.memories import give_back
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import HEADER
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import parse_header
+from rt_robot_os.linux.memory_file import FD_BYTES
+from rt_robot_os.linux.memory_file import received_fds
+
+DataHandler = Callable[[Header, memoryview], None]
+ReportHandler = Callable[[dict[str, Any]], None]
+
+_CLOSED = 'the core closed the connection'
+
+
+def parted(error: OSError) -> LinkError:
+    """Say the same of a core that has ended, whether it was noticed in reading or in sending."""
+    if isinstance(error, BrokenPipeError | ConnectionResetError):
+        return LinkError(_CLOSED)
+    return LinkError(f'the core is gone: {error.strerror or error}')
+
+
+class Reader:
+    """
+    Read packets from the socket of a client and hand them on.
+
+    One thread reads at a time; others find the reader taken and go on without.
+
+    :param connection: not blocking once it is connected; closed by :meth:`close`.
+    :ivar on_data: called by the reading thread with each sample: header and CDR, valid during the
+        call only. The CDR may be written to. A large one lies where the core put it, and that
+        place is given back afterwards: who is slow with it loses the next ones.
+    :ivar on_report: called by the reading thread with each report of the core.
+    :ivar replies: where the answers to requests go, by the number of the request.
+    :ivar last_beat_ns: when the core was heard last, on CLOCK_MONOTONIC.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.on_data: DataHandler | None = None
+        self.on_report: ReportHandler | None = None
+        self.last_beat_ns = time.monotonic_ns()
+        self.closed = False
+        self.replies: dict[int, queue.SimpleQueue[tuple[Header, bytes]]] = {}
+        self._taken = threading.Lock()
+        self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
+        self._view = memoryview(self._buffer)
+        self._memories = ClientMemories()
+        self._owed: deque[bytes] = deque()
+        self._records: Iterator[memoryview] | None = None
+        self._socket = connection
+        self._poll = select.poll()
+        self._poll.register(connection, select.POLLIN)
+
+    def close(self) -> None:
+        """Let go of everything; may be called twice."""
+        self.closed = True
+        self._socket.close()
+        if self._taken.acquire(blocking=False):  # else somebody reads: they go with the client
+            self._memories.close()
+            self._taken.release()
+
+    def pump(self, timeout_s: float) -> int:
+        """
+        Wait for packets and handle all that are there.
+
+        :return: how many there were; 0 when the time was over, or another thread reads.
+        :raises LinkError: the core is gone.
+        """
+        if not self._taken.acquire(timeout=timeout_s):
+            return 0
+        try:
+            if self.closed:
+                raise LinkError('the connection to the core is closed')
+            if self._owed:
+                self._settle()
+            if self._records is not None:
+                self._hand_on(self._records)  # a handler raised: the others come after it
+            if not self._poll.poll(max(0.0, timeout_s) * 1000):
+                return 0
+            count = 0
+            while length := self._receive(count):
+                count += 1
+                self._handle(length)
+            return count
+        finally:
+            self._taken.release()
+
+    def _receive(self, count: int) -> int:
+        """Receive a packet; none is 0. What came before the end counts: the next call tells it."""
+        try:
+            length, ancillary, _, _ = self._socket.recvmsg_into(
+                [self._buffer], FD_BYTES, socket.MSG_CMSG_CLOEXEC)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            if count:
+                return 0
+            raise parted(error) from error
+        if ancillary:
+            self._memories.take(self._view[:length], received_fds(ancillary))
+        if not length and not count:
+            raise LinkError(_CLOSED)
+        return length
+
+    def _handle(self, length: int) -> None:
+        kind = self._buffer[0]
+        if kind == Kind.DATA and length >= HEADER_BYTES:
+            if self.on_data is not None:
+                self.on_data(Header(*HEADER.unpack_from(self._buffer)),
+                             self._view[HEADER_BYTES:length])
+            return
+        if kind == Kind.BATCH:
+            self._records = records(self._view[:length])
+            self._hand_on(self._records)
+            return
+        if kind == Kind.SLOT:
+            self._handle_slot(length)
+            return
+        packet = bytes(self._view[:length])
+        head = parse_header(packet)
+        if kind == Kind.BEAT:
+            self.last_beat_ns = time.monotonic_ns()
+        elif kind == Kind.REPORT:
+            if self.on_report is not None:
+                self.on_report(decode_json(packet))
+        elif kind == Kind.TASK:
+            self._deliver(head.seq, head, packet)
+        elif kind == Kind.REPLY:
+            self._deliver(head.seq, head, packet)
+
+    def _hand_on(self, samples: Iterator[memoryview]) -> None:
+        for sample in samples:
+            if self.on_data is not None:
+                self.on_data(Header(*HEADER.unpack_from(sample)), sample[HEADER_BYTES:])
+        self._records = None
+
+    def _handle_slot(self, length: int) -> None:
+        """Hand on a large sample in place, and give its slot back, whatever the handler does."""
+        packet = bytes(self._view[:length])
+        head = parse_header(packet)
+        sample = self._memories.sample(packet)
+        if sample is None:
+            return
+        try:
+            if self.on_data is not None:
+                self.on_data(head._replace(kind=Kind.DATA), sample)
+        finally:
+            self._owed.append(give_back(packet))
+            self._settle()
+
+    def _settle(self) -> None:
+        """Give back the slots that are owed, as far as the core takes it."""
+        try:
+            while self._owed:
+                self._socket.send(self._owed[0])
+                self._owed.popleft()
+        except BlockingIOError:
+            pass  # it will be tried again; until then the core has fewer slots to fill
+        except OSError as error:
+            raise parted(error) from error
+
+    def _deliver(self, number: int, head: Header, packet: bytes) -> None:
+        waiting = self.replies.get(number)
+        if waiting is not None:
+            waiting.put((head, packet))
