@@ -46,9 +46,10 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Code:
-    """What is typed."""
+    """What is typed, and in which language."""
 
     text: str
+    language: str = 'bash'
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,14 @@ class Grid:
     :ivar rows: cells as text, the label first; shorter rows have their last cell widened.
     :ivar kinds: of each row: ``ours``, ``quoted``, ``absent``, ``reached``, ``missed`` or empty.
     :ivar words: columns, from the left, that hold words and not numbers.
+    :ivar groups: (name, unit) over each heading; equal neighbours share it; or empty.
     """
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     kinds: Sequence[str]
     words: int = 1
+    groups: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)

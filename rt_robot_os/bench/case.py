@@ -159,8 +159,8 @@ class Outcomes:
         outcomes = self.all(key)
         if not self.measured(key):
             last = outcomes[-1] if outcomes else Outcome(Status.FAILED, 'was not run')
-            return Row(text, status=last.status, reason=last.reason)
-        return Row(text, {name: self.metric(key, one) for name, one in of.items()})
+            return Row(text, status=last.status, reason=last.reason, run=key)
+        return Row(text, {name: self.metric(key, one) for name, one in of.items()}, run=key)
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,15 @@ def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options:
         'interrupted': interrupted,
         'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full,
                     'quick': options.quick, 'hours': options.hours},
-        'machine': dict(machine),
+        'machine': dict(machine), 'samples': _files(options.out, results),
         'cases': [result.as_json() for result in results]}
+
+
+def _files(out: str, results: Sequence[CaseResult]) -> dict[str, list[str]]:
+    """Name the files that hold the raw samples of each case; none without a folder."""
+    return {result.name: sorted(
+        path.name for path in Path(out).glob(f'{result.name}[.-]*')
+        if path.suffix in ('.npz', '.csv')) for result in results} if out else {}
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -21,7 +21,9 @@ It is an extra and never a dependency: without it everything is measured and sho
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Sequence
 from contextlib import contextmanager
+from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 import io
@@ -34,10 +36,20 @@ from rt_robot_os.bench.plot import Series
 
 REMEDY = 'no plots: matplotlib is not installed (remedy: pip install matplotlib)'
 _SIZE_INCHES = (7.2, 3.6)
-# Okabe and Ito: told apart by everybody, printed or not. Ours are blue, the floors grey.
-_OURS = ('#0072B2', '#56B4E9', '#003f66')
-_FLOORS = ('#000000', '#777777', '#bbbbbb')
-_OTHERS = ('#D55E00', '#009E73', '#CC79A7', '#E69F00', '#8C564B', '#9467BD', '#BCBD22')
+# Of pictures of tails: which part is later, and the percentile that this is.
+_TAIL_TICKS = ((1.0, 'all'), (0.5, '50 % (p50)'), (0.1, '10 % (p90)'), (0.01, '1 % (p99)'),
+               (1e-3, '0.1 % (p99.9)'), (1e-4, '0.01 %'), (1e-5, '0.001 %'))
+# One colour for each system in all pictures, told apart by everybody (mostly Okabe and Ito): ours
+# blue, rclpy warm, floors black and grey. The first text that a label begins with decides.
+_SYSTEMS = (
+    ('rclpy Single', ('#D55E00',)), ('rclpy Multi', ('#E69F00',)), ('rclpy', ('#8B1A1A',)),
+    ('HORUS', ('#009E73',)), ('Python threads', ('#CC79A7',)), ('plain thread', ('#CC79A7',)),
+    ('paper', ('#7B5CB0',)), ('rt_robot_os', ('#0072B2', '#56B4E9', '#003F66')),
+    ('clock_nanosleep', ('#000000', '#777777', '#BBBBBB')), ('cyclictest', ('#777777',)),
+    ('memcpy', ('#000000',)))
+# Several variants of our own in one picture, none of which is another system.
+_VARIANTS = ('#0072B2', '#882255', '#44AA99', '#56B4E9', '#999933', '#003F66')
+_DASHES = ('-', '--', '-.', ':')
 _MARKS = 'osD^vPX<>'
 
 
@@ -61,7 +73,8 @@ def svg(plot: Plot, unique: str) -> str:
     # Identifiers such as figure_1 occur in every picture.
     text = re.sub(r'\bid="([^"]+)"', rf'id="{unique}-\1"', text)
     text = re.sub(r'url\(#([^)]+)\)', rf'url(#{unique}-\1)', text)
-    return re.sub(r'href="#([^"]+)"', rf'href="#{unique}-\1"', text)
+    text = re.sub(r'href="#([^"]+)"', rf'href="#{unique}-\1"', text)
+    return text.replace('<svg ', f'<svg role="img" aria-label="{escape(plot.title)}" ', 1)
 
 
 def save(plot: Plot, path: Path) -> None:
@@ -88,14 +101,28 @@ def _figure(plot: Plot, settings: dict[str, Any]) -> Iterator[Any]:
         yield figure
 
 
+def styles(labels: Sequence[str]) -> Sequence[tuple[str, str]]:
+    """
+    Choose (colour, dashes) of the curves of one picture by what their labels begin with.
+
+    :return: no two are the same; a system has the same colour in every picture.
+    """
+    used: dict[str, int] = {}
+    found = []
+    for label in labels:
+        name, colours = next((known for known in _SYSTEMS if label.startswith(known[0])),
+                             ('', _VARIANTS))
+        turn = used.get(name, 0)
+        used[name] = turn + 1
+        again = turn // len(colours) if len(colours) > 1 else turn
+        found.append((colours[turn % len(colours)], _DASHES[again % len(_DASHES)]))
+    return found
+
+
 def _draw(axes: Any, plot: Plot) -> None:
-    used = [0, 0, 0]
-    for number, series in enumerate(plot.series):
-        kind = 0 if series.label.startswith(('rt_robot_os', 'ours')) else (
-            1 if series.label.startswith(('clock_nanosleep', 'cyclictest', 'memcpy')) else 2)
-        colours = (_OURS, _FLOORS, _OTHERS)[kind]
-        _curve(axes, series, colours[used[kind] % len(colours)], number)
-        used[kind] += 1
+    chosen = styles([series.label for series in plot.series])
+    for number, (series, (colour, dashes)) in enumerate(zip(plot.series, chosen)):
+        _curve(axes, series, colour, dashes, number)
     axes.set_title(plot.title, loc='left', fontsize=10)
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
@@ -103,15 +130,32 @@ def _draw(axes: Any, plot: Plot) -> None:
         axes.set_xscale('log')
     if plot.y_log:
         axes.set_yscale('log')
+    elif plot.y_from_zero:
+        axes.set_ylim(0, axes.get_ylim()[1] * 1.1)
     for axis, logarithmic in ((axes.xaxis, plot.x_log), (axes.yaxis, plot.y_log)):
         if logarithmic:
             low, high = axis.get_view_interval()
             axis.set_major_formatter(_plain_numbers('1'))
-            axis.set_minor_formatter(_plain_numbers('25' if high < 60 * low else ''))
+            axis.set_minor_formatter(_plain_numbers('25' if high < 700 * low else ''))
+    axes.tick_params(which='minor', pad=5)  # in line with the longer major ones
+    if plot.x_ticks:
+        _ticks(axes.xaxis, plot.x_ticks)
+    if plot.series and all(series.style == 'steps' for series in plot.series):
+        _ticks(axes.yaxis, _TAIL_TICKS)
     axes.grid(True, which='major', color='#dddddd', linewidth=0.6)
     axes.set_axisbelow(True)
     if len(plot.series) > 1:
         axes.legend(loc='upper left', bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
+
+
+def _ticks(axis: Any, ticks: Sequence[tuple[float, str]]) -> None:
+    """Put labels of their own at those places of an axis that it shows."""
+    ticker = import_module('matplotlib.ticker')
+    low, high = axis.get_view_interval()
+    inside = [(place, text) for place, text in ticks if low <= place <= high]
+    axis.set_major_locator(ticker.FixedLocator([place for place, _ in inside]))
+    axis.set_major_formatter(ticker.FixedFormatter([text for _, text in inside]))
+    axis.set_minor_locator(ticker.NullLocator())
 
 
 def _plain_numbers(digits: str) -> Any:
@@ -127,12 +171,12 @@ def _plain_numbers(digits: str) -> Any:
     return import_module('matplotlib.ticker').FuncFormatter(text)
 
 
-def _curve(axes: Any, series: Series, colour: str, number: int) -> None:
-    common = {'label': series.label, 'color': colour}
+def _curve(axes: Any, series: Series, colour: str, dashes: str, number: int) -> None:
+    common = {'label': series.label, 'color': colour, 'linestyle': dashes}
     if series.style == 'steps':
         axes.step(series.x, series.y, where='post', linewidth=1.3, **common)
     elif series.style == 'filled':
-        axes.fill_between(series.x, series.y, step='post', alpha=0.35, color=colour, linewidth=0)
+        axes.fill_between(series.x, series.y, step='post', alpha=0.3, color=colour, linewidth=0)
         axes.step(series.x, series.y, where='post', linewidth=1.0, **common)
     elif series.style == 'marks':
         axes.plot(series.x, series.y, marker=_MARKS[number % len(_MARKS)], markersize=4,

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
 
 from rt_robot_os.bench.blocks import Block
 from rt_robot_os.bench.blocks import Bullets
@@ -25,6 +27,10 @@ from rt_robot_os.bench.blocks import Code
 from rt_robot_os.bench.blocks import Grid
 from rt_robot_os.bench.blocks import Heading
 from rt_robot_os.bench.blocks import Paragraph
+
+# How rows are marked, and in which columns.
+_MARKS: Mapping[str, tuple[str, Sequence[int]]] = {
+    'ours': ('**', (0,)), 'missed': ('**', (0, -1)), 'quoted': ('*', (0,))}
 
 
 def markdown(blocks: Iterable[Block], images: str) -> str:
@@ -44,7 +50,7 @@ def _lines(block: Block, images: str) -> Iterator[str]:
     elif isinstance(block, Bullets):
         yield from ('- ' + item for item in block.items)
     elif isinstance(block, Code):
-        yield from ('```bash', block.text, '```')
+        yield from (f'```{block.language}', block.text, '```')
     elif isinstance(block, Grid):
         yield from _table(block)
     else:
@@ -55,17 +61,22 @@ def _lines(block: Block, images: str) -> Iterator[str]:
 
 
 def _table(grid: Grid) -> Iterator[str]:
-    yield '| ' + ' | '.join(_text(text) for text in grid.headings) + ' |'
+    yield '| ' + ' | '.join(_text(text) for text in _headings(grid)) + ' |'
     yield '|' + '|'.join('---' if i < grid.words else '---:'
                          for i in range(len(grid.headings))) + '|'
     for row, kind in zip(grid.rows, grid.kinds):
         cells = [_text(text) for text in row] + [''] * (len(grid.headings) - len(row))
-        if kind == 'ours' or kind == 'missed':
-            cells = [f'**{text}**' if text and i in (0, len(cells) - 1) else text
-                     for i, text in enumerate(cells)]
-        elif kind == 'quoted':
-            cells = [f'*{text}*' if text else text for text in cells]
+        marks, columns = _MARKS.get(kind, ('', ()))
+        for column in columns:
+            cells[column] = f'{marks}{cells[column]}{marks}'
         yield '| ' + ' | '.join(cells) + ' |'
+
+
+def _headings(grid: Grid) -> Sequence[str]:
+    if not grid.groups:
+        return grid.headings
+    return [f'{name} {heading}'.strip() + (f', {unit}' if unit else '')
+            for heading, (name, unit) in zip(grid.headings, grid.groups)]
 
 
 def _text(text: str) -> str:

@@ -39,6 +39,25 @@ PEERS = (
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
 )
 
+BY_HAND = """\
+import json
+
+import numpy as np
+
+samples = np.load('wakeup.npz')                  # in the folder of --out
+late_ns = np.sort(samples['kernel/0/late_ns'])   # run/repeat/sample: the first repeat
+rank = int(np.ceil(0.99 * len(late_ns)))         # nearest rank: a sample, never between two
+print(late_ns[rank - 1] / 1000)                  # p99 in us; the table: median of the repeats
+
+samples = np.load('preemption.npz')              # when calls began; each was due on a grid of 1 ms
+figures = json.loads(str(samples['meta']))['kernel'][0]['figures']
+starts = samples['kernel/0/starts'].astype(np.int64)
+due = figures['phase_ns'] + ((starts[:-1] - figures['phase_ns']) // 10**6 + 1) * 10**6
+end_ns = figures['begin_ns'] + figures['measure_ns']
+latency_ns = (starts[1:] - due)[(due >= figures['begin_ns']) & (due < end_ns)]
+latency_ns = np.sort(latency_ns[latency_ns >= 0])
+print(latency_ns[int(np.ceil(0.99 * len(latency_ns))) - 1] / 1000)"""
+
 
 def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
            options: Mapping[str, Any]) -> Sequence[str]:
@@ -63,9 +82,12 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
         'Latency is counted from the moment on the time grid at which a call was due, by the same '
         'rule for all systems: a call that comes 20 ms late has 20 ms, and the calls that were '
         'left out for it are missed.',
-        'Raw samples of every run lie beside this page, one .npz file a case, in arrays '
-        'run/repeat/sample. `bench --page FOLDER` computes every table, plot and verdict from '
-        'them again.',
+        'Raw samples of every run lie in the folder that --out named, beside index.html: one .npz '
+        'file of NumPy a case, with the arrays `run/repeat/sample` and `meta` (JSON: single '
+        'figures and counters of each repeat); `bench.json` names the run of each row. Each case '
+        'says which runs its rows are. `bench --page FOLDER` computes every table, plot and '
+        'verdict from them again; the formulas are in rt_robot_os/bench/cases/NAME.py. How a '
+        'figure is computed by hand is shown below.',
     ]
     pace = conditions.get('loop_ns')
     if pace:

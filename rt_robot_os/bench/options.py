@@ -39,17 +39,24 @@ _FULL = Options(3.5, 4, full=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
+_HOURS_CASE = 'stability'
 
 _EPILOG = """\
 Everything is measured in one run, in turns, each system in a process of its own; tables show the
-median of the repeats. The exit code is 0 also when an aim is missed: this is a measurement, not a
-test. 2: a bad argument; 1: a measurement failed; 130: Ctrl-C.
+median of the repeats. What is not installed is a line in the table. The exit code is 0 also when
+an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
+130: Ctrl-C, which keeps and shows the cases that were complete, and the rows of stability.
 
-  bench --quick                      a first look, below three minutes
-  bench preemption --seconds 60      one case, longer
-  bench memory --seconds 3600        watch the size of the core for an hour
-  bench --full --out results         everything, below 40 minutes, with a page and raw samples
-  bench stability --hours 24 --out s the test of the paper; look at it meanwhile: bench --page s
+Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:
+
+  bench --quick --out first           a first look, about three minutes; open first/index.html
+  bench preemption --seconds 60       one case, longer
+  bench memory --seconds 3600         watch the size of the core for an hour
+  bench --full --out results          everything, below 40 minutes
+  bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
+  bench --page s                      another terminal: evaluates what is there so far
+
+"Paper 1" and "paper 2" are named on the page, and so is how each system is run.
 """
 
 
@@ -99,9 +106,10 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
     parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
     parser.add_argument('--out', metavar='DIR', type=Path,
                         help=f'write {PAGE_FILE} (tables and plots), {DOCUMENT_FILE}, '
-                        'benchmarks.md and all raw samples to a new folder')
+                        'benchmarks.md and all raw samples (NumPy files) to a new folder')
     parser.add_argument('--page', metavar='DIR', type=Path,
-                        help='measure nothing; evaluate what --out DIR wrote again')
+                        help='measure nothing; evaluate what --out DIR wrote, also while it is '
+                        'being written')
     parser.add_argument('--list', action='store_true', help='list the cases and end')
     return parser
 
@@ -145,6 +153,7 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     given = parser.parse_args(own)
     chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
     base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
+    _check_together(parser, given)
     options = replace(
         base, out='' if given.out is None else str(given.out.absolute()),
         **{key: value for key in ('seconds', 'repeats', 'hours')
@@ -156,6 +165,19 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
             _check_folder(parser, given.out)
     return Request(chosen or list(cases.values()), options, given.json, given.out, given.list,
                    given.page)
+
+
+def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
+    """Refuse what would have no effect, rather than leave it out in silence."""
+    if given.page is not None:
+        useless = [f'--{name}' for name in ('quick', 'full', 'seconds', 'repeats', 'hours', 'json',
+                                            'out') if getattr(given, name)]
+        if useless or given.case:
+            parser.error(f'--page {given.page}: measures nothing, and cannot go with '
+                         f'{", ".join((*useless, *given.case))}')
+    if given.hours is not None and given.case and _HOURS_CASE not in given.case:
+        parser.error(f'--hours {given.hours:g}: is the length of the case {_HOURS_CASE}; that of '
+                     f'{", ".join(given.case)} is --seconds')
 
 
 def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:

@@ -74,8 +74,8 @@ class EarlierRun:
             raise RtRobotError(f'{folder / DOCUMENT_FILE}: {error.strerror}; name a folder that '
                                '--out has written') from error
         except (ValueError, KeyError, TypeError) as error:
-            raise RtRobotError(f'{folder / DOCUMENT_FILE}: not written by this version of bench '
-                               f'({error})') from error
+            raise RtRobotError(f'{folder / DOCUMENT_FILE}: not a file that this version of bench '
+                               f'has written: {type(error).__name__}: {error}') from error
         self.results = [result for case in cases.values()
                         if (result := self._evaluate(case)) is not None]
         self.content['cases'] = [result.as_json() for result in self.results]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
+from itertools import groupby
 import re
 
 from rt_robot_os.bench import drawing
@@ -39,6 +40,9 @@ table { border-collapse: collapse; margin: .8rem 0; font-size: 13px; }
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e4e4;
   font-variant-numeric: tabular-nums; vertical-align: top; }
 th { font-weight: 600; vertical-align: bottom; }
+tr.groups th { text-align: center; border-bottom: 0; padding-bottom: 0; }
+tr.groups th:not(:empty) { background: linear-gradient(#bbb, #bbb) center bottom / 88% 1px
+  no-repeat; }
 .w { text-align: left; }
 td { white-space: nowrap; } td.w { white-space: normal; }
 td.w:first-child { white-space: pre-wrap; min-width: 14rem; }
@@ -108,6 +112,10 @@ def _html(block: Block) -> str:
 def _table(grid: Grid) -> str:
     count = len(grid.headings)
     lines = ['<div class="wide"><table>']
+    if grid.groups:
+        lines.append('<tr class="groups">' + ''.join(
+            f'<th colspan="{len(list(same))}">{escape(", ".join(filter(None, group)))}</th>'
+            for group, same in groupby(grid.groups)) + '</tr>')
     if any(grid.headings):
         lines.append('<tr>' + ''.join(
             f'<th{_class(i < grid.words)}>{escape(text)}</th>'

@@ -49,6 +49,8 @@ class Plot:
     :ivar name: of its file, unique in its case.
     :ivar caption: what to look at.
     :ivar x_log: the horizontal axis is logarithmic.
+    :ivar y_from_zero: the vertical axis begins at 0, so that small changes look small.
+    :ivar x_ticks: where the horizontal axis is labelled, and how; empty: at round numbers.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Plot:
     caption: str = ''
     x_log: bool = False
     y_log: bool = False
+    y_from_zero: bool = False
+    x_ticks: Sequence[tuple[float, str]] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Give what it is about; the samples are elsewhere."""

@@ -34,6 +34,7 @@ from rt_robot_os.bench.runner import Measure
 from rt_robot_os.bench.session import Session
 from rt_robot_os.bench.text import case_lines
 from rt_robot_os.bench.text import closing_lines
+from rt_robot_os.bench.text import terminal_width
 from rt_robot_os.errors import RtRobotError
 
 OK, FAILED, INTERRUPTED = 0, 1, 130
@@ -77,7 +78,7 @@ def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
         interrupted = True
         print('bench: interrupted; cases that were not complete are left out', file=sys.stderr)
     if session.results:
-        print('\n' + '\n'.join(closing_lines(session.results)))
+        print('\n' + '\n'.join(closing_lines(session.results, terminal_width())))
     session.write(interrupted)
     if interrupted:
         return INTERRUPTED
@@ -90,9 +91,9 @@ def _again(request: Request, cases: Mapping[str, Case]) -> int:
         return OK
     earlier = EarlierRun(request.page, cases)
     for result in earlier.results:
-        print('\n' + '\n'.join(case_lines(result)))
+        print('\n' + '\n'.join(case_lines(result, terminal_width())))
     if earlier.results:
-        print('\n' + '\n'.join(closing_lines(earlier.results)))
+        print('\n' + '\n'.join(closing_lines(earlier.results, terminal_width())))
     earlier.write()
     print(f'written: {request.page / PAGE_FILE}')
     if not drawing.available():

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from typing import TextIO
 
@@ -51,7 +52,9 @@ class Progress:
         left_s = self._left_s(part)
         line = (f'[{"#" * filled}{"." * (_BAR - filled)}] {100 * part:3.0f} %  '
                 f'{duration(left_s)} left  {text}')
-        self._stream.write(f'\r\x1b[K{line[:99]}')
+        # A line that is broken by the terminal could not be written over.
+        width = shutil.get_terminal_size((100, 0)).columns
+        self._stream.write(f'\r\x1b[K{line[:min(100, width) - 1]}')
         self._stream.flush()
 
     def _left_s(self, part: float) -> float:

@@ -25,6 +25,7 @@ import statistics
 from typing import Any
 
 from rt_robot_os.bench.plot import Plot
+from rt_robot_os.bench.surroundings import NOTHING
 
 
 class Status(Enum):
@@ -101,6 +102,7 @@ class Row:
     :ivar metrics: by key; None where there were too few samples.
     :ivar reason: why it was not measured; empty when it was.
     :ivar quoted: the figures are those of a publication; nothing of it ran here.
+    :ivar run: key of the run in the raw samples; empty when it is not of one run.
     """
 
     label: str
@@ -108,11 +110,12 @@ class Row:
     status: Status = Status.OK
     reason: str = ''
     quoted: bool = False
+    run: str = ''
 
     def as_json(self) -> dict[str, Any]:
         """Give plain values."""
         return {'label': self.label, 'status': self.status.value, 'reason': self.reason,
-                'quoted': self.quoted,
+                'quoted': self.quoted, 'run': self.run,
                 'metrics': {key: None if metric is None else metric.as_json()
                             for key, metric in self.metrics.items()}}
 
@@ -168,7 +171,10 @@ class Aim:
     @property
     def reason(self) -> str:
         """Say why it is missed; empty unless it is."""
-        return self.why if self.verdict is Verdict.MISSED else ''
+        if self.verdict is not Verdict.MISSED:
+            return ''
+        # "No disturbance" adds nothing to a reason that is known.
+        return self.why.removesuffix(f'; {NOTHING}')
 
     @property
     def verdict(self) -> Verdict:
@@ -213,9 +219,15 @@ class Need:
     def gives(self, system: str) -> bool | None:
         """Tell whether a system gives it; None when that is not known."""
         metric = self.systems.get(system)
-        if metric is None:
-            return None
-        return metric.median <= self.limit if self.at_most else metric.median >= self.limit
+        return None if metric is None else self._enough(metric.median)
+
+    def agreed(self, system: str) -> bool:
+        """Tell whether each repeat by itself says the same as their median."""
+        metric = self.systems.get(system)
+        return metric is None or len({self._enough(value) for value in metric.values}) == 1
+
+    def _enough(self, value: float) -> bool:
+        return value <= self.limit if self.at_most else value >= self.limit
 
     def as_json(self) -> dict[str, Any]:
         """Give plain values."""

@@ -51,7 +51,7 @@ from rt_robot_os.bench.runner import run_case
 from rt_robot_os.bench.stamps import cost_ns
 from rt_robot_os.bench.surroundings import LOOP
 from rt_robot_os.bench.text import case_lines
-from rt_robot_os.bench.text import WIDTH
+from rt_robot_os.bench.text import terminal_width
 
 _PATHS = ('--json', '--out')
 _PROBE = Run('probe', 'privileges', 'rt_robot_os.bench.workers.probe:prepare', {}, 1.0)
@@ -120,7 +120,7 @@ class Session:
         self.failed = self.failed or any(o.status is Status.FAILED for o in known)
         result = case.evaluate(self._request.options, outcomes)
         self.results.append(result)
-        print('\n' + '\n'.join(case_lines(result)), flush=True)
+        print('\n' + '\n'.join(case_lines(result, terminal_width())), flush=True)
 
     def _note_realtime(self, outcomes: Sequence[Outcome]) -> None:
         """Say once what Linux grants to the measured processes, and what it refuses."""
@@ -155,7 +155,8 @@ class Session:
             write_json(self._request.json, content)
         if self._request.out is None:
             if self.results:
-                print('--out DIR keeps the raw samples and writes a page with plots')
+                print('nothing was written: --out DIR keeps the raw samples and writes a page '
+                      'with plots')
             return
         write_results(self._request.out, content, self.results)
         print(f'written: {self._request.out / PAGE_FILE}')
@@ -178,4 +179,4 @@ def command(argv: Sequence[str]) -> str:
 
 
 def _say(text: str) -> None:
-    print(textwrap.fill(text, WIDTH, subsequent_indent='  '), flush=True)
+    print(textwrap.fill(text, terminal_width(), subsequent_indent='  '), flush=True)

@@ -25,6 +25,9 @@ import time
 
 from rt_robot_os.units import NS_PER_MS
 
+# Said when the counters name no culprit.
+NOTHING = ('no disturbance from outside was counted, so it is the program itself, the interpreter '
+           'or the virtual machine')
 _PREFIX = 'env '
 #: A turn of a plain loop: how fast this CPU runs Python just now.
 LOOP = _PREFIX + 'loop_ns'
@@ -101,5 +104,5 @@ def explain(figures: Mapping[str, float]) -> str:
     if forced >= 10:
         parts.append(f'other processes interrupted it {forced:.0f} times')
     if faults >= 1:
-        parts.append(f'{faults:.0f} pages came from disk')
+        parts.append(f'{faults:.0f} page{"s" if faults > 1 else ""} of memory came from disk')
     return ', '.join(parts)

@@ -12,13 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tables for a terminal of 100 columns."""
+"""Tables for a terminal: of 100 columns, or what it has."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from collections.abc import Sequence
 from itertools import groupby
+import shutil
+import sys
 import textwrap
 
 from rt_robot_os.bench.result import Aim
@@ -36,53 +38,82 @@ WIDTH = 100
 SYSTEMS = ('rt_robot_os', 'best rclpy', 'HORUS', 'threads')
 _GAP = '  '
 _DIGITS = 3
+_NARROWEST = 60
+_INDENT = '    '
+
+
+def terminal_width() -> int:
+    """Give how long lines may be: those of the terminal, at most 100."""
+    if not sys.stdout.isatty():
+        return WIDTH
+    return max(_NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
 
 
 def number(value: float) -> str:
-    """Write a number with three significant digits, never in powers of ten."""
+    """Write a number with three significant digits, never in powers of ten; 0 as such."""
+    if value == 0:
+        return '0'
     size = abs(value)
     decimals = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else _DIGITS
     text = f'{value:.{decimals}f}'
     return text.lstrip('-') if float(text) == 0 else text
 
 
-def _cell(metric: Metric | None, column: Column) -> str:
+def spread(metric: Metric | None) -> str:
+    """Write the lowest and the highest of the repeats; empty when there was one."""
+    if metric is None or len(metric.values) < 2:
+        return ''
+    return f'{number(metric.lowest)}..{number(metric.highest)}'
+
+
+def cell(metric: Metric | None, column: Column) -> str:
+    """Write what a column shows of a metric."""
     if metric is None:
         return '-'
     if column.spread:
-        return _range(metric)
-    return number(metric.median)
+        return spread(metric)
+    # A number of things has no decimals.
+    return number(metric.median) if column.unit or metric.median % 1 else f'{metric.median:.0f}'
 
 
-def _range(metric: Metric) -> str:
-    return f'{number(metric.lowest)}..{number(metric.highest)}' if len(metric.values) > 1 else ''
-
-
-def table_lines(table: Table) -> Iterator[str]:
-    """Write a table: headings, rows, and how it was measured."""
+def table_lines(table: Table, width: int = WIDTH) -> Iterator[str]:
+    """Write a table, in parts where it is wider than the terminal, and how it was measured."""
     repeated = any(len(metric.values) > 1 for row in table.rows
                    for metric in row.metrics.values() if metric is not None)
     columns = [column for column in table.columns if repeated or not column.spread]
-    cells = [[_cell(row.metrics.get(column.key), column) for column in columns]
-             for row in table.rows]
-    widths = [max([len(column.title)] + [len(line[i]) for row, line in zip(table.rows, cells)
+    if table.title:
+        yield table.title
+    label_width = max([len(row.label) for row in table.rows], default=0)
+    while columns:
+        # As many columns as fit, one at least.
+        for count in range(len(columns), 0, -1):
+            lines = list(_part_lines(table.rows, columns[:count], label_width, width))
+            if count == 1 or max(len(line) for line in lines) <= width:
+                break
+        yield from lines
+        columns = columns[count:]
+        if columns:
+            yield ''
+    if table.notes:
+        yield ''
+        yield from textwrap.wrap(' '.join(table.notes), width)
+
+
+def _part_lines(rows: Sequence[Row], columns: Sequence[Column], label_width: int, width: int
+                ) -> Iterator[str]:
+    cells = [[cell(row.metrics.get(column.key), column) for column in columns] for row in rows]
+    widths = [max([len(column.title)] + [len(line[i]) for row, line in zip(rows, cells)
                                          if row.status is Status.OK])
               for i, column in enumerate(columns)]
     groups = _groups(columns, widths)
-    label_width = max([len(row.label) for row in table.rows], default=0)
-    if table.title:
-        yield table.title
     yield ' ' * label_width + groups
     yield _join(' ' * label_width, [column.title for column in columns], widths)
     told: set[str] = set()
-    for row, line_cells in zip(table.rows, cells):
+    for row, line_cells in zip(rows, cells):
         if row.status is Status.OK:
             yield _join(row.label.ljust(label_width), line_cells, widths)
         else:
-            yield from _not_measured(row, label_width, told)
-    if table.notes:
-        yield ''
-        yield from table.notes
+            yield from _not_measured(row, label_width, told, width)
 
 
 def _groups(columns: Sequence[Column], widths: list[int]) -> str:
@@ -106,76 +137,104 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
                             for cell, width in zip(cells, widths))).rstrip()
 
 
-def _not_measured(row: Row, label_width: int, told: set[str]) -> Iterator[str]:
+def _not_measured(row: Row, label_width: int, told: set[str], width: int) -> Iterator[str]:
     what = 'not available' if row.status is Status.MISSING else 'failed'
     text = f'{what}, as above' if row.reason in told else f'{what}: {row.reason}'
     told.add(row.reason)
-    room = max(20, WIDTH - label_width - len(_GAP))
+    room = max(20, width - label_width - len(_GAP))
     for i, line in enumerate(textwrap.wrap(text, room)[:3]):
         yield (row.label if i == 0 else '').ljust(label_width) + _GAP + line
 
 
-def aim_lines(aims: Sequence[Aim]) -> Iterator[str]:
+def aim_cells(aim: Aim) -> tuple[str, str]:
+    """Write limit and measured value, the latter as exactly as the limit at least."""
+    unit = f' {aim.unit}' if aim.unit else ''
+    limit = f'{aim.limit:g}'
+    if aim.measured is None:
+        measured = '-'
+    else:
+        value, decimals = aim.measured.median, len(limit.partition('.')[2])
+        measured = f'{value:.0f}' if not unit and value % 1 == 0 else max(
+            number(value), f'{value:.{decimals}f}', key=len)
+        measured += unit
+    return f'{"≤" if aim.at_most else "≥"} {limit}{unit}', measured
+
+
+def aim_lines(aims: Sequence[Aim], width: int = WIDTH) -> Iterator[str]:
     """Write what was promised, what was measured, and the verdict."""
-    width = max(len(aim.text) for aim in aims)
-    repeated = any(aim.measured and len(aim.measured.values) > 1 for aim in aims)
-    yield (f'{"aim".ljust(width)}  {"limit":>9}  {"measured":>9}  {"verdict":<12}'
-           f'{"  range" if repeated else ""}').rstrip()
+    rows = [('aim', 'limit', 'measured', 'verdict', 'range')]
+    for aim in aims:
+        limit, measured = aim_cells(aim)
+        # Not every terminal has the signs of the page.
+        rows.append((aim.text, limit.replace('≤', '<=').replace('≥', '>='), measured,
+                     aim.verdict.value, spread(aim.measured)))
+    widths = [max(len(row[i]) for row in rows) for i in range(5)]
+    if not any(row[4] for row in rows[1:]) or sum(widths) + 4 * len(_GAP) > width:
+        rows = [(*row[:4], '') for row in rows]  # there was one repeat, or there is no room
+    reasons = ['', *(_reasons(aims))]
+    for row, about, reason in zip(rows, (None, *aims), reasons):
+        yield (f'{row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  '
+               f'{row[3]:<{widths[3]}}  {row[4]}').rstrip()
+        if about is not None:
+            yield from _wrapped(reason and f'reason: {reason}', width)
+            yield from _wrapped(about.paper and f'paper: {about.paper}', width)
+
+
+def _reasons(aims: Sequence[Aim]) -> Iterator[str]:
     told: set[str] = set()
     for aim in aims:
-        unit = f' {aim.unit}' if aim.unit else ''
-        limit = f'{"<=" if aim.at_most else ">="} {aim.limit:g}{unit}'
-        measured = '-' if aim.measured is None else f'{number(aim.measured.median)}{unit}'
-        spread = '' if aim.measured is None else _range(aim.measured)
-        yield (f'{aim.text.ljust(width)}  {limit:>9}  {measured:>9}  '
-               f'{aim.verdict.value:<12}  {spread}').rstrip()
-        if aim.reason:
-            yield from _wrapped('reason: ' + ('as above' if aim.reason in told else aim.reason),
-                                '    ')
-            told.add(aim.reason)
-        yield from _wrapped(f'paper: {aim.paper}' if aim.paper else '', '    ')
+        yield 'as above' if aim.reason and aim.reason in told else aim.reason
+        told.add(aim.reason)
 
 
-def _wrapped(text: str, indent: str) -> Sequence[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + '  ')
+def _wrapped(text: str, width: int) -> Sequence[str]:
+    return textwrap.wrap(text, width, initial_indent=_INDENT, subsequent_indent=_INDENT + '  ')
 
 
-def case_lines(result: CaseResult) -> Iterator[str]:
+def case_lines(result: CaseResult, width: int = WIDTH) -> Iterator[str]:
     """Write all of a case."""
-    yield f'== {result.name}: {result.title} '.ljust(WIDTH, '=')
+    yield f'== {result.name}: {result.title} '.ljust(width, '=')
     for table in result.tables:
         yield ''
-        yield from table_lines(table)
+        yield from table_lines(table, width)
     if result.aims:
         yield ''
-        yield from aim_lines(result.aims)
+        yield from aim_lines(result.aims, width)
 
 
-def closing_lines(results: Sequence[CaseResult]) -> Iterator[str]:
+def closing_lines(results: Sequence[CaseResult], width: int = WIDTH) -> Iterator[str]:
     """Write what all cases together say: which system for which need, and the verdicts."""
-    yield from need_lines([need for result in results for need in result.needs if need.known])
-    yield verdict_line(results)
+    yield from need_lines([need for result in results for need in result.needs if need.known],
+                          width)
+    yield from textwrap.wrap(verdict_line(results), width)
 
 
-def need_lines(needs: Sequence[Need]) -> Iterator[str]:
+def need_lines(needs: Sequence[Need], width: int = WIDTH) -> Iterator[str]:
     """Write which systems give what somebody may need."""
-    systems = [name for name in SYSTEMS if any(need.systems.get(name) for need in needs)]
-    if not systems:
+    if not any(need.known for need in needs):
         return
-    width = max(len(need.text) for need in needs)
-    yield 'which system for which need'.ljust(width) + ''.join(
-        f'  {name:>11}' for name in systems)
-    for need in needs:
-        cells = [f'  {_fit(need, name):>11}' for name in systems]
-        yield (need.text.ljust(width) + ''.join(cells)).rstrip()
+    yield from textwrap.wrap('== which system for which need? "(?)": the median of the repeats '
+                             'says so, but not each of them', width)
+    systems = [name for name in SYSTEMS if any(need.systems.get(name) for need in needs)]
+    told = [[_fit(need, name) for name in systems] for need in needs]
+    widths = [max(map(len, column)) for column in zip(*told)]
+    beside = len(_INDENT) + sum(widths) + len(_GAP) * (len(systems) - 1) <= width
+    for need, texts in zip(needs, told):
+        yield from textwrap.wrap(f'{need.text} (case {need.case}):', width)
+        if beside:
+            yield (_INDENT + _GAP.join(map(str.ljust, texts, widths))).rstrip()
+        else:
+            yield from (_INDENT + text for text in texts if text)
     yield ''
 
 
 def _fit(need: Need, system: str) -> str:
     metric = need.systems.get(system)
     if metric is None:
-        return '-'
-    return f'{number(metric.median)} {"yes" if need.gives(system) else "no ":<3}'
+        return ''
+    sure = '' if need.agreed(system) else ' (?)'
+    return (f'{system} {"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
+            f'{need.unit}').rstrip()
 
 
 def verdict_line(results: Sequence[CaseResult]) -> str:

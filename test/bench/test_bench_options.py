@@ -81,6 +81,8 @@ def test_what_ros2_launch_appends_is_left_alone() -> None:
     (('--repeats', '9' * 5000), ('--repeats',)),
     (('--quick', '--full'), ('--full', '--quick')),
     (('--bogus',), ('--bogus',)),
+    (('--page', 'x', 'micro', '--json', 'y'), ('--page x', '--json, micro')),
+    (('micro', '--hours', '3'), ('--hours 3', 'stability', 'micro is --seconds')),
     (('--json',), ('--json',)),
 ])
 def test_a_bad_argument_is_one_clear_line_and_code_2(
@@ -138,6 +140,6 @@ def test_the_help_says_that_a_missed_aim_is_no_error(capsys: pytest.CaptureFixtu
         run(['--help'])
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    assert 'exit code is 0 also when an aim is missed' in said
+    assert 'exit code is 0 also when an aim is missed' in ' '.join(said.split())
     for name in CASES:
         assert name in said

@@ -34,6 +34,7 @@ from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.cases.preemption import BUSY_NS
 from rt_robot_os.bench.cases.preemption import BUSY_PERIOD_NS
 from rt_robot_os.bench.cases.preemption import PERIOD_NS
+from rt_robot_os.bench.method import BY_HAND
 from rt_robot_os.bench.program import run
 from rt_robot_os.bench.progress import Progress
 from rt_robot_os.bench.registry import CASES
@@ -178,6 +179,22 @@ def test_raw_samples_are_kept_by_run_and_repeat(tmp_path: Path) -> None:
         assert len(raw['kernel/1/starts']) == 2001
         meta = json.loads(str(raw['meta']))
         assert meta['kernel'][0]['figures']['phase_ns'] == 0
+    content = json.loads((out / 'bench.json').read_text())
+    assert content['samples'] == {'preemption': ['preemption.npz']}
+    rows = {row['label']: row['run'] for row in content['cases'][0]['tables'][0]['rows']}
+    assert rows['rt_robot_os kernel'] == rows['  into the computation'] == 'kernel'
+
+
+def test_what_the_page_shows_to_compute_by_hand_is_what_the_table_says(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / 'out'
+    assert _run('--quick', '--out', str(out)) == 0
+    np.savez(out / 'wakeup.npz', **{'kernel/0/late_ns': np.arange(1000, 101_000, 1000)})
+    capsys.readouterr()
+    monkeypatch.chdir(out)
+    exec(BY_HAND, {})
+    assert capsys.readouterr().out.split() == ['99.0', '24.0']
 
 
 def test_a_run_that_fails_is_told_and_makes_the_code_1(capsys: pytest.CaptureFixture[str]) -> None:

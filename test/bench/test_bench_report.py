@@ -23,18 +23,26 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from rt_robot_os.bench.advice import needs
+from rt_robot_os.bench.blocks import Bullets
 from rt_robot_os.bench.blocks import Grid
+from rt_robot_os.bench.drawing import styles
 from rt_robot_os.bench.machine import describe
 from rt_robot_os.bench.machine import warnings
 from rt_robot_os.bench.markdown import markdown
+from rt_robot_os.bench.page import page
 from rt_robot_os.bench.plot import histogram
 from rt_robot_os.bench.plot import tail
 from rt_robot_os.bench.progress import duration
 from rt_robot_os.bench.progress import Progress
+from rt_robot_os.bench.result import Aim
+from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.result import Need
 from rt_robot_os.bench.session import command
+from rt_robot_os.bench.surroundings import NOTHING
 from rt_robot_os.bench.text import need_lines
+from rt_robot_os.bench.verdicts import verdicts
 
 
 class Terminal(io.StringIO):
@@ -66,13 +74,53 @@ def test_nothing_measured_is_no_curve() -> None:
 
 def test_a_need_tells_who_gives_it() -> None:
     need = Need('late by 1 ms', 1000.0, 'us', {
-        'rt_robot_os': Metric((40.0,)), 'best rclpy': Metric((20_000.0,)), 'HORUS': None})
+        'rt_robot_os': Metric((40.0,)), 'best rclpy': Metric((20_000.0,)), 'HORUS': None},
+        case='preemption')
     assert [need.gives(name) for name in ('rt_robot_os', 'best rclpy', 'HORUS')] == [
         True, False, None]
     lines = list(need_lines([need]))
-    assert lines[0].split()[-3:] == ['rt_robot_os', 'best', 'rclpy']
-    assert lines[1].split()[-4:] == ['40.0', 'yes', '20000', 'no']
+    assert lines[-2] == '    rt_robot_os yes, 40.0 us  best rclpy no, 20000 us'
     assert list(need_lines([Need('nobody', 1.0, '', {'HORUS': None})])) == []
+
+
+def test_where_the_repeats_differ_a_need_says_so() -> None:
+    need = Need('late by 1 ms', 1000.0, 'us', {
+        'rt_robot_os': Metric((40.0, 50.0, 9000.0)), 'threads': Metric((5000.0,) * 3)}, case='x')
+    assert (need.agreed('rt_robot_os'), need.agreed('threads')) == (False, True)
+    grid = next(b for b in needs([CaseResult('x', 'x', (), (), needs=(need,))])
+                if isinstance(b, Grid))
+    assert grid.rows == [('late by 1 ms', 'x', 'yes, 50.0 us (repeats differ: 40.0..9000)',
+                          'no, 5000 us', 'rt_robot_os')]
+    assert 'rt_robot_os yes (?), 50.0 us  threads no, 5000 us' in '\n'.join(need_lines([need]))
+
+
+def test_missed_aims_stand_under_their_reason_what_is_not_explained_last() -> None:
+    def missed(text: str, why: str) -> Aim:
+        return Aim(text, 1.0, Metric((2.5,)), 'us', why=why)
+
+    result = CaseResult('x', 'x', (), (
+        missed('a', NOTHING), missed('b', f'cold caches; {NOTHING}'), missed('c', 'cold caches'),
+        Aim('d', 1.0, Metric((0.5,)), why='cold caches')))
+    lists = [block.items for block in verdicts([result]) if isinstance(block, Bullets)]
+    assert lists == [['x: b: 2.50 us (aim ≤ 1 us)', 'x: c: 2.50 us (aim ≤ 1 us)'],
+                     ['x: a: 2.50 us (aim ≤ 1 us)']]
+
+
+def test_a_system_has_its_colour_in_every_picture_and_no_curves_look_alike() -> None:
+    first = styles(['paper', 'rt_robot_os topic', 'rclpy EventsExecutor', 'HORUS'])
+    second = styles(['rclpy EventsExecutor, mean', 'rclpy EventsExecutor, max', 'rt_robot_os'])
+    assert first[2] == second[0] and first[1] == second[2]
+    assert second[0][0] == second[1][0] and second[0][1] != second[1][1]
+    many = styles([f'variant {i}' for i in range(20)] + [f'rt_robot_os {i}' for i in range(9)])
+    assert len(set(many[:20])) == 20 and len(set(many[20:])) == 9
+
+
+def test_groups_stand_over_their_columns_or_before_each() -> None:
+    grid = Grid(('', 'p50', 'p99', 'of due'), [('a', '1', '2', '100')], ['ours'],
+                groups=(('', ''), ('latency', 'us'), ('latency', 'us'), ('calls', '%')))
+    assert '<th colspan="2">latency, us</th><th colspan="1">calls, %</th>' in page([grid])
+    assert markdown([grid], '').splitlines()[0] == (
+        '|  | latency p50, us | latency p99, us | calls of due, % |')
 
 
 def test_a_table_in_markdown_keeps_bars_and_indents() -> None:

@@ -25,6 +25,8 @@ from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.result import Row
 from rt_robot_os.bench.result import Status
 from rt_robot_os.bench.result import Table
+from rt_robot_os.bench.surroundings import NOTHING
+from rt_robot_os.bench.text import aim_cells
 from rt_robot_os.bench.text import case_lines
 from rt_robot_os.bench.text import number
 from rt_robot_os.bench.text import verdict_line
@@ -45,7 +47,7 @@ def _row(label: str, *repeats: float) -> Row:
 
 
 @pytest.mark.parametrize('value, text', [
-    (0.0, '0.000'), (-0.0001, '0.000'), (0.1234, '0.123'), (1.234, '1.23'), (12.34, '12.3'),
+    (0.0, '0'), (-0.0001, '0.000'), (0.1234, '0.123'), (1.234, '1.23'), (12.34, '12.3'),
     (123.4, '123'), (20123.4, '20123'), (-5.678, '-5.68')])
 def test_numbers_have_three_significant_digits(value: float, text: str) -> None:
     assert number(value) == text
@@ -88,8 +90,31 @@ def test_a_missed_aim_is_as_visible_as_one_that_is_reached() -> None:
         Aim('quick', 2.0, Metric((1.0, 1.2, 1.1)), 'us'), Aim('slow', 2.0, Metric((3.0,)), 'us'),
         Aim('many', 100.0, None, at_most=False)))
     assert list(case_lines(result))[-4:] == [
-        'aim        limit   measured  verdict       range',
-        'quick    <= 2 us    1.10 us  reached       1.00..1.20',
-        'slow     <= 2 us    3.00 us  MISSED',
-        'many      >= 100          -  not measured']
+        'aim      limit  measured  verdict       range',
+        'quick  <= 2 us   1.10 us  reached       1.00..1.20',
+        'slow   <= 2 us   3.00 us  MISSED',
+        'many    >= 100         -  not measured']
+    assert 'range' not in '\n'.join(list(case_lines(result, 40))[-4:])  # there is no room
     assert verdict_line([result]) == 'aims: 1 of 3 reached, 1 missed, 1 not measured'
+
+
+def test_a_narrow_terminal_gets_a_wide_table_in_parts() -> None:
+    result = _result(_row('ours', 21.0, 22.5, 30.0))
+    lines = list(case_lines(result, 30))
+    assert max(len(line) for line in lines) <= 30
+    assert [line.split() for line in lines if line.startswith('ours')] == [
+        ['ours', '22.5', '22.5', '21.0..30.0'], ['ours', '100']]
+
+
+def test_a_measured_value_can_be_compared_with_its_limit() -> None:
+    # Three digits of 199.97 would be "200", and 199.94 as well.
+    assert aim_cells(Aim('rate', 199.95, Metric((199.94,)), 'Hz', at_most=False)) == (
+        '≥ 199.95 Hz', '199.94 Hz')
+    assert aim_cells(Aim('missed', 0.0, Metric((4.0,)))) == ('≤ 0', '4')
+    assert aim_cells(Aim('delay', 3.0, Metric((2.0,)), 'us')) == ('≤ 3 us', '2.00 us')
+
+
+def test_a_known_reason_is_not_followed_by_none() -> None:
+    assert Aim('x', 1.0, Metric((2.0,)), why=f'cold caches; {NOTHING}').reason == 'cold caches'
+    assert Aim('x', 1.0, Metric((2.0,)), why=NOTHING).reason == NOTHING
+    assert Aim('x', 1.0, Metric((0.5,)), why=NOTHING).reason == ''

@@ -30,6 +30,7 @@ from rt_robot_os.bench.result import Metric
 from rt_robot_os.bench.stats import percentile
 from rt_robot_os.bench.surroundings import explain
 from rt_robot_os.bench.surroundings import LOOP
+from rt_robot_os.bench.surroundings import NOTHING
 
 Of = Callable[[Outcome], 'float | None']
 
@@ -123,10 +124,9 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
     if refused:
         return f'{refused[0]} was refused: every other process of the machine can delay it'
     if not any('env waited_ms' in outcome.figures for outcome in outcomes.measured(key)):
-        return 'not known: nothing was counted'
+        return 'not known: what else happened was not counted (the run did not end by itself)'
     slow = _slower(outcomes, key)
     if slow:
         return slow
     told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
-    return told[-1] if told else ('nothing outside was counted that explains it: the program '
-                                  'itself, the interpreter, or the virtual machine')
+    return told[-1] if told else NOTHING

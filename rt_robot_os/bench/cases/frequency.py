@@ -122,8 +122,9 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     aims = [Aim(f'worst frequency error, {name}', _LIMIT_PERCENT, outcomes.metric(key, _error),
                 '%', why=common.disturbances(outcomes, key), paper='4.7 % at 2000 Hz')
             for key, name in zip(_KERNELS, ("the paper's order", 'rate-monotonic'))]
-    needs = (Need('modules up to 2 kHz, worst frequency error 0.5 %', _NEED_PERCENT, '%',
-                  common.systems(outcomes, _error, 'monotonic'), case=CASE.name),)
+    needs = (Need('four modules up to 2 kHz, nothing computes long: worst frequency error 0.5 %',
+                  _NEED_PERCENT, '%', common.systems(outcomes, _error, 'monotonic'),
+                  case=CASE.name),)
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
                       (_plot(outcomes),), needs)
 
@@ -140,8 +141,11 @@ def _plot(outcomes: Outcomes) -> Plot:
         if errors:
             series.append(Series(run.label, RATES_HZ,
                                  errors, 'marks'))
-    return Plot('error', 'Frequency error by module', 'frequency asked for, Hz', 'error, %',
-                series, 'Lower is better. The 3 s window with the lowest frequency.', True, True)
+    return Plot('error', 'Frequency error of the four modules', 'frequency asked for, Hz',
+                'frequency error, %', series,
+                'Lower is better. Of the 3 s window with the lowest frequency; a point at '
+                '0.0001 % is that or less.', True, True,
+                x_ticks=[(rate, f'{rate:,}') for rate in RATES_HZ])
 
 
 CASE = Case('frequency', 'four modules at 2000, 1000, 500 and 200 Hz (paper 1, test 1)', _plan,

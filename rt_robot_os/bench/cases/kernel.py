@@ -119,13 +119,13 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         Aim('enter and leave a resource', 0.6, outcomes.metric(
             'operations', common.part_of('resource', 0.5, _PS_PER_US)), 'us',
             why=common.disturbances(outcomes, 'operations')),
-        Aim('a record, of a job without it', 15.0, _share(outcomes), '%',
+        Aim('a black box record, part of a job without it', 15.0, _share(outcomes), '%',
             why=common.disturbances(outcomes, 'operations')),
         Aim('abort after the end of a budget, p99', 100.0, outcomes.metric('abort', p99), 'us',
             why=common.disturbances(outcomes, 'abort')),
-        Aim('interrupt of a lower task: p99 / clock_nanosleep', 2.0,
+        Aim('interrupt by a lower task: p99 / clock_nanosleep', 2.0,
             outcomes.ratio('own', 'floor', p99), why=common.disturbances(outcomes, 'own')),
-        Aim('by another process: p99 / clock_nanosleep p99', 2.0,
+        Aim('by another process: p99 / clock_nanosleep', 2.0,
             outcomes.ratio('interrupt', 'floor', p99),
             why='the write itself, in the other process, is in the delay; '
                 + common.disturbances(outcomes, 'interrupt')))
@@ -134,7 +134,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         for key in ('floor', 'interrupt', 'own', 'abort', 'python', 'slack')
         if outcomes.measured(key)]
     plot = Plot('late', 'How soon the mechanisms of the kernel act', 'delay, us',
-                'part that is later', series, 'Further left and lower is better.', True, True)
+                'part of the events that is later', series, 'Further left and lower is better.',
+                True, True)
     return CaseResult(CASE.name, CASE.title, (
         Table('Costs', _COST_COLUMNS, costs, _COST_NOTES),
         Table('Delays', _LATE_COLUMNS, lates, _LATE_NOTES)), aims, (plot,))

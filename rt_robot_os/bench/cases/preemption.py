@@ -59,6 +59,7 @@ _PEER_RATIO = 100.0
 _MIDDLE_PERIOD_NS = 5 * NS_PER_MS
 _MIDDLE_BUSY_NS = NS_PER_MS
 _NEED_US = 100.0
+_NEED_NATIVE_US = 1000.0
 
 _WORKERS = 'rt_robot_os.bench.workers.preemption'
 _PEERS = 'rt_robot_os.bench.peers.preemption'
@@ -74,9 +75,10 @@ _LEVEL_COLUMNS = (*_LATENCY, Column('calls_part', 'of due', '%', 'calls'),
 _NOTES = (
     '1 kHz task; a less important one computes 20 ms of plain Python every 100 ms. Latency: from',
     'the release on the 1 ms grid to the first line of the task; a call that is 20 ms late has',
-    '20 ms. All on one CPU under SCHED_FIFO. clock_nanosleep is one thread that does nothing',
+    '20 ms. Of due: calls there were, of those there should have been. One CPU, SCHED_FIFO, but',
+    'where a row says otherwise (HORUS: all CPUs). clock_nanosleep: one thread that does nothing',
     'else; what computes beside it is a process without SCHED_FIFO on the same CPU: as much as',
-    "the others' task (20 %), or always. 'Into the computation': releases that fell into it.",
+    "the others' task (20 %), or always. 'Into the computation': the releases that fell into it.",
     'Range: lowest and highest of the repeats; the other figures are their medians.',
 )
 _LEVEL_NOTES = (
@@ -189,22 +191,28 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     why = common.disturbances(outcomes, 'kernel')
     all_rclpy = (*common.RCLPY, 'multi free', 'multi free tuned')
     aims = (
-        Aim('p99 / p99 of clock_nanosleep, CPU busy 20 %', _FLOOR_RATIO,
+        Aim('p99 / that of clock_nanosleep, CPU busy 20 %', _FLOOR_RATIO,
             outcomes.ratio('kernel', 'floor same', _latency(0.99)), why=why),
-        Aim('p99 into the computation / the same, CPU busy', _FLOOR_RATIO,
+        Aim('p99 in the computation / the same, CPU busy', _FLOOR_RATIO,
             _into_computation_ratio(outcomes), why=why),
-        Aim('p99: times less than the best rclpy executor', _PEER_RATIO,
+        Aim('p99 of the best rclpy executor / of the kernel', _PEER_RATIO,
             common.best_ratio(outcomes, common.RCLPY, 'kernel', _latency(0.99)), at_most=False,
             why=why),
-        Aim('... than the best of all rclpy rows', _PEER_RATIO,
+        Aim('p99 of the best rclpy row of all / of the kernel', _PEER_RATIO,
             common.best_ratio(outcomes, all_rclpy, 'kernel', _latency(0.99)), at_most=False,
             why='a switch interval of 0.1 ms makes the threads of rclpy hand over sooner; the '
                 f'kernel cannot be earlier than the floor of the machine; {why}'),
     )
-    needs = (Need('1 kHz over 20 ms of Python, p99 late 100 us', _NEED_US, 'us',
-                  {**common.systems(outcomes, _latency(0.99)),
-                   'best rclpy': common.best(outcomes, all_rclpy, _latency(0.99))},
-                  case=CASE.name),)
+    needs = (Need('1 kHz task at most 100 us late (p99) while another computes 20 ms of Python',
+                  _NEED_US, 'us', {
+                      **common.systems(outcomes, _latency(0.99)),
+                      'best rclpy': common.best(outcomes, all_rclpy, _latency(0.99))},
+                  case=CASE.name),
+             Need('1 kHz task at most 1 ms late (p99) while another is in native code for 20 ms',
+                  _NEED_NATIVE_US, 'us', {
+                      'rt_robot_os': outcomes.metric('native kernel', _latency(0.99)),
+                      'best rclpy': outcomes.metric('native events', _latency(0.99))},
+                  case=CASE.name))
     return CaseResult(
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
@@ -234,10 +242,11 @@ def _intervals_plot(outcomes: Outcomes) -> Plot:
         intervals = [_timing(outcome).intervals for outcome in outcomes.measured(key)]
         if intervals:
             series.append(histogram(label, np.concatenate(intervals), NS_PER_MS, 0.1, 30))
-    return Plot('interval', 'A 1 kHz loop over a task that computes 20 ms every 100 ms',
+    return Plot('interval', 'A 1 kHz task beside one that computes 20 ms every 100 ms',
                 'time from one call to the next, ms', 'part of all calls, %', series,
-                'Each call should come 1 ms after the one before. All repeats together.', True,
-                True)
+                'Each call should come 1 ms after the one before: the closer to 1 ms the better. '
+                'Bars at 20 ms are calls that waited for the computation. All repeats together.',
+                True, True)
 
 
 def _tails_plot(outcomes: Outcomes) -> Plot:
@@ -248,7 +257,8 @@ def _tails_plot(outcomes: Outcomes) -> Plot:
             series.append(tail(run.label, np.concatenate(latencies), NS_PER_US))
     return Plot('latency', 'How late the 1 kHz task is', 'latency, us',
                 'part of the calls that is later', series,
-                'Further left and lower is better: at 0.01 stands the p99.', True, True)
+                'Further left and lower is better: where a curve crosses 1 % is its p99.', True,
+                True)
 
 
 CASE = Case('preemption', 'a 1 kHz task over one that computes: latency and jitter', _plan,

@@ -52,16 +52,19 @@ _COLUMNS = (
     Column('maximum', 'max', 'us', 'wire to consumer'),
     Column('arrived', 'of sent', '%', 'arrived'))
 _NOTES = (
-    'A simulated node sends a sine (magnitude 4, 180 samples a cycle) as frames of 11 bytes, byte',
-    'by byte at 57,600 bps, over a pty: every 10 ms, and in --full every 100 ms for a cycle of',
-    '18 s as in the paper. From its last byte to the reader and to the consumer. rt_robot_os: a',
-    'task that the port interrupts, in the core; consumer: another process without real time, at',
-    'the link. Plain thread: a blocking reader, a queue, an ordinary process. Busy processes:',
-    'always, on the same CPU as all of these. Inside: tasks of the core (threads of the process)',
-    'of less importance that compute 8 ms of every 100 ms; the consumer of the core has another',
-    'CPU then. Queues elsewhere: the threads of the work queues by which Linux hands serial bytes',
-    'on are kept off that CPU for the time, as doctor advises; else they wait behind what',
-    'computes. The paper (Xenomai): 18 s for a cycle at any load, more without real time.')
+    'A simulated node sends a sine (magnitude 4, 180 samples a cycle) as frames of 11 bytes,',
+    'byte by byte at 57,600 bps, over a pty (a serial line made of software): every 10 ms, in',
+    '--full every 100 ms for a cycle of 18 s as in the paper. Delays count from the last byte of',
+    'a frame. rt_robot_os: the reader is a task of the core that the port interrupts, the',
+    'consumer another process without real time, at the link. Plain thread: the reader is a',
+    'thread that blocks in read(), the consumer another thread of that ordinary process, by a',
+    'queue: the shorter way. "Busy processes": other programs that compute all the time on the',
+    'same CPU. "Busy inside": no other programs, but ten tasks of the core (ten threads of the',
+    'process) of less importance compute 8 ms of every 100 ms each: what a robot program may do',
+    'to its own serial ports. The consumer of the core has another CPU then. "Queues elsewhere":',
+    'Linux hands serial bytes on by threads of its work queues, which wait behind what computes',
+    'on their CPU; here they are kept off the CPU of the reader for the time, as the program',
+    'doctor advises. The paper (Xenomai): 18 s for a cycle at any load, more without real time.')
 
 
 def _loads(options: Options) -> Sequence[int]:
@@ -95,16 +98,17 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         'p50': consumed['p50'], 'p99': consumed['p99'], 'maximum': consumed['maximum'],
         'arrived': common.figure('arrived_percent')}) for key in outcomes.runs]
     aims = (
-        Aim('wire to task p99, 10 busy processes / none', 1.3,
+        Aim('reader p99, 10 busy processes / none', 1.3,
             outcomes.ratio('rt 10', 'rt 0', read['p99']),
             why=_why(outcomes, 'rt 10')),
-        Aim('10 busy inside: thread p99 / task p99', 10.0,
+        Aim('10 busy inside: p99 of the thread / of the task', 10.0,
             outcomes.ratio('plain inside', 'rt inside', read['p99']), at_most=False,
             why=_why(outcomes, 'rt inside')))
-    needs = [Need(f'serial bytes to their reader, 10 busy inside, {what}p99 1 ms', _NEED_US,
+    needs = [Need(f'a serial frame read within 1 ms (p99) while 10 tasks of the same program '
+                  f'compute{what}', _NEED_US,
                   'us', {'rt_robot_os': outcomes.metric(f'rt {key}', read['p99']),
                          'threads': outcomes.metric(f'plain {key}', read['p99'])}, case=CASE.name)
-             for key, what in (('inside', ''), ('alone', 'work queues elsewhere, '))
+             for key, what in (('inside', ''), ('alone', ", Linux's work queues kept off its CPU"))
              if f'rt {key}' in outcomes.runs]
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
                       (_loads_plot(options, outcomes), _tails_plot(outcomes)), needs)
@@ -128,8 +132,10 @@ def _loads_plot(options: Options, outcomes: Outcomes) -> Plot:
                 metric := outcomes.metric(f'{key} {count}', common.part_of(name, 0.99)))]
             series.append(Series(f'{label}, {what}', [x for x, _ in known],
                                  [y for _, y in known], 'marks'))
-    return Plot('load', 'From the wire, p99', 'busy processes on the same CPU', 'delay, us',
-                [s for s in series if s.x], 'Lower is better; Fig. 10 of the paper.', False, True)
+    return Plot('load', 'Delay from the wire, p99, under load', 'busy processes on the same CPU',
+                'delay, us', [s for s in series if s.x],
+                'Lower is better. Corresponds to Fig. 10 of paper 2.', False, True,
+                x_ticks=[(count, str(count)) for count in _loads(options)])
 
 
 def _tails_plot(outcomes: Outcomes) -> Plot:
@@ -138,7 +144,7 @@ def _tails_plot(outcomes: Outcomes) -> Plot:
         if key in outcomes.runs and outcomes.measured(key):
             series.append(tail(outcomes.runs[key].label, np.concatenate(
                 [o.samples['decoded_ns'] for o in outcomes.measured(key)]), 1e3))
-    return Plot('tail', 'From the wire to the reader', 'delay, us',
+    return Plot('tail', 'Delay from the wire to the reader', 'delay, us',
                 'part of the frames that is later', series, 'Further left and lower is better.',
                 True, True)
 

@@ -160,18 +160,29 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 def _plots(outcomes: Outcomes) -> Sequence[Plot]:
     delays, memory = [], []
+    unit, unit_s = _time_unit(outcomes)
     for key, run in outcomes.runs.items():
         for outcome in outcomes.measured(key)[:1]:
-            minutes = (outcome.samples['time_s'] / 60).tolist()
-            delays += [Series(f'{run.label}, {name}', minutes,
+            moments = (outcome.samples['time_s'] / unit_s).tolist()
+            delays += [Series(f'{run.label}, {name}', moments,
                               np.maximum(outcome.samples[f'delay_{name}_us'], 0.1).tolist(),
                               'marks') for name in ('mean', 'max')]
             if key == 'kernel':
-                memory.append(Series(run.label, minutes,
+                memory.append(Series(run.label, moments,
                                      (outcome.samples['resident_kb'] / 1000).tolist(), 'marks'))
-    return (Plot('delay', 'Delay of the attitude in each row', 'time, min', 'delay, us', delays,
-                 'Lower and flatter is better.', False, True),
-            Plot('memory', 'Resident size', 'time, min', 'MB', memory, 'Flat is right.'))
+    return (Plot('delay', 'Delay of the attitude over time', f'time, {unit}', 'delay, us', delays,
+                 'Lower and flatter is better. A point is a row: mean and maximum of its time.',
+                 False, True),
+            Plot('memory', 'Memory of the process over time', f'time, {unit}', 'resident size, MB',
+                 memory, 'Flat is right.', y_from_zero=True))
+
+
+def _time_unit(outcomes: Outcomes) -> tuple[str, float]:
+    longest_s = max((float(outcome.samples['time_s'][-1]) for key in outcomes.runs
+                     for outcome in outcomes.measured(key) if len(outcome.samples['time_s'])),
+                    default=0.0)
+    return ('s', 1.0) if longest_s < 200 else ('min', 60.0) if longest_s < 12_000 else (
+        'h', 3600.0)
 
 
 CASE = Case('stability', 'three modules for a minute or --hours (paper 1, test 4)', _plan,

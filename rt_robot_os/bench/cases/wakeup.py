@@ -78,12 +78,12 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             outcomes.ratio('kernel', 'floor', late['p99']),
             why=common.disturbances(outcomes, 'kernel')),
         Aim('p99 with spin', 10.0, outcomes.metric('spin', late['p99']), 'us',
-            why='the host or another process takes the CPU while it spins: '
+            why='the host or another process takes the CPU while it spins; '
                 + common.disturbances(outcomes, 'spin')))
     series = [tail(run.label.strip() if run.label[0] != ' ' else f'rt_robot_os,{run.label[1:]}',
                    np.concatenate([o.samples['late_ns'] for o in outcomes.measured(key)]), 1e3)
               for key, run in outcomes.runs.items() if outcomes.measured(key)]
-    plot = Plot('late', 'How late an idle process wakes', 'late, us',
+    plot = Plot('late', 'How late a sleeping process wakes', 'late, us',
                 'part of the wake-ups that is later', series,
                 'Further left and lower is better.', True, True)
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,))
