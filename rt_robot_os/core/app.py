@@ -28,17 +28,14 @@ from rt_robot_os.core.black_box import BlackBoxKeeper
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.core.lifecycle import ModuleLifecycle
 from rt_robot_os.core.parameters import LiveParameters
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.tap import Taps
-from rt_robot_os.core.tasks import add_module_task
-from rt_robot_os.core.tasks import at_once
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.drivers.capture.device import CaptureDevice
 from rt_robot_os.drivers.registry import DRIVERS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Clock
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
@@ -49,7 +46,6 @@ from rt_robot_os.linux.cpu_latency import hold_cpu_latency
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.logger import Logger
 from rt_robot_os.modules import Module
-from rt_robot_os.modules.registry import module_class
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
@@ -100,9 +96,7 @@ class Core:
             lambda failure: self.black_box.fault(f'task {failure.task!r}: {failure.error}'))
         self.realtime: tuple[RtResult, ...] = ()
         self.sensors = SensorManager(self.kernel, self.bus, self.reports)
-        self.modules: list[Module] = []
         self.loggers: dict[str, Logger] = {}
-        self._active: list[Module] = []
         self._output: int | None = None
         self._written = 0
         self._cpu_latency: HeldCpuLatency | None = None
@@ -110,7 +104,8 @@ class Core:
             self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
                              depth=topic.depth, rate_hz=topic.rate_hz)
         self._add_devices(ports or {}, captures)
-        self._add_modules()
+        self._lifecycle = ModuleLifecycle(self.note)
+        self._lifecycle.add(settings.modules, self.kernel, self.bus, self._connect_log)
         self.taps = Taps(self.kernel, self.bus, self.sensors)
         if core.record_bytes:
             self.turn_on_taps()
@@ -144,15 +139,10 @@ class Core:
                     round(device.retry_max_s * NS_PER_S)),
                 declared=declaration(device.task, self.kernel))
 
-    def _add_modules(self) -> None:
-        for entry in self.settings.modules:
-            module = module_class(entry.type)(entry.name, entry.settings)
-            self._connect_log(module.log, entry.log_level)
-            module.declare(self.bus, entry.rate_hz)
-            self.modules.append(module)
-        for entry, module in zip(self.settings.modules, self.modules):
-            module.bind(self.bus, add_module_task(
-                self.kernel, module, entry, functools.partial(self._restart, module)))
+    @property
+    def modules(self) -> list[Module]:
+        """All modules, in the order of the configuration."""
+        return self._lifecycle.modules
 
     def _connect_log(self, log: object, level: str) -> None:
         if not isinstance(log, Logger):  # a class of somebody who has another use for the name
@@ -160,15 +150,6 @@ class Core:
         log.connect(self.reports, self.kernel.now_ns)
         log.level = int(Severity[level.upper()])
         self.loggers[log.name] = log
-
-    def _restart(self, module: Module) -> None:
-        """Begin anew after a failure; what configure() prepared is still there."""
-        try:
-            at_once(module.task, module.deactivate)
-        except Exception as error:
-            self.note(Severity.ERROR, module.name, f'deactivate failed: {error}')
-        module.activate()
-        self.note(Severity.INFO, module.name, 'restarted')
 
     def turn_on_taps(self) -> None:
         """
@@ -229,31 +210,14 @@ class Core:
 
         :raises RtRobotError: one of them could not be prepared.
         """
-        for module in self.modules:
-            self._prepare(module)
-
-    def _prepare(self, module: Module) -> None:
-        try:
-            module.configure()
-            self._active.append(module)
-            module.activate()
-        except RtRobotError:
-            raise
-        except Exception as error:
-            raise ConfigError([f'module {module.name!r} could not be prepared: '
-                               f'{type(error).__name__}: {error}']) from error
+        self._lifecycle.prepare()
 
     def close(self) -> None:
         """Leave a safe state and close everything; may be called twice."""
         if self.watchdog is not None:
             self.watchdog.leave()
         self.guard.leave()
-        while self._active:
-            module = self._active.pop()
-            try:
-                module.deactivate()
-            except Exception as error:
-                self.note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+        self._lifecycle.end()
         self.sensors.close()
         self.guard.release()
         self._watch()

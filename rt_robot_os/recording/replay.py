@@ -53,7 +53,7 @@ from rt_robot_os.recording.replay_time import Schedule
 from rt_robot_os.recording.timeline import Round
 from rt_robot_os.recording.timeline import Slice
 from rt_robot_os.recording.timeline import Timeline
-from rt_robot_os.sensors.manager import ManagedDevice
+from rt_robot_os.sensors.managed import ManagedDevice
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.topics import Bus

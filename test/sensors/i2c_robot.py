@@ -27,7 +27,7 @@ from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.sensors import SensorManager
-from rt_robot_os.sensors.manager import ManagedDevice
+from rt_robot_os.sensors.managed import ManagedDevice
 from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.i2c_bus import LocalTransport

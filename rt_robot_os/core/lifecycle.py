@@ -1,0 +1,102 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The modules of the core from beginning to end: made, prepared, restarted, deactivated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+import functools
+
+from rt_robot_os.core.tasks import add_module_task
+from rt_robot_os.core.tasks import at_once
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.modules import Module
+from rt_robot_os.modules.registry import module_class
+from rt_robot_os.reports import Severity
+from rt_robot_os.settings import ModuleSettings
+from rt_robot_os.topics import Bus
+
+
+class ModuleLifecycle:
+    """
+    The modules, in the order of the configuration.
+
+    :param note: tells people something: how severe, of which module, what.
+    :ivar modules: all of them.
+    """
+
+    def __init__(self, note: Callable[[Severity, str, str], None]) -> None:
+        self.modules: list[Module] = []
+        self._active: list[Module] = []
+        self._note = note
+
+    def add(self, entries: Sequence[ModuleSettings], kernel: Kernel, bus: Bus,
+            connect_log: Callable[[object, str], None]) -> None:
+        """
+        Make the modules with their topics and tasks.
+
+        :param connect_log: makes a log work, at a level.
+        :raises RtRobotError: a module does not fit.
+        """
+        for entry in entries:
+            module = module_class(entry.type)(entry.name, entry.settings)
+            connect_log(module.log, entry.log_level)
+            module.declare(bus, entry.rate_hz)
+            self.modules.append(module)
+        # All topics are declared by now, so that each finds those of the others.
+        for entry, module in zip(entries, self.modules):
+            module.bind(bus, add_module_task(
+                kernel, module, entry, functools.partial(self._restart, module)))
+
+    def prepare(self) -> None:
+        """
+        Configure and activate all modules.
+
+        :raises RtRobotError: one of them could not be prepared.
+        """
+        for module in self.modules:
+            self._prepare(module)
+
+    def _prepare(self, module: Module) -> None:
+        try:
+            module.configure()
+            self._active.append(module)
+            module.activate()
+        except RtRobotError:
+            raise
+        except Exception as error:
+            raise ConfigError([f'module {module.name!r} could not be prepared: '
+                               f'{type(error).__name__}: {error}']) from error
+
+    def _restart(self, module: Module) -> None:
+        """Begin anew after a failure; what configure() prepared is still there."""
+        try:
+            at_once(module.task, module.deactivate)
+        except Exception as error:
+            self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+        module.activate()
+        self._note(Severity.INFO, module.name, 'restarted')
+
+    def end(self) -> None:
+        """Deactivate what was activated, the last one first; may be called twice."""
+        while self._active:
+            module = self._active.pop()
+            try:
+                module.deactivate()
+            except Exception as error:
+                self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
