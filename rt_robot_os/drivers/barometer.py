@@ -33,7 +33,9 @@ from rt_robot_os.drivers.decoders.atmosphere import altitude_slope_m_pa
 from rt_robot_os.drivers.decoders.atmosphere import SEA_LEVEL_PA
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.drivers.i2c_device import I2cDevice
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.units import NS_PER_S
 
 _UNKNOWN: Final = 1e6
 _Z: Final = 2 * 6 + 2
@@ -79,6 +81,19 @@ class Barometer(I2cDevice):
         self._last_stamp_ns = 0
         self._temperature_at = 1 if settings['temperature_topic'] else 0
         self._altitude_at = 1 + self._temperature_at if settings['altitude_topic'] else 0
+
+    def expect_time_for(self, conversion_ns: int) -> None:
+        """
+        Check that a sample has the time that it takes.
+
+        :param conversion_ns: longest time of all conversions of a sample.
+        :raises ConfigError: there is less between two samples.
+        """
+        if conversion_ns > self.period_ns:
+            raise ConfigError([
+                f'{self.name}: output_rate_hz {self.settings["output_rate_hz"]:g} is more than '
+                f'the {NS_PER_S / conversion_ns:.1f} Hz that this oversampling allows: lower it '
+                'or the oversampling'])
 
     @abstractmethod
     def identify(self) -> None:

@@ -31,9 +31,7 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import bmp280 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
 
 # A conversion that is not over after this many times its longest time is not one.
 _PATIENCE: Final = 4
@@ -68,11 +66,7 @@ class Bmp280(Barometer):
         over_t: int = settings['temperature_oversampling']
         over_p: int = settings['pressure_oversampling']
         self._conversion_ns = chip.conversion_ns(over_t, over_p)
-        if self._conversion_ns > self.period_ns:
-            raise ConfigError([
-                f'{name}: output_rate_hz {settings["output_rate_hz"]:g} is more than the '
-                f'{NS_PER_S / self._conversion_ns:.1f} Hz that this oversampling allows: lower it '
-                'or the oversampling'])
+        self.expect_time_for(self._conversion_ns)
         self._normal = settings['mode'] == 'normal'
         mode = chip.NORMAL if self._normal else chip.FORCED
         self._control = (chip.OVERSAMPLING[over_t] << 5 | chip.OVERSAMPLING[over_p] << 2 | mode)

@@ -29,9 +29,7 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import bmp388 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
 
 # Of a period: how often a measurement that is late is looked for.
 _LOOKS: Final = 8
@@ -63,15 +61,9 @@ class Bmp388(Barometer):
         super().__init__(name, settings)
         over_t: int = settings['temperature_oversampling']
         over_p: int = settings['pressure_oversampling']
-        rate_hz: float = settings['output_rate_hz']
-        conversion_ns = chip.conversion_ns(over_t, over_p)
-        if conversion_ns > self.period_ns:
-            raise ConfigError([
-                f'{name}: output_rate_hz {rate_hz:g} is more than the '
-                f'{NS_PER_S / conversion_ns:.1f} Hz that this oversampling allows: lower it or '
-                'the oversampling'])
+        self.expect_time_for(chip.conversion_ns(over_t, over_p))
         self._oversampling = chip.OVERSAMPLING[over_t] << 3 | chip.OVERSAMPLING[over_p]
-        self._rate = chip.RATES_HZ[rate_hz]
+        self._rate = chip.RATES_HZ[settings['output_rate_hz']]
         self._filter = chip.FILTER[settings['filter']] << 1
         self._scaled: chip.Scaled = ()
         self._expected_ns = 0

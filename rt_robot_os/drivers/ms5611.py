@@ -29,10 +29,8 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import ms5611 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
 
 
 class Ms5611(Barometer):
@@ -56,11 +54,7 @@ class Ms5611(Barometer):
         """
         super().__init__(name, settings)
         self._added, self._conversion_ns = chip.OVERSAMPLING[settings['oversampling']]
-        if 2 * self._conversion_ns > self.period_ns:
-            raise ConfigError([
-                f'{name}: output_rate_hz {settings["output_rate_hz"]:g} is more than the '
-                f'{NS_PER_S / 2 / self._conversion_ns:.1f} Hz that this oversampling allows: '
-                'lower it or the oversampling'])
+        self.expect_time_for(2 * self._conversion_ns)
         self._prom: chip.Words = ()
         self._raw_t = 0
         self._done_ns = 0
