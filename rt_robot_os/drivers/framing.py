@@ -108,7 +108,7 @@ class FrameDecoder(StreamDecoder[FrameT]):
 
         :param at: where one of ``STARTS`` stands; the bytes of the shortest frame are there.
         :return: index just after its last byte. When more bytes are needed to know that: any index
-            behind the buffer that the end cannot be before. 0 when it cannot be a frame.
+            behind the buffer, at most ``at + LONGEST``. 0 when it cannot be a frame.
         """
 
     @abstractmethod

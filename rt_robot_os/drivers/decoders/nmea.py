@@ -49,26 +49,6 @@ class NmeaFrame(NamedTuple):
     end: int
 
 
-class NmeaDecoder(FrameDecoder[NmeaFrame]):
-    """Find the sentences in a stream of bytes; safe in the loop, keeps less than 200 bytes."""
-
-    STARTS = b'$'
-    SHORTEST = MIN_SENTENCE
-    LONGEST = MAX_SENTENCE
-
-    def end(self, buffer: bytes, at: int) -> int:
-        """Say where a sentence ends, 0 when none begins here."""
-        return sentence_end(buffer, at)
-
-    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> NmeaFrame | None:
-        """Read a sentence with a good checksum."""
-        sentence = buffer[at:end]
-        content = checked(sentence)
-        if content is None:
-            return None
-        return NmeaFrame(sentence, content.partition(b',')[0].decode('ascii'), arrived)
-
-
 def sentence_end(buffer: bytes, at: int) -> int:
     """
     Say where the sentence that begins at an index ends.
@@ -95,3 +75,21 @@ def xor(content: bytes) -> int:
     for byte in content:
         result ^= byte
     return result
+
+
+class NmeaDecoder(FrameDecoder[NmeaFrame]):
+    """Find the sentences in a stream of bytes; safe in the loop, keeps less than 200 bytes."""
+
+    STARTS = b'$'
+    SHORTEST = MIN_SENTENCE
+    LONGEST = MAX_SENTENCE
+
+    end = staticmethod(sentence_end)
+
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> NmeaFrame | None:
+        """Read a sentence with a good checksum."""
+        sentence = buffer[at:end]
+        content = checked(sentence)
+        if content is None:
+            return None
+        return NmeaFrame(sentence, content.partition(b',')[0].decode('ascii'), arrived)

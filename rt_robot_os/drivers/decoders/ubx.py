@@ -44,6 +44,7 @@ ACK: Final = 0x05
 CFG: Final = 0x06
 PVT: Final = 0x07
 
+_FIRST, _SECOND = SYNC
 _HEADER: Final = 6
 _OVERHEAD: Final = 8
 _CLASSES: Final = frozenset((
@@ -140,11 +141,11 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where a message or sentence ends, 0 when none begins here."""
-        if buffer[at] != SYNC[0]:
+        if buffer[at] != _FIRST:
             end = sentence_end(buffer, at)
             # A message cuts off what has not ended.
             return end if end <= len(buffer) or SYNC not in buffer[at:] else 0
-        if buffer[at + 1] != SYNC[1] or buffer[at + 2] not in _CLASSES:
+        if buffer[at + 1] != _SECOND or buffer[at + 2] not in _CLASSES:
             return 0
         length = buffer[at + 4] | buffer[at + 5] << 8
         if buffer[at + 2] == NAV and buffer[at + 3] == PVT and length not in PVT_SIZES:
@@ -153,7 +154,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> UbxFrame | None:
         """Read a message or sentence with a good checksum."""
-        if buffer[at] != SYNC[0]:
+        if buffer[at] != _FIRST:
             sentence = buffer[at:end]
             return UbxFrame(NMEA, 0, sentence, end - at, arrived) if checked(sentence) else None
         if buffer[end - 2:end] != fletcher(buffer[at + 2:end - 2]):

@@ -33,6 +33,7 @@ EXTENDED: Final = 0xFF
 # A header found by chance holds up what follows until its length is there: keep that short.
 MAX_PAYLOAD: Final = 2048
 
+_BUS: Final = PREAMBLE[1]
 _HEADER: Final = 4
 _LONG_HEADER: Final = 6
 
@@ -62,7 +63,7 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where a message ends, 0 when none begins here."""
-        if buffer[at + 1] != PREAMBLE[1]:
+        if buffer[at + 1] != _BUS:
             return 0
         length = buffer[at + 3]
         if length < EXTENDED:
