@@ -27,7 +27,6 @@ from rt_robot_os.bench.blocks import Paragraph
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Need
 from rt_robot_os.bench.text import number
-from rt_robot_os.bench.text import spread
 from rt_robot_os.bench.text import SYSTEMS
 
 INTRODUCTION = (
@@ -89,8 +88,10 @@ def needs(results: Sequence[CaseResult]) -> Iterator[Block]:
     yield Heading('Which system for which need', 2)
     yield Paragraph(
         'Yes: what was measured here, as the median of the repeats, is at least as good as the '
-        'need says; a dash: that was not measured. Best rclpy: the best of its executors in that '
-        'row. p99: 99 of 100 are at most that late. The case named has all figures.')
+        'need says; (?): the median says so, but not each of the repeats; a dash: that was not '
+        'measured. Best rclpy: the best of its executors in that row. p99: 99 of 100 are at most '
+        'that late. The case named has all figures. The advice below the table holds on any '
+        'machine, its yes and no on this one.')
     systems = [name for name in SYSTEMS
                if any(need.systems.get(name) is not None for need in known)]
     yield Grid(('need', 'case', *systems, 'good enough'), [
@@ -103,12 +104,14 @@ def _fits(need: Need, system: str) -> str:
     metric = need.systems.get(system)
     if metric is None:
         return '-'
-    said = f'{"yes" if need.gives(system) else "no"}, {number(metric.median)} {need.unit}'.strip()
-    return said if need.agreed(system) else f'{said} (repeats differ: {spread(metric)})'
+    sure = '' if need.agreed(system) else ' (?)'
+    return (f'{"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
+            f'{need.unit}').strip()
 
 
 def _use(need: Need) -> str:
-    fitting = [name for name in SYSTEMS if need.gives(name)]
-    if len(fitting) == len([name for name in SYSTEMS if need.gives(name) is not None]) > 1:
+    known = [name for name in SYSTEMS if need.gives(name) is not None]
+    fitting = [name + ('' if need.agreed(name) else ' (?)') for name in known if need.gives(name)]
+    if len(fitting) == len(known) > 1 and all(need.agreed(name) for name in known):
         return 'all that were measured'
     return ', '.join(fitting) or 'none of these'

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 from difflib import get_close_matches
+import json
 import math
 import os
 from pathlib import Path
@@ -32,6 +33,8 @@ from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.case import Options
 from rt_robot_os.bench.output import DOCUMENT_FILE
 from rt_robot_os.bench.output import PAGE_FILE
+from rt_robot_os.bench.processes import alone
+from rt_robot_os.bench.processes import lock_path
 
 _DEFAULT = Options(2.0, 3)
 _QUICK = Options(0.5, 1, quick=True)
@@ -54,7 +57,8 @@ Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run 
   bench memory --seconds 3600         watch the size of the core for an hour
   bench --full --out results          everything, below 40 minutes
   bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
-  bench --page s                      another terminal: evaluates what is there so far
+  bench --page s                      another terminal: evaluates what is there so far;
+                                      after Ctrl-C the same call goes on where it ended
 
 "Paper 1" and "paper 2" are named on the page, and so is how each system is run.
 """
@@ -162,7 +166,7 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
         if given.json is not None:
             _check_file(parser, given.json)
         if given.out is not None:
-            _check_folder(parser, given.out)
+            _check_folder(parser, given.out, [case.name for case in chosen])
     return Request(chosen or list(cases.values()), options, given.json, given.out, given.list,
                    given.page)
 
@@ -180,12 +184,27 @@ def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
                      f'{", ".join(given.case)} is --seconds')
 
 
+def goes_on(request: Request) -> bool:
+    """Tell whether the same call, after Ctrl-C, goes on where it ended."""
+    return request.out is not None and [case.name for case in request.cases] == [_HOURS_CASE]
+
+
 def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:
     if name in cases:
         return cases[name]
     close = get_close_matches(name, cases, 1)
     hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(cases)}'
     parser.error(f'no case {name!r}; {hint}')
+
+
+def _interrupted(path: Path) -> bool:
+    """Tell whether a call ended early that measured nothing but what can go on."""
+    try:
+        content = json.loads(path.read_text())
+        others = {case['name'] for case in content['cases']} - {_HOURS_CASE}
+        return bool(content['interrupted']) and not others
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _check_file(parser: _Parser, path: Path) -> None:
@@ -199,9 +218,14 @@ def _check_file(parser: _Parser, path: Path) -> None:
         parser.error(f'--json {path}: cannot be written: {error.strerror}')
 
 
-def _check_folder(parser: _Parser, path: Path) -> None:
+def _check_folder(parser: _Parser, path: Path, cases: Sequence[str]) -> None:
     if (path / DOCUMENT_FILE).exists():
-        parser.error(f'--out {path}: holds the results of an earlier run; name another folder')
+        if cases != [_HOURS_CASE] or not _interrupted(path / DOCUMENT_FILE):
+            parser.error(f'--out {path}: holds results of an earlier run; name another folder')
+        with alone(lock_path(), wait=False) as others:
+            if others:
+                parser.error(f'--out {path}: another bench is measuring, perhaps into this folder'
+                             f'; to see what is there so far: --page {path}')
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / f'.probe{os.getpid()}'

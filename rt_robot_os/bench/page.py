@@ -40,9 +40,8 @@ table { border-collapse: collapse; margin: .8rem 0; font-size: 13px; }
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e4e4;
   font-variant-numeric: tabular-nums; vertical-align: top; }
 th { font-weight: 600; vertical-align: bottom; }
-tr.groups th { text-align: center; border-bottom: 0; padding-bottom: 0; }
-tr.groups th:not(:empty) { background: linear-gradient(#bbb, #bbb) center bottom / 88% 1px
-  no-repeat; }
+tr.groups th { text-align: center; border-bottom: 0; padding: 0 .35rem; }
+tr.groups span { display: block; border-bottom: 1px solid #bbb; padding: 0 .35rem; }
 .w { text-align: left; }
 td { white-space: nowrap; } td.w { white-space: normal; }
 td.w:first-child { white-space: pre-wrap; min-width: 14rem; }
@@ -114,7 +113,7 @@ def _table(grid: Grid) -> str:
     lines = ['<div class="wide"><table>']
     if grid.groups:
         lines.append('<tr class="groups">' + ''.join(
-            f'<th colspan="{len(list(same))}">{escape(", ".join(filter(None, group)))}</th>'
+            _group(', '.join(filter(None, group)), len(list(same)))
             for group, same in groupby(grid.groups)) + '</tr>')
     if any(grid.headings):
         lines.append('<tr>' + ''.join(
@@ -127,6 +126,11 @@ def _table(grid: Grid) -> str:
             cells.append(f'<td{_class(i < grid.words or bool(wide))}{wide}>{escape(text)}</td>')
         lines.append(f'<tr class="{kind}">{"".join(cells)}</tr>')
     return '\n'.join((*lines, '</table></div>'))
+
+
+def _group(text: str, columns: int) -> str:
+    line = f'<span>{escape(text)}</span>' if text else ''
+    return f'<th colspan="{columns}">{line}</th>'
 
 
 def _class(words: bool) -> str:

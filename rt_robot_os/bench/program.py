@@ -24,6 +24,7 @@ from types import FrameType
 
 from rt_robot_os.bench import drawing
 from rt_robot_os.bench.case import Case
+from rt_robot_os.bench.options import goes_on
 from rt_robot_os.bench.options import parse
 from rt_robot_os.bench.options import Request
 from rt_robot_os.bench.output import EarlierRun
@@ -76,7 +77,9 @@ def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
             session.measure(case)
     except KeyboardInterrupt:
         interrupted = True
-        print('bench: interrupted; cases that were not complete are left out', file=sys.stderr)
+        further = ('the same call goes on where this ended' if goes_on(request)
+                   else 'cases that were not complete are left out')
+        print(f'bench: interrupted; {further}', file=sys.stderr)
     if session.results:
         print('\n' + '\n'.join(closing_lines(session.results, terminal_width())))
     session.write(interrupted)

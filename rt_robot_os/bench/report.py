@@ -46,6 +46,11 @@ from rt_robot_os.bench.text import spread
 from rt_robot_os.bench.verdicts import verdicts
 
 OURS = 'rt_robot_os'
+_NAMES = {'cpu': 'processor', 'cores': 'CPUs', 'cores_allowed': 'CPUs that bench may use',
+          'isolated': 'isolated CPUs', 'work_queue_cpus': 'CPUs of the work queues (mask)',
+          'kernel': 'Linux', 'kernel_version': 'Linux, version',
+          'preemption': 'Linux, preemption', 'python': 'Python', 'rmw': 'RMW_IMPLEMENTATION',
+          'ros_distro': 'ROS_DISTRO', 'load_average': 'load average at the start'}
 
 
 def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterator[Block]:
@@ -138,9 +143,10 @@ def _kind(row: Row) -> str:
 def _machine(content: Mapping[str, Any]) -> Iterator[Block]:
     machine = content['machine']
     yield Heading('The machine', 2)
-    rows = [(key.replace('_', ' '), _plain(value)) for key, value in machine.items()
-            if value not in ('', [], {})]
-    rows += [(step, state) for step, state in content['realtime'].items()]
+    rows = [(_NAMES.get(key, key.replace('_', ' ')), _plain(value))
+            for key, value in machine.items() if value not in ('', [], {})]
+    rows += [(f'measured processes: {step}', state)
+             for step, state in content['realtime'].items()]
     yield Grid(('', ''), rows, [''] * len(rows), 2)
 
 
@@ -149,4 +155,6 @@ def _plain(value: Any) -> str:
         return ', '.join(f'{key} {one}' for key, one in value.items())
     if isinstance(value, list | tuple):
         return ', '.join(_plain(one) for one in value)
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
     return f'{value:.2f}' if isinstance(value, float) else str(value)

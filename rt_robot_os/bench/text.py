@@ -53,7 +53,7 @@ def number(value: float) -> str:
     """Write a number with three significant digits, never in powers of ten; 0 as such."""
     if value == 0:
         return '0'
-    size = abs(value)
+    size = abs(float(f'{value:.{_DIGITS}g}'))  # 9.996 has as many digits as 10.0
     decimals = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else _DIGITS
     text = f'{value:.{decimals}f}'
     return text.lstrip('-') if float(text) == 0 else text

@@ -22,6 +22,7 @@ import pytest
 
 from rt_robot_os.bench.options import parse
 from rt_robot_os.bench.options import Request
+from rt_robot_os.bench.processes import alone
 from rt_robot_os.bench.program import run
 from rt_robot_os.bench.registry import CASES
 from rt_robot_os.bench.runner import expected_seconds
@@ -125,6 +126,29 @@ def test_earlier_results_are_not_overwritten(
     with pytest.raises(SystemExit) as ended:
         _parse('--out', str(tmp_path))
     assert ended.value.code == 2
+    assert 'earlier run' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('content, cases, goes_on', [
+    ('{"interrupted": true, "cases": [{"name": "stability"}]}', ['stability'], True),
+    ('{"interrupted": true, "cases": []}', ['stability'], True),
+    ('{"interrupted": true, "cases": []}', ['stability', 'micro'], False),
+    ('{"interrupted": true, "cases": [{"name": "micro"}]}', ['stability'], False),
+    ('{"interrupted": false, "cases": []}', ['stability'], False),
+    ('rubbish', ['stability'], False)])
+def test_only_the_long_case_goes_on_in_its_folder(
+        content: str, cases: list[str], goes_on: bool, tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr('rt_robot_os.bench.options.lock_path', lambda: tmp_path / 'lock')
+    (tmp_path / 'bench.json').write_text(content)
+    if goes_on:
+        assert _parse(*cases, '--out', str(tmp_path)).out == tmp_path
+        with alone(tmp_path / 'lock'), pytest.raises(SystemExit):
+            _parse(*cases, '--out', str(tmp_path))
+        assert 'another bench is measuring' in capsys.readouterr().err
+        return
+    with pytest.raises(SystemExit):
+        _parse(*cases, '--out', str(tmp_path))
     assert 'earlier run' in capsys.readouterr().err
 
 

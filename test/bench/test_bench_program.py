@@ -230,6 +230,18 @@ def test_ctrl_c_keeps_what_was_complete(
     assert 'interrupted' in capsys.readouterr().err
 
 
+def test_ctrl_c_in_the_long_case_says_that_it_can_go_on(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def measured(one: Run) -> Outcome:
+        if one.key == 'kernel':
+            raise KeyboardInterrupt
+        return MISSING
+
+    assert _run('stability', '--out', str(tmp_path), measured=measured,
+                cases={'stability': CASES['stability']}) == 130
+    assert 'the same call goes on' in capsys.readouterr().err
+
+
 def test_runs_are_interleaved_and_the_order_turns_over() -> None:
     order: list[str] = []
 

@@ -29,6 +29,7 @@ from rt_robot_os.bench.workers.motion import Filter
 from rt_robot_os.bench.workers.motion import Sensor
 from rt_robot_os.bench.workers.motion import truth
 from rt_robot_os.bench.workers.stability import COLUMNS
+from rt_robot_os.bench.workers.stability import measured_s
 from rt_robot_os.bench.workers.stability import Notes
 from rt_robot_os.bench.workers.stability import read_csv
 
@@ -102,3 +103,26 @@ def test_the_worst_row_counts(tmp_path: Path) -> None:
     aim = CASE.evaluate(options, outcomes).aims[0]
     assert aim.measured is not None
     assert np.isclose(aim.measured.median, 0.3)
+
+
+def test_an_interrupted_run_goes_on_after_its_last_row(tmp_path: Path) -> None:
+    options = replace(_written(tmp_path, ROW, '12.0,1000'), hours=0.01)
+    fresh = {run.key: run for run in CASE.plan(Options(1.0, 1, hours=0.01))}
+    runs = {run.key: run for run in CASE.plan(options)}
+    assert runs['kernel'].arguments['from_s'] == 6.0
+    assert runs['kernel'].arguments['measure_ns'] == 30 * 10**9
+    assert runs['kernel'].arguments['row_ns'] == fresh['kernel'].arguments['row_ns']
+    assert runs['events'].arguments['from_s'] == 0.0
+    notes = Notes(runs['kernel'].arguments['csv'], 10, 6.0)
+    notes.begin()
+    notes.row(missed=0)
+    rows = notes.measured().samples
+    # The half row is gone, the one before it is not.
+    assert len(rows['time_s']) == 2 and rows['time_s'][0] == 6.0 <= rows['time_s'][1]
+    assert measured_s(tmp_path / 'stability-kernel.csv') >= 6.0
+
+
+def test_what_was_complete_is_not_measured_again(tmp_path: Path) -> None:
+    options = replace(_written(tmp_path, ROW), hours=6.0 / 3600)
+    assert CASE.plan(options)[0].arguments['measure_ns'] == 0
+    assert measured_s(tmp_path / 'none.csv') == 0.0

@@ -48,7 +48,7 @@ def _row(label: str, *repeats: float) -> Row:
 
 @pytest.mark.parametrize('value, text', [
     (0.0, '0'), (-0.0001, '0.000'), (0.1234, '0.123'), (1.234, '1.23'), (12.34, '12.3'),
-    (123.4, '123'), (20123.4, '20123'), (-5.678, '-5.68')])
+    (9.996, '10.0'), (123.4, '123'), (20123.4, '20123'), (-5.678, '-5.68')])
 def test_numbers_have_three_significant_digits(value: float, text: str) -> None:
     assert number(value) == text
 

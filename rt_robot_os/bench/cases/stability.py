@@ -40,6 +40,7 @@ from rt_robot_os.bench.result import Column
 from rt_robot_os.bench.result import quoted
 from rt_robot_os.bench.result import Status
 from rt_robot_os.bench.result import Table
+from rt_robot_os.bench.workers.stability import measured_s
 from rt_robot_os.bench.workers.stability import read_csv
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -60,7 +61,8 @@ _NOTES = (
     'attitude and publishes every second one, a receiver at 200 Hz compares it with the truth:',
     'delay from publishing to it. A row of figures a minute (a tenth of the time where that is',
     'shorter). Worst row: the frequency furthest from what was asked for. Growth: resident size,',
-    'last row less the first (the black box fills in the first seconds). The paper: 24 h.')
+    'last row less the first (the black box fills in the first seconds). The paper: 24 h. An',
+    'interrupted run goes on after its last row; the time between is not in the figures.')
 
 
 def _measure_s(options: Options) -> float:
@@ -75,10 +77,14 @@ def _plan(options: Options) -> Sequence[Run]:
     def run(key: str, label: str, worker: str, seconds: float, start_s: float,
             **more: str) -> Run:
         row_s = min(_ROW_S, seconds / 10)
+        csv = _csv(options, key)
+        before_s = measured_s(Path(csv)) if csv else 0.0
+        # Less than a row is no more worth starting for.
+        left_s = seconds - before_s if seconds - before_s > row_s / 2 else 0.0
         return Run(key, label, f'rt_robot_os.bench.{worker}', {
-            'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S),
-            'row_ns': round(row_s * NS_PER_S), 'csv': _csv(options, key), **more},
-            start_s + (_WARMUP_NS / NS_PER_S + seconds) * 1.01,
+            'warmup_ns': _WARMUP_NS, 'measure_ns': round(left_s * NS_PER_S), 'from_s': before_s,
+            'row_ns': round(row_s * NS_PER_S), 'csv': csv, **more},
+            start_s + (_WARMUP_NS / NS_PER_S + left_s) * 1.01,
             *common.RCLPY_PLACES.get(key, (LAST_CPU, FIFO_PRIORITY)), once=True)
 
     total_s = _measure_s(options)

@@ -18,6 +18,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 import time
 from typing import Any
 
@@ -32,6 +33,7 @@ from rt_robot_os.bench.workers.stability import ACQUIRE_HZ
 from rt_robot_os.bench.workers.stability import ATTITUDE
 from rt_robot_os.bench.workers.stability import ATTITUDE_HZ
 from rt_robot_os.bench.workers.stability import Notes
+from rt_robot_os.bench.workers.stability import read_csv
 from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_S
 
@@ -41,7 +43,9 @@ _DEPTH = 10
 def executor(harness: Harness) -> Measured:
     """Run the three modules; missed releases are not told by rclpy."""
     a = harness.arguments
-    notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2)
+    if a['measure_ns'] <= 0:  # it was complete before the interruption
+        return Measured(read_csv(Path(a['csv'])))
+    notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2, a['from_s'])
     harness.prepare()
     with graph(a['executor']) as tested:
         _modules(tested, notes)

@@ -75,13 +75,15 @@ class Notes:
     """
     What the three modules note, and the rows that are made of it.
 
-    :param csv: also written there, each row at once; empty for none.
+    :param csv: also written there, each row at once, after those there are; empty for none.
     :param room: rows.
+    :param from_s: how long was measured before this process: where the time goes on.
     """
 
-    def __init__(self, csv: str, room: int) -> None:
+    def __init__(self, csv: str, room: int, from_s: float = 0.0) -> None:
         self.acquire, self.attitude, self.receive = Counter(), Counter(), Counter()
         self.begin_ns = 0
+        self._csv, self._from_s = csv, from_s
         self.sent_ns = 0
         self._delays = self._delay_sum_ns = self._delay_max_ns = 0
         self._error = 0.0
@@ -93,6 +95,8 @@ class Notes:
         self._fd = -1
         if csv:
             new = not Path(csv).exists()
+            if not new:
+                _cut(Path(csv))
             self._fd = os.open(csv, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
             if new:
                 os.write(self._fd, (','.join(COLUMNS) + '\n').encode())
@@ -129,8 +133,8 @@ class Notes:
         """
         usage, before = resource.getrusage(resource.RUSAGE_SELF), self._usage
         row = (
-            (time.monotonic_ns() - self.begin_ns) / NS_PER_S, self.acquire.take_hz(),
-            self.attitude.take_hz(), self.receive.take_hz(),
+            self._from_s + (time.monotonic_ns() - self.begin_ns) / NS_PER_S,
+            self.acquire.take_hz(), self.attitude.take_hz(), self.receive.take_hz(),
             self._delay_sum_ns / max(1, self._delays) / 1000, self._delay_max_ns / 1000,
             self._error * _DEGREES, missed - self._missed,
             int(os.pread(self._statm, 128, 0).split()[1]) * _PAGE_KB,
@@ -145,7 +149,9 @@ class Notes:
             os.write(self._fd, (','.join(f'{value:.3f}' for value in row) + '\n').encode())
 
     def measured(self, **figures: float) -> Measured:
-        """Give the rows, a column a sample."""
+        """Give the rows, a column a sample, with those of an interrupted run before it."""
+        if self._from_s:
+            return Measured(read_csv(Path(self._csv)), figures)
         rows: Any = self._rows[:self._used]
         if not self._used:
             raise RuntimeError('too short for a row')
@@ -169,11 +175,27 @@ def read_csv(path: Path) -> Mapping[str, Samples]:
     return {name: rows[:, i] for i, name in enumerate(COLUMNS)}
 
 
+def measured_s(path: Path) -> float:
+    """Give how much the rows of a file cover so far; 0 when there are none."""
+    try:
+        moments = read_csv(path)['time_s']
+    except (OSError, ValueError):
+        return 0.0
+    return float(moments[-1]) if len(moments) else 0.0
+
+
+def _cut(path: Path) -> None:
+    """Remove a row at the end that was not finished, so that others can follow."""
+    os.truncate(path, path.read_bytes().rfind(b'\n') + 1)
+
+
 def kernel(harness: Harness) -> Measured:
     """Run the three modules as tasks with topics between them."""
     a = harness.arguments
+    if a['measure_ns'] <= 0:  # it was complete before the interruption
+        return Measured(read_csv(Path(a['csv'])))
     total_ns = a['warmup_ns'] + a['measure_ns']
-    notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2)
+    notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2, a['from_s'])
     tested = Kernel()
     tasks = _modules(tested, notes)
 
