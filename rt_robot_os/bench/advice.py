@@ -49,8 +49,8 @@ USE = (
     'one CPU.',
     'Use rclpy for services, actions, tf2, parameters of other nodes and all that has no '
     'deadline. The node of this package is an rclpy node, so that both can be had. Of the '
-    'executors EventsExecutor takes the least CPU; none of them, not the MultiThreadedExecutor '
-    'either, interrupts a callback in time (preemption).',
+    'executors EventsExecutor, experimental in Jazzy, takes the least CPU; none of them, not the '
+    'MultiThreadedExecutor either, interrupts a callback in time (preemption).',
     'Use threads for few tasks that may be some milliseconds late: Python hands over from a '
     'thread that computes after 5 ms, which is the p99 that the case preemption shows.',
     'Use HORUS where its own tools are wanted, and a lateness of some milliseconds beside a '

@@ -24,17 +24,20 @@ COST_AIM_NS = 300
 PEERS = (
     'rt_robot_os: tasks of one kernel in one process prepared as the core prepares itself: '
     'SCHED_FIFO, one CPU, locked memory, garbage collector frozen.',
-    'rclpy SingleThreadedExecutor, MultiThreadedExecutor (4 threads), EventsExecutor: one node, '
-    'a timer for each module on the steady clock, each callback in a mutually exclusive group of '
-    'its own, as the page "Using Callback Groups" of the ROS 2 documentation advises for '
-    'callbacks that shall run beside each other. rmw_fastrtps, a ROS domain of its own, '
-    'publisher and subscriptions in one process. SCHED_FIFO and one CPU as above; the '
-    'MultiThreadedExecutor all CPUs without SCHED_FIFO, because its threads starve each other '
-    'otherwise (the case preemption shows both).',
+    'rclpy SingleThreadedExecutor, MultiThreadedExecutor (4 threads), EventsExecutor (of '
+    'rclpy.experimental): one node, a timer for each module on the steady clock, each callback in '
+    'a mutually exclusive group of its own, as the page "Using Callback Groups" of the ROS 2 '
+    'documentation advises for callbacks that shall run beside each other. rmw_fastrtps, a ROS '
+    'domain of its own, publisher and subscriptions in one process. SCHED_FIFO and one CPU as '
+    'above; the MultiThreadedExecutor all CPUs without SCHED_FIFO, because its threads starve '
+    'each other otherwise (the case preemption shows both).',
     'Python threads: one threading.Thread a module, absolute deadlines, each thread with its own '
     'SCHED_FIFO priority, default switch interval of 5 ms.',
     'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core '
-    'and, for what computes, compute=True, run by horus.run(rt=True), as its documentation shows.',
+    'and, for what computes, compute=True, run by horus.run(rt=True), as its documentation shows. '
+    'It refuses to pin two nodes to one CPU, and so may use all; in the case preemption the fast '
+    'node is pinned, the one that computes is in its thread pool. It does not tell its time grid: '
+    'the earliest call stands for that, which makes its latencies a little too small.',
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
 )

@@ -68,7 +68,7 @@ def _missed(aims: Sequence[tuple[str, Aim]]) -> Iterator[Block]:
         if aim.reason:
             limit, measured = aim_cells(aim)
             reasons.setdefault(aim.reason, []).append(
-                f'{name}: {aim.text}: {measured} (aim {limit})')
+                f'{aim.text} (case {name}): {measured}, the aim is {limit}')
     if not reasons:
         return
     yield Heading('Why aims were missed, as far as the samples tell', 4)

@@ -102,8 +102,9 @@ def test_missed_aims_stand_under_their_reason_what_is_not_explained_last() -> No
         missed('a', NOTHING), missed('b', f'cold caches; {NOTHING}'), missed('c', 'cold caches'),
         Aim('d', 1.0, Metric((0.5,)), why='cold caches')))
     lists = [block.items for block in verdicts([result]) if isinstance(block, Bullets)]
-    assert lists == [['x: b: 2.50 us (aim ≤ 1 us)', 'x: c: 2.50 us (aim ≤ 1 us)'],
-                     ['x: a: 2.50 us (aim ≤ 1 us)']]
+    assert lists == [
+        ['b (case x): 2.50 us, the aim is ≤ 1 us', 'c (case x): 2.50 us, the aim is ≤ 1 us'],
+        ['a (case x): 2.50 us, the aim is ≤ 1 us']]
 
 
 def test_a_system_has_its_colour_in_every_picture_and_no_curves_look_alike() -> None:

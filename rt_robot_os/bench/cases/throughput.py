@@ -40,7 +40,7 @@ _PAPER_BYTES_S = 2048.0
 _COLUMNS = (
     Column('messages', 'messages', '1000/s', 'ring'), Column('bytes', 'payload', 'MB/s', 'ring'),
     Column('bytes', 'range', 'MB/s', 'ring', spread=True),
-    Column('copy', 'payload', 'MB/s', 'memcpy'), Column('ratio', 'memcpy', 'times', 'time /'))
+    Column('copy', 'payload', 'MB/s', 'memcpy'), Column('ratio', 'ratio', '', 'time over memcpy'))
 _NOTES = (
     'One task writes the payload into the message, publishes, and takes it: three copies of the',
     'bytes. memcpy: one copy from a buffer to another by the same NumPy assignment, in turns of',
