@@ -25,6 +25,8 @@ from typing import Any
 _PACKAGES = ('rt-robot-os', 'numpy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps',
              'horus-robotics', 'matplotlib')
 _DISTRO = 'jazzy'
+# What became of a step of the real-time set-up that Linux granted.
+IN_FORCE = 'in force'
 _ROS = ('rclpy', 'rmw_fastrtps_cpp', 'fastrtps', 'rt_robot_os')
 
 

@@ -32,6 +32,7 @@ from rt_robot_os.bench.blocks import Grid
 from rt_robot_os.bench.blocks import Heading
 from rt_robot_os.bench.blocks import Paragraph
 from rt_robot_os.bench.blocks import Picture
+from rt_robot_os.bench.machine import IN_FORCE
 from rt_robot_os.bench.machine import summary
 from rt_robot_os.bench.machine import warnings
 from rt_robot_os.bench.method import BY_HAND
@@ -64,7 +65,9 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield Paragraph(f'Measured from {_moment(content["started"])} to {_moment(content["ended"])} '
                     'UTC, all systems in turns on one machine.'
                     + (' Interrupted: cases are missing.' if content['interrupted'] else ''))
-    yield Bullets([*summary(content['machine']), *warnings(content['machine'])])
+    refused = [f'Refused to the measured processes: {step}: {state}'
+               for step, state in content['realtime'].items() if state != IN_FORCE]
+    yield Bullets([*summary(content['machine']), *warnings(content['machine']), *refused])
     yield from needs(results)
     yield from verdicts(results)
     yield Heading('Words', 2)

@@ -127,7 +127,7 @@ class Session:
         granted = []
         for step, in_force, reason in (step for o in outcomes for step in o.realtime):
             if step not in self._realtime:
-                self._realtime[step] = 'in force' if in_force else reason
+                self._realtime[step] = machine.IN_FORCE if in_force else reason
                 if in_force:
                     granted.append(step)
                 else:

@@ -125,7 +125,8 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     assert _run('--quick', '--repeats', '2', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()
     for words in ('Which system for which need', 'Aims and verdicts', 'How each system is run',
-                  'rt_robot_os kernel', 'not available: rclpy', 'bench --quick --repeats 2'):
+                  'rt_robot_os kernel', 'not available: rclpy', 'bench --quick --repeats 2',
+                  'Refused to the measured processes: SCHED_FIFO priority 80: not permitted'):
         assert words in said, words
     # Names of XML name spaces are no addresses that are fetched.
     fetched = re.findall(r'(?:src|href)="(?!#)[^"]*"|url\((?!#)|@import|<script', said)
