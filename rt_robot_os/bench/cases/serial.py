@@ -60,7 +60,7 @@ _NOTES = (
     'thread that blocks in read(), the consumer another thread of that ordinary process, by a',
     'queue: the shorter way. "Busy processes": other programs that compute all the time on the',
     'same CPU. "Busy inside": no other programs, but ten tasks of the core (ten threads of the',
-    'process) of less importance compute 8 ms of every 100 ms each: what a robot program may do',
+    'process) of less importance compute 8 ms of every 97 ms each: what a robot program may do',
     'to its own serial ports. The consumer of the core has another CPU then. "Queues elsewhere":',
     'Linux hands serial bytes on by threads of its work queues, which wait behind what computes',
     'on their CPU; here they are kept off the CPU of the reader for the time, as the program',

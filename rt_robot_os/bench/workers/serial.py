@@ -53,7 +53,8 @@ _SINE = 'rt_robot_os.bench.workers.sine'
 _CONSUMER = 'rt_robot_os.bench.workers.serial:consumer'
 _START_NS = NS_PER_S
 _TAIL_NS = NS_PER_S // 5
-_BUSY_NS, _BUSY_PERIOD_NS = 8 * NS_PER_MS, 100 * NS_PER_MS
+# No multiple of the time between two frames: these meet every phase of the load.
+_BUSY_NS, _BUSY_PERIOD_NS = 8 * NS_PER_MS, 97 * NS_PER_MS
 _CHUNK = 4096
 _WORK_QUEUES = Path('/sys/devices/virtual/workqueue/cpumask')
 
@@ -146,7 +147,7 @@ def realtime(harness: Harness) -> Measured:
     """
     Read by a task of a core that the port interrupts; a client of the link is the consumer.
 
-    ``inside`` tasks of the core compute 8 ms of every 100 ms, at the lowest priority.
+    ``inside`` tasks of the core compute 8 ms of every 97 ms, at the lowest priority.
     """
     a = harness.arguments
     path = socket_path('bench')
@@ -212,7 +213,7 @@ def plain(harness: Harness) -> Measured:
     """
     Read by a thread of an ordinary process that hands over to the main thread by a queue.
 
-    ``inside`` threads of the same process compute 8 ms of every 100 ms.
+    ``inside`` threads of the same process compute 8 ms of every 97 ms.
     """
     setup = _Setup(harness)
     with ExitStack() as stack:
