@@ -30,7 +30,6 @@ from rt_robot_os.topics.topic import Topic
 
 if TYPE_CHECKING:
     from rt_robot_os.kernel.coroutine import AsyncBody
-    from rt_robot_os.topics.trigger import Trigger
 
 
 class ReadStatus(Enum):
@@ -58,7 +57,7 @@ class Subscription(SubscriberStatisticsSource):
     """
 
     __slots__ = ('topic', 'name', 'task', 'msg', 'buffer', 'stamp_ns', 'seq', 'length', 'lost',
-                 'skipped', 'reads', 'triggers', '_fresh', '_next', '_depth', '_mask', '_slots',
+                 'skipped', 'reads', '_fresh', '_next', '_depth', '_mask', '_slots',
                  '_stamps', '_has_tail')
 
     def __init__(self, topic: Topic, name: str, *, initial: bool = False,
@@ -72,7 +71,6 @@ class Subscription(SubscriberStatisticsSource):
         self.seq = -1
         self.length = topic.layout.size
         self.lost = self.skipped = self.reads = 0
-        self.triggers: list[Trigger] = []
         self._fresh = False
         self._next = max(0, topic.head - 1) if initial else topic.head
         self._depth = topic.depth

@@ -22,24 +22,19 @@ import numpy as np
 
 from rt_robot_os.bench.case import Case
 from rt_robot_os.bench.case import Options
-from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.cases import common
+from rt_robot_os.bench.cases import punctual
 from rt_robot_os.bench.plot import Plot
 from rt_robot_os.bench.plot import tail
 from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Column
 from rt_robot_os.bench.result import Table
-from rt_robot_os.bench.stats import percentile
-from rt_robot_os.bench.stats import Timing
-from rt_robot_os.bench.stats import timing
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
-_PERIOD_NS = NS_PER_MS
 _WARMUP_NS = 2000 * NS_PER_MS
 _LIMIT = 1.1
 _WORKER = 'rt_robot_os.bench.workers.capture:core'
@@ -60,7 +55,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
     def run(key: str, label: str, devices: Sequence[str], mirrored: int = 0) -> Run:
         return Run(key, label, _WORKER, {
-            'devices': list(devices), 'mirrored': mirrored, 'period_ns': _PERIOD_NS,
+            'devices': list(devices), 'mirrored': mirrored, 'period_ns': punctual.PERIOD_NS,
             'compressed_topic': 'camera/image_raw/compressed', 'warmup_ns': _WARMUP_NS,
             'measure_ns': round(options.seconds * NS_PER_S)}, seconds)
 
@@ -70,24 +65,8 @@ def _plan(options: Options) -> Sequence[Run]:
             run('mirrored', 'both, mirrored', both, 1))
 
 
-def _timing(outcome: Outcome) -> Timing:
-    begin_ns = int(outcome.figures['begin_ns'])
-    return timing(outcome.samples['starts'], int(outcome.figures['phase_ns']), _PERIOD_NS,
-                  begin_ns, begin_ns + int(outcome.figures['measure_ns']))
-
-
-def _latency(part: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
-        value = percentile(_timing(outcome).latencies, part)
-        return None if value is None else value / NS_PER_US
-
-    return of
-
-
 _METRICS: dict[str, common.Of] = {
-    'p50': _latency(0.5), 'p99': _latency(0.99), 'p999': _latency(0.999),
-    'maximum': _latency(1.0), 'cpu': common.figure('cpu_percent'),
-    'calls': lambda outcome: 100.0 * _timing(outcome).calls / _timing(outcome).expected,
+    **punctual.METRICS,
     'frames': lambda outcome: outcome.figures['frames'] / (
         outcome.figures['measure_ns'] / NS_PER_S),
     'lost': common.figure('lost')}
@@ -95,14 +74,14 @@ _METRICS: dict[str, common.Of] = {
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     aims = [Aim(f'p99 with {text} / nothing captured', _LIMIT,
-                outcomes.ratio(key, 'none', _latency(0.99)),
+                outcomes.ratio(key, 'none', punctual.latency(0.99)),
                 why='the core copies 64 KiB at a time and the capture processes share the caches '
                     'and the host; ' + common.disturbances(outcomes, key))
             for key, text in (('both', 'camera and sound'), ('mirrored', 'both, mirrored'))]
     plot = Plot('capture', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(run.label, np.concatenate(
-                    [_timing(o).latencies for o in outcomes.measured(key)]), 1e3)
+                    [punctual.timing_of(o).latencies for o in outcomes.measured(key)]), 1e3)
                  for key, run in outcomes.runs.items() if outcomes.measured(key)],
                 'The closer the curves, the less capturing reaches the core.', True, True)
     rows = [outcomes.row(key, _METRICS) for key in outcomes.runs]

@@ -27,6 +27,7 @@ from rt_robot_os.bench.case import Outcome
 from rt_robot_os.bench.case import Outcomes
 from rt_robot_os.bench.case import Run
 from rt_robot_os.bench.cases import common
+from rt_robot_os.bench.cases import punctual
 from rt_robot_os.bench.plot import Plot
 from rt_robot_os.bench.plot import tail
 from rt_robot_os.bench.result import Aim
@@ -34,8 +35,6 @@ from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Column
 from rt_robot_os.bench.result import Table
 from rt_robot_os.bench.stats import percentile
-from rt_robot_os.bench.stats import Timing
-from rt_robot_os.bench.stats import timing
 from rt_robot_os.bench.workers.turns import STRETCH_NS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -49,7 +48,6 @@ _LIMIT_US = 5.0
 _CORE = 'rt_robot_os.bench.workers.mirror'
 _NODE = 'rt_robot_os.bench.peers.mirror:node'
 
-_PERIOD_NS = NS_PER_MS
 _TOPICS, _TOPIC_RATE_HZ = 50, 100
 _ISOLATION_WARMUP_NS = 1000 * NS_PER_MS
 _ISOLATION_LIMIT = 1.1
@@ -111,7 +109,7 @@ def _isolation_plan(options: Options) -> Sequence[Run]:
     def run(key: str, label: str, mirrored: int, storm: int = 0, stop: int = 0) -> Run:
         return Run(key, label, _ISOLATION, {
             'topics': _TOPICS, 'rate_hz': _TOPIC_RATE_HZ, 'mirrored': mirrored, 'storm': storm,
-            'stop': stop, 'period_ns': _PERIOD_NS, 'warmup_ns': _ISOLATION_WARMUP_NS,
+            'stop': stop, 'period_ns': punctual.PERIOD_NS, 'warmup_ns': _ISOLATION_WARMUP_NS,
             'measure_ns': round(options.seconds * NS_PER_S)}, seconds + 2 * storm)
 
     counts = (0, 50) if options.quick else (0, 1, 10, 50)
@@ -120,24 +118,8 @@ def _isolation_plan(options: Options) -> Sequence[Run]:
             run('stop', '50 mirrored, node stopped', 50, stop=1))
 
 
-def _timing(outcome: Outcome) -> Timing:
-    begin_ns = int(outcome.figures['begin_ns'])
-    return timing(outcome.samples['starts'], int(outcome.figures['phase_ns']), _PERIOD_NS,
-                  begin_ns, begin_ns + int(outcome.figures['measure_ns']))
-
-
-def _latency(part: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
-        value = percentile(_timing(outcome).latencies, part)
-        return None if value is None else value / NS_PER_US
-
-    return of
-
-
 _ISOLATION_METRICS: dict[str, common.Of] = {
-    'p50': _latency(0.5), 'p99': _latency(0.99), 'p999': _latency(0.999),
-    'maximum': _latency(1.0), 'cpu': common.figure('cpu_percent'),
-    'calls': lambda outcome: 100.0 * _timing(outcome).calls / _timing(outcome).expected,
+    **punctual.METRICS,
     'sent': lambda outcome: outcome.figures['sent'] / (outcome.figures['measure_ns'] / NS_PER_S)}
 
 
@@ -145,19 +127,19 @@ def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
     keys = [key for key in outcomes.runs if key in ('storm', 'stop') or key[:6] == 'mirror']
     rows = [outcomes.row(key, _ISOLATION_METRICS) for key in keys]
     aims = [Aim(f'p99 with {text} / no topic mirrored', _ISOLATION_LIMIT,
-                outcomes.ratio(key, 'mirror 0', _latency(0.99)),
+                outcomes.ratio(key, 'mirror 0', punctual.latency(0.99)),
                 why='sending is a task of the core: when a send is under way as an alarm comes, '
                     'the alarm waits for the end of the system call; '
                     + common.disturbances(outcomes, key))
             for key, text in (('mirror 50', '50 topics'), ('stop', 'the node stopped'))]
     aims.append(Aim('p99 with a DDS storm / no topic mirrored', _ISOLATION_LIMIT,
-                    outcomes.ratio('storm', 'mirror 0', _latency(0.99)),
+                    outcomes.ratio('storm', 'mirror 0', punctual.latency(0.99)),
                     why='the storm takes the other CPU and its share of the caches and of the '
                         'host; ' + common.disturbances(outcomes, 'storm')))
     plot = Plot('isolation', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(outcomes.runs[key].label, np.concatenate(
-                    [_timing(o).latencies for o in outcomes.measured(key)]), 1e3)
+                    [punctual.timing_of(o).latencies for o in outcomes.measured(key)]), 1e3)
                  for key in keys if outcomes.measured(key)],
                 'The closer the curves, the less the ROS side reaches the core.', True, True)
     return Table('The core while the ROS side is busy', _ISOLATION_COLUMNS, rows,
