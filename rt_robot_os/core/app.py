@@ -103,6 +103,7 @@ class Core:
         for topic in settings.topics:
             self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
                              depth=topic.depth, rate_hz=topic.rate_hz)
+            self.bus.make_room(topic.topic, topic.max_subscribers)
         self._add_devices(ports or {}, captures)
         self._lifecycle = ModuleLifecycle(self.note)
         self._lifecycle.add(settings.modules, self.kernel, self.bus, self._connect_log)
@@ -137,7 +138,8 @@ class Core:
                 recovery=RecoverySettings(
                     round(device.timeout_s * NS_PER_S), round(device.retry_s * NS_PER_S),
                     round(device.retry_max_s * NS_PER_S)),
-                declared=declaration(device.task, self.kernel))
+                declared=declaration(device.task, self.kernel),
+                max_subscribers=device.max_subscribers)
 
     @property
     def modules(self) -> list[Module]:

@@ -56,7 +56,7 @@ class ModuleLifecycle:
         for entry in entries:
             module = module_class(entry.type)(entry.name, entry.settings)
             connect_log(module.log, entry.log_level)
-            module.declare(bus, entry.rate_hz)
+            module.declare(bus, entry.rate_hz, entry.max_subscribers)
             self.modules.append(module)
         # All topics are declared by now, so that each finds those of the others.
         for entry, module in zip(entries, self.modules):

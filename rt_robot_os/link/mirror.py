@@ -87,7 +87,7 @@ class Mirror:
         self.topic = bus.topic(topic)
         self._longest = self.topic.layout.max_size
         self.subscription = bus.subscribe(
-            topic, f'link:{client}', initial=initial, buffer=buffer)
+            topic, f'link:{client}', initial=initial, buffer=buffer, counted=False)
         self.subscription.msg = None  # nobody reads it: samples go where they are sent from
         self._trigger = Gathered(gather, self.subscription)
         self.topic.triggers.append(self._trigger)

@@ -48,6 +48,7 @@ from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics import MAX_SUBSCRIBERS
 
 
 class Module:
@@ -241,11 +242,16 @@ class Module:
         self._changes[name] = coerced
         return coerced
 
-    def declare(self, bus: Bus, rate_hz: float) -> None:
-        """Declare the outputs, so that all topics exist before anybody subscribes."""
+    def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
+        """
+        Declare the outputs, so that all topics exist before anybody subscribes.
+
+        :param max_subscribers: how many may read each of them.
+        """
         self._rate_hz = rate_hz
         for p in self.publications():
             bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
+            bus.make_room(p.topic, max_subscribers)
 
     def bind(self, bus: Bus, task: Task) -> None:
         """

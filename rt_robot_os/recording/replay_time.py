@@ -175,11 +175,11 @@ class ReplayBus(Bus):
 
     def subscribe(self, name: str, subscriber: str, *, initial: bool = False,
                   task: Task | None = None, buffer: memoryview | None = None,
-                  newest: bool = False) -> Subscription:
+                  newest: bool = False, counted: bool = True) -> Subscription:
         """Make a subscription."""
-        if newest or buffer is not None:
+        if newest or buffer is not None or not counted:
             return super().subscribe(name, subscriber, initial=initial, task=task, buffer=buffer,
-                                     newest=newest)
+                                     newest=newest, counted=counted)
         subscription = ReplaySubscription(
             self._with_room(name, subscriber), subscriber, initial=initial, task=task)
         subscription.schedule = self._schedule

@@ -38,6 +38,7 @@ from rt_robot_os.sensors.state import of_arrival
 from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.sensors.state import SensorStatistics
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics import MAX_SUBSCRIBERS
 
 RECOVERY_RATE_HZ = 20.0
 
@@ -61,7 +62,8 @@ class SensorManager:
     def add(self, device: Device, *, rate_hz: float, priority: int,
             recovery: RecoverySettings = RecoverySettings(),
             interrupt: bool = False,
-            declared: Mapping[str, Any] = MappingProxyType({})) -> ManagedDevice:
+            declared: Mapping[str, Any] = MappingProxyType({}),
+            max_subscribers: int = MAX_SUBSCRIBERS) -> ManagedDevice:
         """
         Declare the topics of a device and the task that polls it; nothing is opened yet.
 
@@ -69,6 +71,7 @@ class SensorManager:
         :param priority: of its polling task, and of the one that reads on interrupt.
         :param interrupt: read it as soon as bytes arrive, too.
         :param declared: the rest of what its task declares, see ``Kernel.add_task``.
+        :param max_subscribers: how many may read each of its topics.
         :raises TaskError: a task of its name exists.
         :raises TopicError: one of its topics is taken by another type.
         """
@@ -76,6 +79,7 @@ class SensorManager:
         for p in publications:
             self._bus.declare(p.topic, p.message, p.fixed, tail=p.tail, depth=p.depth,
                               rate_hz=p.rate_hz)
+            self._bus.make_room(p.topic, max_subscribers)
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
         device.resources = {each.name: each for each in declared.get('resources', ())}
         managed.task = self._kernel.add_task(

@@ -41,6 +41,7 @@ class TopicUse:
     :ivar publishes: False when it only reads.
     :ivar fixed: strings and lengths of sequences fixed at declaration.
     :ivar tail: largest length of a variable last field; None without.
+    :ivar depth: samples that the publisher wants kept; 0 when it does not care.
     :ivar wakes: publications release the reader.
     :ivar seldom: not each of them does: every n-th one, or together with another topic.
     """
@@ -52,6 +53,7 @@ class TopicUse:
     tail: int | None = None
     wakes: bool = False
     seldom: bool = False
+    depth: int = 0
 
 
 def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:

@@ -79,7 +79,7 @@ def _driver(name: str) -> Kind:
     cls = DRIVERS.load(name)
 
     def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-        return [TopicUse(each.topic, each.message, True, each.fixed, each.tail)
+        return [TopicUse(each.topic, each.message, True, each.fixed, each.tail, depth=each.depth)
                 for each in cls(section, values).publications()]
 
     return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT,
@@ -97,7 +97,7 @@ def _module(name: str) -> Kind:
 
     def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
         module = cls(section, values)
-        written = [TopicUse(each.topic, each.message, True, each.fixed)
+        written = [TopicUse(each.topic, each.message, True, each.fixed, depth=each.depth)
                    for each in module.publications()]
         waking, types = module.wakes(), module.input_types()
         return [*written, *(

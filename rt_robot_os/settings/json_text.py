@@ -41,7 +41,7 @@ from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.model import WatchdogSettings
 
 # Counted up when the form changes: the node and the core may be of different installations.
-FORMAT: Final = 3
+FORMAT: Final = 4
 
 _PARTS: Final[Mapping[str, type]] = {
     'devices': DeviceSettings, 'modules': ModuleSettings, 'topics': TopicSettings,

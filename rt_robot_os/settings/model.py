@@ -159,6 +159,7 @@ class DeviceSettings:
     :ivar read: ``poll`` at the rate, or ``interrupt`` as bytes arrive too.
     :ivar task: what it declares of its task.
     :ivar log_level: the least severity that it logs, such as ``info``.
+    :ivar max_subscribers: how many modules may read each of its topics.
     """
 
     name: str
@@ -174,6 +175,7 @@ class DeviceSettings:
     read: str = 'poll'
     task: TaskSettings = TaskSettings()
     log_level: str = 'info'
+    max_subscribers: int = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +188,7 @@ class ModuleSettings:
     :ivar settings: every key of the module's own ``SETTINGS``, defaults filled in.
     :ivar task: what it declares of its task.
     :ivar log_level: the least severity that it logs, such as ``info``.
+    :ivar max_subscribers: how many modules may read each of its topics.
     """
 
     name: str
@@ -195,6 +198,7 @@ class ModuleSettings:
     settings: Mapping[str, Any] = field(default_factory=_nothing)
     task: TaskSettings = TaskSettings()
     log_level: str = 'info'
+    max_subscribers: int = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +213,7 @@ class TopicSettings:
     :ivar rate_hz: the rate expected; 0 when unknown.
     :ivar fixed: strings and lengths of sequences fixed at declaration, by dotted field name.
     :ivar tail: bytes reserved for the one sequence of variable length; None without.
+    :ivar max_subscribers: how many modules may read it.
     """
 
     name: str
@@ -218,6 +223,7 @@ class TopicSettings:
     rate_hz: float
     fixed: Mapping[str, Any] = field(default_factory=_nothing)
     tail: int | None = None
+    max_subscribers: int = 64
 
 
 @dataclass(frozen=True, slots=True)

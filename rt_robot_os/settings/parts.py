@@ -214,7 +214,8 @@ def build_device(part: Part) -> DeviceSettings:
         timeout_s=values['timeout_s'], retry_s=values['retry_s'],
         retry_max_s=values['retry_max_s'],
         settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
-        task=task_of(part), log_level=values['log_level'])
+        task=task_of(part), log_level=values['log_level'],
+        max_subscribers=values['max_subscribers'])
 
 
 def build_module(part: Part) -> ModuleSettings:
@@ -223,7 +224,8 @@ def build_module(part: Part) -> ModuleSettings:
     return ModuleSettings(
         name=part.name, type=values['type'], rate_hz=values['rate_hz'],
         priority=values['priority'], settings=frozen(part.own()), task=task_of(part),
-        log_level=values['log_level'])
+        log_level=values['log_level'],
+        max_subscribers=values['max_subscribers'])
 
 
 def task_of(part: Part) -> TaskSettings:

@@ -149,7 +149,7 @@ def _build_topic(section: Section) -> TopicSettings:
     return TopicSettings(
         name=section.name, topic=values['topic'] or section.name, message=values['message'],
         depth=values['depth'], rate_hz=values['rate_hz'], fixed=frozen(values['fixed']),
-        tail=values['tail'] or None)
+        tail=values['tail'] or None, max_subscribers=values['max_subscribers'])
 
 
 def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable
 from collections.abc import Iterable
 from collections.abc import Sequence
@@ -27,6 +28,7 @@ import os
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.settings.fields import MAX_SUBSCRIBERS
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.names import full_topic
 from rt_robot_os.settings.names import message_problem
@@ -54,11 +56,13 @@ class TopicTable:
     The topics of the core and who declares them.
 
     :ivar complete: False when some part could not tell; then a missing topic proves little.
+    :ivar limits: how many may read a topic, and where that was given.
     :ivar loose: texts of the sections that nobody could read; they may be names of topics.
     """
 
     declared: dict[str, _Declared] = field(default_factory=dict)
     read: list[tuple[TopicUse, str, Origin]] = field(default_factory=list)
+    limits: dict[str, tuple[int, str, Origin]] = field(default_factory=dict)
     complete: bool = True
     loose: set[str] = field(default_factory=set)
 
@@ -87,6 +91,8 @@ class TopicTable:
             label = f'{section.name}.{key}' if key else f'topic of {section.name}'
             by = f'{noun} {section.name}'
             self._enter(use, label, section.where(key), by, catalogue, problems)
+            if use.publishes:
+                self._limit(use.topic, section)
 
     def add_topic(self, section: Section, catalogue: Catalogue, problems: Problems) -> None:
         """Enter a topic of the list ``topics``."""
@@ -104,6 +110,7 @@ class TopicTable:
         label = f'{section.name}.topic'
         self._enter(use, label, section.where('topic'), by, catalogue, problems,
                     section.where('message'))
+        self._limit(topic, section)
 
     def _enter(
         self, use: TopicUse, label: str, origin: Origin, by: str, catalogue: Catalogue,
@@ -136,6 +143,17 @@ class TopicTable:
                 difference += ' with other fixed fields'
             problems.value(origin, label, use.topic,
                            f'is {use.message} here but {difference}: choose another name')
+        elif use.depth and old.use.depth and use.depth != old.use.depth:
+            problems.value(origin, label, use.topic,
+                           f'keeps {use.depth} samples here but {old.use.depth} ({old.by}, '
+                           f'{old.origin}): give both the same depth')
+
+    def _limit(self, topic: str, section: Section) -> None:
+        """Note how many may read a topic; of several that publish it the largest counts."""
+        limit = section.values.get('max_subscribers', MAX_SUBSCRIBERS.maximum)
+        if topic not in self.limits or limit > self.limits[topic][0]:
+            label = f'{section.name}.max_subscribers'
+            self.limits[topic] = limit, label, section.where('max_subscribers')
 
     def check_reads(self, problems: Problems) -> None:
         """Find what is read and never declared, or declared with another type."""
@@ -147,6 +165,11 @@ class TopicTable:
             elif old and old.shape and use.message and old.use.message != use.message:
                 problems.add(origin, f'{by} reads {use.topic!r} as {use.message}, but it is '
                              f'{old.use.message} ({old.by}, {old.origin})')
+        for topic, count in Counter(use.topic for use, _, _ in self.read).items():
+            limit, label, origin = self.limits.get(topic, (count, '', None))
+            if origin is not None and count > limit:
+                problems.value(origin, label, limit,
+                               f'but {count} modules read {topic!r}: must be at least {count}')
 
 
 def check_ports(devices: Iterable[Part], problems: Problems) -> None:

@@ -19,10 +19,11 @@ from rt_robot_os.topics.layout import Layout
 from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import ReadStatus
 from rt_robot_os.topics.subscription import Subscription
+from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
 from rt_robot_os.topics.trigger import Trigger
 
-__all__ = ['Bus', 'Layout', 'Publisher', 'ReadStatus', 'SubscriberStatistics', 'Subscription',
-           'Topic', 'TopicStatistics', 'Trigger']
+__all__ = ['Bus', 'Layout', 'MAX_SUBSCRIBERS', 'Publisher', 'ReadStatus', 'SubscriberStatistics',
+           'Subscription', 'Topic', 'TopicStatistics', 'Trigger']

@@ -31,6 +31,10 @@ from rt_robot_os.topics.publisher import LargePublisher
 from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import NewestSubscription
 from rt_robot_os.topics.subscription import Subscription
+from rt_robot_os.topics.topic import check_numbers
+from rt_robot_os.topics.topic import Default
+from rt_robot_os.topics.topic import DEPTH
+from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
 from rt_robot_os.topics.trigger import AllOf
@@ -51,12 +55,13 @@ class Bus:
         self._topics: dict[str, Topic] = {}
 
     def declare(self, name: str, message: Any, fixed: Mapping[str, Any] | None = None, *,
-                tail: int | None = None, depth: int = 16, rate_hz: float = 0.0,
-                max_subscribers: int = 64) -> Topic:
+                tail: int | None = None, depth: int = DEPTH, rate_hz: float = 0.0,
+                max_subscribers: int = MAX_SUBSCRIBERS) -> Topic:
         """
         Declare a topic; not for the real-time loop.
 
-        Declaring it again with the same shape gives the same topic.
+        Declaring it again with the same shape gives the same topic. A depth or ``max_subscribers``
+        that is given then has to be that of the first declaration, if one was given there.
 
         :param name: relative ROS name such as ``imu/data``.
         :param message: ``'sensor_msgs/msg/Imu'`` or the class.
@@ -64,13 +69,16 @@ class Bus:
         :param tail: largest length of a variable last field.
         :param depth: number of samples kept, a power of two.
         :param rate_hz: expected rate; 0 when there is none.
-        :param max_subscribers: a further one is refused.
-        :raises TopicError: the name is no ROS name, or taken by a topic of another shape.
+        :param max_subscribers: a further one is refused. What clients mirror or record is not
+            counted: that is bounded by their number, and needs no room here.
+        :raises TopicError: the name is no ROS name, or taken by a topic of another shape, or a
+            number is out of range or contradicts that of an earlier declaration.
         :raises LayoutError: the message cannot be laid out like this.
         """
         if not _NAME.fullmatch(name):
             raise TopicError(f'topic {name!r}: a name is made of letters, digits and _ in parts '
                              "that begin with a letter or _, joined by '/', such as imu/data")
+        check_numbers(name, depth, rate_hz, max_subscribers)
         layout = Layout.compile(message, fixed, tail=tail)
         known = self._topics.get(name)
         if known is not None:
@@ -78,11 +86,40 @@ class Bus:
                     layout.type_name, layout.prototype, layout.max_size):
                 raise TopicError(f'topic {name!r}: declared as {known.layout!r} before and as '
                                  f'{layout!r} now; choose another name for one of them')
+            self._agree(known, depth, max_subscribers)
             return known
         topic = Topic(self.kernel, name, layout, depth=depth, rate_hz=rate_hz,
                       max_subscribers=max_subscribers)
         self._topics[name] = topic
         return topic
+
+    def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
+        """Join a further declaration of a topic with those before."""
+        if topic.depth_given and not isinstance(depth, Default) and depth != topic.depth:
+            raise TopicError(f'topic {topic.name!r}: declared with depth {topic.depth} before and '
+                             f'{depth} now; give both the same')
+        if isinstance(max_subscribers, Default):
+            return
+        before = topic.max_subscribers
+        if not isinstance(before, Default) and before != max_subscribers:
+            raise TopicError(f'topic {topic.name!r}: declared with max_subscribers {before} before '
+                             f'and {max_subscribers} now; give both the same')
+        if max_subscribers < topic.counted:
+            raise TopicError(f'topic {topic.name!r}: max_subscribers {max_subscribers} is less '
+                             f'than the {topic.counted} subscribers that it has')
+        topic.max_subscribers = max_subscribers
+
+    def make_room(self, name: str, max_subscribers: int) -> None:
+        """
+        Say how many may read a topic; of several that say so the largest number counts.
+
+        :raises TopicError: no such topic, or the number is out of range.
+        """
+        topic = self.topic(name)
+        check_numbers(name, topic.depth, topic.rate_hz, max_subscribers)
+        before = topic.max_subscribers
+        first = isinstance(before, Default)
+        topic.max_subscribers = max_subscribers if first else max(before, max_subscribers)
 
     def topic(self, name: str) -> Topic:
         """
@@ -116,7 +153,7 @@ class Bus:
 
     def subscribe(self, name: str, subscriber: str, *, initial: bool = False,
                   task: Task | None = None, buffer: memoryview | None = None,
-                  newest: bool = False) -> Subscription:
+                  newest: bool = False, counted: bool = True) -> Subscription:
         """
         Make a subscription; not for the real-time loop.
 
@@ -127,11 +164,15 @@ class Bus:
         :param buffer: where samples are copied to, of the layout's ``max_size`` bytes; by default
             one of its own.
         :param newest: ``take`` gives only the newest sample; those before it count as skipped.
+        :param counted: False for what serves the system, such as a client's mirror: it is let in
+            whatever ``max_subscribers`` says.
         :raises TopicError: no such topic, or it has ``max_subscribers`` already.
         """
-        topic = self._with_room(name, subscriber)
+        topic = self._with_room(name, subscriber) if counted else self.topic(name)
         kind: type[Subscription] = NewestSubscription if newest else Subscription
         subscription = kind(topic, subscriber, initial=initial, buffer=buffer, task=task)
+        if not counted:
+            topic.uncounted.add(subscription)
         return self._add(subscription, task)
 
     def subscribe_logically(self, name: str, task: Task, *, initial: bool = False
@@ -158,10 +199,10 @@ class Bus:
 
     def _with_room(self, name: str, subscriber: str) -> Topic:
         topic = self.topic(name)
-        if len(topic.subscribers) >= topic.max_subscribers:
+        if topic.counted >= topic.max_subscribers:
             raise TopicError(f'topic {name!r}: {subscriber!r} would be subscriber number '
-                             f'{len(topic.subscribers) + 1}; raise max_subscribers '
-                             f'({topic.max_subscribers})')
+                             f'{topic.counted + 1}; raise max_subscribers '
+                             f'({topic.max_subscribers}) in the section that declares the topic')
         return topic
 
     def unsubscribe(self, subscription: Subscription) -> None:
@@ -173,6 +214,7 @@ class Bus:
         topic = subscription.topic
         if subscription in topic.subscribers:
             topic.subscribers.remove(subscription)
+            topic.uncounted.discard(subscription)
             if subscription.task is not None:
                 topic.wake_no_more(subscription.task)
 

@@ -37,6 +37,9 @@ step 2 holds as before, since a slot's buffer is written again only after ``head
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
+from typing import Any
+from typing import Final
 from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TopicError
@@ -48,7 +51,15 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.layout import Layout
     from rt_robot_os.topics.trigger import Trigger
 
+
+class Default(int):
+    """A number that nobody asked for: one that somebody asks for later takes its place."""
+
+
 DEPTH_MAXIMUM = 1 << 16
+DEPTH: Final = Default(16)
+SUBSCRIBERS_MAXIMUM = 4096
+MAX_SUBSCRIBERS: Final = Default(64)
 # What is copied at once: some 3 us where memory is slow. Between two pieces others may run.
 PIECE_BYTES = 1 << 16
 STALE_PERIODS = 10
@@ -97,25 +108,26 @@ class Topic:
     :param layout: of the messages.
     :param depth: number of slots, a power of two.
     :param rate_hz: expected rate; 0 when there is none. A sample older than ten periods is stale.
-    :param max_subscribers: a further one is refused.
+    :param max_subscribers: a further one is refused; mirrors of clients are not counted.
     :ivar large: its samples are longer than ``PIECE_BYTES``; ``messages`` are then the views of
         its slots.
+    :ivar depth_given: somebody asked for that depth.
+    :ivar uncounted: those of ``subscribers`` that ``max_subscribers`` leaves out.
     :raises TopicError: a value is out of range.
     """
 
-    __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
+    __slots__ = ('kernel', 'name', 'layout', 'depth', 'depth_given', 'mask', 'rate_hz', 'stale_after_ns',
                  'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
-                 'subscribers', 'has_tail', 'large', 'messages', '_storage', '_wanted')
+                 'subscribers', 'uncounted', 'has_tail', 'large', 'messages', '_storage', '_wanted')
 
-    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = 16,
-                 rate_hz: float = 0.0, max_subscribers: int = 64) -> None:
-        if not isinstance(depth, int) or not 1 <= depth <= DEPTH_MAXIMUM or depth & (depth - 1):
-            raise TopicError(f'topic {name!r}: depth {depth!r} must be a power of two from 1 to '
-                             f'{DEPTH_MAXIMUM}')
+    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = DEPTH,
+                 rate_hz: float = 0.0, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
+        check_numbers(name, depth, rate_hz, max_subscribers)
         self.kernel = kernel
         self.name = name
         self.layout = layout
-        self.depth = depth
+        self.depth = int(depth)  # exact: arithmetic with it is hot
+        self.depth_given = not isinstance(depth, Default)
         self.mask = depth - 1
         self.rate_hz = rate_hz
         self.stale_after_ns = round(STALE_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
@@ -137,6 +149,12 @@ class Topic:
         self.triggers: list[Trigger] = []
         self._wanted: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
+        self.uncounted: set[SubscriberStatisticsSource] = set()
+
+    @property
+    def counted(self) -> int:
+        """Give the number of subscribers that ``max_subscribers`` limits."""
+        return len(self.subscribers) - len(self.uncounted)
 
     def wake_on_publish(self, task: Task) -> None:
         """
@@ -172,6 +190,28 @@ class Topic:
             slot_bytes=self.layout.max_size, published=head,
             stamp_ns=self.stamps[(head - 1) & self.mask] if head else 0, rate_hz=self.rate_hz,
             subscribers=tuple(s.statistics() for s in self.subscribers))
+
+
+def check_numbers(name: str, depth: Any, rate_hz: Any, max_subscribers: Any) -> None:
+    """
+    Look at the numbers that a topic is declared with.
+
+    :raises TopicError: one is of the wrong kind or out of range; the text names it.
+    """
+    if not _is_int(depth) or not 1 <= depth <= DEPTH_MAXIMUM or depth & (depth - 1):
+        raise TopicError(f'topic {name!r}: depth {depth!r} must be a power of two from 1 to '
+                         f'{DEPTH_MAXIMUM}')
+    number = _is_int(rate_hz) or isinstance(rate_hz, float)
+    if not number or not math.isfinite(rate_hz) or rate_hz < 0:
+        raise TopicError(f'topic {name!r}: rate_hz {rate_hz!r} must be a number of at least 0; '
+                         '0 when no rate is expected')
+    if not _is_int(max_subscribers) or not 1 <= max_subscribers <= SUBSCRIBERS_MAXIMUM:
+        raise TopicError(f'topic {name!r}: max_subscribers {max_subscribers!r} must be a whole '
+                         f'number from 1 to {SUBSCRIBERS_MAXIMUM}')
+
+
+def _is_int(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def touch(buffer: memoryview) -> None:

@@ -110,6 +110,61 @@ def test_more_subscribers_than_declared_are_refused_until_one_leaves(bus: Bus) -
     assert [s.name for s in bus.statistics()[0].subscribers] == ['second', 'third']
 
 
+@pytest.mark.parametrize('limit', [0, -1, '3', None, 2.0, True, 1 << 20])
+def test_a_number_of_subscribers_that_is_none_is_refused(bus: Bus, limit: Any) -> None:
+    with pytest.raises(TopicError, match=rf"'t': max_subscribers {limit!r} must be a whole number"):
+        bus.declare('t', FLOAT, max_subscribers=limit)
+    assert bus.topics == ()
+    bus.declare('t', FLOAT)
+    with pytest.raises(TopicError, match='max_subscribers .* must be'):
+        bus.declare('t', FLOAT, max_subscribers=limit)
+
+
+@pytest.mark.parametrize('rate_hz', [-1.0, float('nan'), float('inf'), '5', None, True])
+def test_a_rate_that_is_none_is_refused(bus: Bus, rate_hz: Any) -> None:
+    with pytest.raises(TopicError, match="'t': rate_hz .* must be a number of at least 0"):
+        bus.declare('t', FLOAT, rate_hz=rate_hz)
+
+
+def test_a_declaration_that_contradicts_an_earlier_one_is_refused(bus: Bus) -> None:
+    bus.declare('t', FLOAT, depth=4, max_subscribers=2)
+    with pytest.raises(TopicError, match="'t'.*max_subscribers 2 before and 3 now"):
+        bus.declare('t', FLOAT, max_subscribers=3)
+    with pytest.raises(TopicError, match="'t'.*depth 4 before and 8 now"):
+        bus.declare('t', FLOAT, depth=8)
+    assert bus.declare('t', FLOAT, depth=4, max_subscribers=2).max_subscribers == 2
+
+
+def test_a_limit_may_be_given_by_a_later_declaration_when_the_first_gave_none(bus: Bus) -> None:
+    bus.declare('t', FLOAT)
+    bus.declare('t', FLOAT, max_subscribers=100)
+    for i in range(100):
+        bus.subscribe('t', f'reader {i}')
+    with pytest.raises(TopicError, match=r'raise max_subscribers \(100\)'):
+        bus.subscribe('t', 'one too many')
+
+
+def test_a_limit_below_the_subscribers_that_are_there_is_refused(bus: Bus) -> None:
+    bus.declare('t', FLOAT)
+    for i in range(3):
+        bus.subscribe('t', f'reader {i}')
+    with pytest.raises(TopicError, match='max_subscribers 2 is less than the 3 subscribers'):
+        bus.declare('t', FLOAT, max_subscribers=2)
+
+
+def test_what_serves_the_system_needs_no_room_and_takes_none(bus: Bus) -> None:
+    bus.declare('t', FLOAT, max_subscribers=1)
+    mirrors = [bus.subscribe('t', f'link:{i}', counted=False) for i in range(3)]
+    bus.subscribe('t', 'module')
+    with pytest.raises(TopicError, match='subscriber number 2'):
+        bus.subscribe('t', 'another module')
+    late = bus.subscribe('t', 'link:late', counted=False)
+    for mirror in (*mirrors, late):
+        bus.unsubscribe(mirror)
+    with pytest.raises(TopicError, match='subscriber number 2'):
+        bus.subscribe('t', 'another module')
+
+
 def test_a_late_joiner_gets_the_last_sample_only_if_it_asks(bus: Bus) -> None:
     bus.declare('t', FLOAT, depth=4)
     publish(bus, 't', range(10))
