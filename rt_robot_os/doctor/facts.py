@@ -82,7 +82,13 @@ def allowed_cpus(system: System) -> list[int]:
 
 
 def core_cpu(system: System) -> int | None:
-    """Give the CPU that the core would be pinned to; None when it is not pinned."""
+    """Give the CPU that the core would be on; None when it asks for none, or for a missing one."""
+    asked, online = asked_cpu(system), online_cpus(system)
+    return asked if asked in online or not online else None
+
+
+def asked_cpu(system: System) -> int | None:
+    """Give the CPU that the core would ask for; None when it asks for none."""
     wanted = system.wanted.cpu
     if wanted == -2:
         return None
@@ -98,7 +104,7 @@ def try_scheduler(system: System) -> Mapping[str, Any]:
 
     :raises ProbeError: it did not answer.
     """
-    cpu = core_cpu(system)
+    cpu = asked_cpu(system)
     return system.probe('scheduler', system.wanted.priority, -2 if cpu is None else cpu)
 
 

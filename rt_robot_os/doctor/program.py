@@ -24,7 +24,7 @@ import sys
 
 from rt_robot_os.doctor import text
 from rt_robot_os.doctor import wakeup
-from rt_robot_os.doctor.facts import core_cpu
+from rt_robot_os.doctor.facts import asked_cpu
 from rt_robot_os.doctor.facts import key_values
 from rt_robot_os.doctor.facts import online_cpus
 from rt_robot_os.doctor.finding import Line
@@ -54,7 +54,7 @@ def describe(system: System) -> dict[str, object]:
              or facts.get('Model') or system.machine)
     return {'host': system.read('/proc/sys/kernel/hostname') or 'this machine', 'cpu': model,
             'cpus': len(online_cpus(system)) or None, 'release': system.release,
-            'architecture': system.machine, 'core_cpu': core_cpu(system)}
+            'architecture': system.machine, 'core_cpu': asked_cpu(system)}
 
 
 class Doctor:

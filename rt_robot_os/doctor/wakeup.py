@@ -27,7 +27,7 @@ import sys
 import time
 from typing import Any
 
-from rt_robot_os.doctor.facts import core_cpu
+from rt_robot_os.doctor.facts import asked_cpu
 from rt_robot_os.doctor.finding import bad
 from rt_robot_os.doctor.finding import Check
 from rt_robot_os.doctor.finding import Finding
@@ -77,7 +77,7 @@ class Wakeup:
 
 
 def _job(system: System, seconds: float) -> str:
-    cpu = core_cpu(system)
+    cpu = asked_cpu(system)
     return json.dumps({
         'cpu': -2 if cpu is None else cpu, 'priority': system.wanted.priority,
         'lock_memory': system.wanted.lock_memory, 'seconds': seconds, 'parent': os.getpid(),

@@ -101,9 +101,12 @@ LOG: Final = (
 )
 
 # What a device and a module declare of their task, besides its rate and its priority.
-MAX_SUBSCRIBERS: Final = Field(
-    'max_subscribers', int, 64, 'most modules that may read one of its topics (of several sections '
-    'that publish it the largest number counts); mirrors and recordings do not count', minimum=1, maximum=4096)
+SUBSCRIBERS_MAXIMUM: Final = 4096
+
+_MAX_SUBSCRIBERS: Final = Field(
+    'max_subscribers', int, 64, 'most modules that may read one of its topics (of several '
+    'sections that publish it the largest number counts); mirrors and recordings do not count',
+    minimum=1, maximum=SUBSCRIBERS_MAXIMUM)
 
 TASK: Final = (
     Field('phase_us', float, 0.0, 'first release after the start', 'us', 0.0, LONGEST_US),
@@ -148,7 +151,7 @@ DEVICE: Final = (
     Field('retry_s', float, 0.5, 'wait before it is opened again; doubles with each failure',
           's', 0.01, 3600.0),
     Field('retry_max_s', float, 10.0, 'longest wait between two tries', 's', 0.01, 3600.0),
-    MAX_SUBSCRIBERS,
+    _MAX_SUBSCRIBERS,
     _LOG_LEVEL,
     *TASK,
 )
@@ -158,7 +161,7 @@ MODULE: Final = (
     Field('rate_hz', float, 50.0, 'how often the module steps; 0: only when an input wakes it',
           'Hz', 0.0, FASTEST_HZ, live=True),
     _priority(40, 'priority of its task; higher runs first'),
-    MAX_SUBSCRIBERS,
+    _MAX_SUBSCRIBERS,
     _LOG_LEVEL,
     *TASK,
 )
@@ -170,7 +173,7 @@ TOPIC: Final = (
     Field('rate_hz', float, 0.0, 'rate expected; 0: unknown', 'Hz', 0.0, FASTEST_HZ),
     Field('tail', int, 0, 'most bytes of the one sequence of variable length; 0: there is none',
           'bytes', 0, 64 * 1024 * 1024),
-    MAX_SUBSCRIBERS,
+    _MAX_SUBSCRIBERS,
 )
 
 MIRROR: Final = (

@@ -28,7 +28,7 @@ import os
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import TopicUse
-from rt_robot_os.settings.fields import MAX_SUBSCRIBERS
+from rt_robot_os.settings.fields import SUBSCRIBERS_MAXIMUM
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.names import full_topic
 from rt_robot_os.settings.names import message_problem
@@ -150,7 +150,7 @@ class TopicTable:
 
     def _limit(self, topic: str, section: Section) -> None:
         """Note how many may read a topic; of several that publish it the largest counts."""
-        limit = section.values.get('max_subscribers', MAX_SUBSCRIBERS.maximum)
+        limit = int(section.values.get('max_subscribers', SUBSCRIBERS_MAXIMUM))
         if topic not in self.limits or limit > self.limits[topic][0]:
             label = f'{section.name}.max_subscribers'
             self.limits[topic] = limit, label, section.where('max_subscribers')
@@ -166,8 +166,10 @@ class TopicTable:
                 problems.add(origin, f'{by} reads {use.topic!r} as {use.message}, but it is '
                              f'{old.use.message} ({old.by}, {old.origin})')
         for topic, count in Counter(use.topic for use, _, _ in self.read).items():
-            limit, label, origin = self.limits.get(topic, (count, '', None))
-            if origin is not None and count > limit:
+            if topic not in self.limits:
+                continue
+            limit, label, origin = self.limits[topic]
+            if count > limit:
                 problems.value(origin, label, limit,
                                f'but {count} modules read {topic!r}: must be at least {count}')
 

@@ -102,8 +102,8 @@ class Bus:
             return
         before = topic.max_subscribers
         if not isinstance(before, Default) and before != max_subscribers:
-            raise TopicError(f'topic {topic.name!r}: declared with max_subscribers {before} before '
-                             f'and {max_subscribers} now; give both the same')
+            raise TopicError(f'topic {topic.name!r}: declared with max_subscribers {before} before'
+                             f' and {max_subscribers} now; give both the same')
         if max_subscribers < topic.counted:
             raise TopicError(f'topic {topic.name!r}: max_subscribers {max_subscribers} is less '
                              f'than the {topic.counted} subscribers that it has')

@@ -116,9 +116,10 @@ class Topic:
     :raises TopicError: a value is out of range.
     """
 
-    __slots__ = ('kernel', 'name', 'layout', 'depth', 'depth_given', 'mask', 'rate_hz', 'stale_after_ns',
+    __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
                  'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
-                 'subscribers', 'uncounted', 'has_tail', 'large', 'messages', '_storage', '_wanted')
+                 'subscribers', 'uncounted', 'has_tail', 'large', 'messages', 'depth_given',
+                 '_storage', '_wanted')
 
     def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = DEPTH,
                  rate_hz: float = 0.0, max_subscribers: int = MAX_SUBSCRIBERS) -> None:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 
 import pytest
 from recorded import found
@@ -259,6 +260,55 @@ def test_a_task_at_the_same_priority_on_another_cpu_is_no_rival(machine) -> None
     system = machine('laptop', {'/proc/960/status': 'Cpus_allowed_list:\t0-2\n'})
     finding = _only(system, 'load.rivals')
     assert (finding.state, '(2 below it' in finding.found) == (OK, True)
+
+
+def _core(pid: int, name: str) -> dict[str, str]:
+    """Give the files of a robot's core that runs at FIFO 80 on CPU 3."""
+    words = ['python3', '-m', 'rt_robot_os.core.main', '--socket', f'/run/rt/{name}.sock', '']
+    stat = ['S', '1', '1', '1', '0', '-1', *['0'] * 31, '81', '80', '3', '1', *['0'] * 11]
+    stat[37], stat[38] = '80', '1'
+    return {f'/proc/{pid}/cmdline': '\0'.join(words),
+            f'/proc/{pid}/task/{pid}/stat': f'{pid} (python3) {" ".join(stat)}',
+            f'/proc/{pid}/status': 'Cpus_allowed_list:\t3\n'}
+
+
+ALONE = {'/proc/960/status': 'Cpus_allowed_list:\t0-2\n'}
+
+
+def test_the_core_of_the_robot_is_no_rival_of_itself(machine) -> None:
+    finding = _only(machine('laptop', {**ALONE, **_core(4242, 'robot')}), 'load.rivals')
+    assert finding.state is OK
+    assert 'the core of robot runs, pid 4242' in finding.found
+
+
+def test_somebody_else_at_its_priority_still_is_one_when_the_core_runs(machine) -> None:
+    finding = _only(machine('laptop', _core(4242, 'robot')), 'load.rivals')
+    assert finding.state is WARN
+    assert 'jackd' in finding.found
+    assert '4242' not in finding.found + _commands(finding)
+
+
+def test_cores_of_two_robots_on_one_cpu_hold_up_each_other(machine) -> None:
+    system = machine('laptop', {**ALONE, **_core(4242, 'robot'), **_core(4343, 'other')})
+    finding = _only(system, 'load.rivals')
+    assert finding.state is WARN
+    assert finding.found == (
+        '2 robots have their cores on CPU 3: robot (pid 4242), other (pid 4343)')
+    assert 'core.cpu:=2' in _commands(finding) and 'chrt' not in _commands(finding)
+
+
+@pytest.mark.parametrize('name', ['laptop', 'raspberry_pi', 'virtual', 'docker', 'wsl2'])
+def test_a_cpu_that_is_not_there_is_told_and_in_no_remedy(machine, name) -> None:
+    from recorded import CHECKS
+    system = machine(name, wanted={'cpu': 99})
+    finding = _only(system, 'isolation.cpu')
+    assert finding.state is WARN
+    assert finding.found.startswith('CPU 99 does not run; there are 0')
+    for check in CHECKS:
+        for line in found(system, check):
+            remedy = line.remedy
+            told = '' if remedy is None else '\n'.join((*remedy.commands, remedy.note))
+            assert not re.search(r'\b99\b', told.replace('/99-', '')), (check, told)
 
 
 def test_a_distribution_that_is_installed_but_not_sourced(machine) -> None:

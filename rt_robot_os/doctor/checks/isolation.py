@@ -20,6 +20,7 @@ from collections.abc import Iterator
 import re
 
 from rt_robot_os.doctor.facts import allowed_cpus
+from rt_robot_os.doctor.facts import asked_cpu
 from rt_robot_os.doctor.facts import command_line
 from rt_robot_os.doctor.facts import container
 from rt_robot_os.doctor.facts import core_cpu
@@ -55,7 +56,7 @@ def cpu(system: System) -> Iterator[Finding]:
     if not allowed:
         yield unknown('neither /proc/self/status nor /proc/cpuinfo tells the CPUs')
         return
-    chosen = core_cpu(system)
+    chosen = asked_cpu(system)
     if chosen is None:
         yield warn('core.cpu is -2: the core moves from CPU to CPU', Remedy(
             ('ros2 run rt_robot_os robot --ros-args -p core.cpu:=-1',), 'or in your parameter '
@@ -64,7 +65,7 @@ def cpu(system: System) -> Iterator[Finding]:
     among = f'of {len(online)}' + ('' if len(allowed) == len(online)
                                    else f', this process may use {cpu_text(allowed)}')
     if chosen not in online:
-        yield warn(f'CPU {chosen} does not run; there are {cpu_text(online)}', Remedy(
+        yield warn(f'CPU {chosen} does not run; there are {cpu_text(online)}: not pinned', Remedy(
             (), 'choose core.cpu among them, or -1'), weight=60)
     elif len(online) == 1:
         yield warn('there is one CPU only: the core shares it with everything', Remedy(

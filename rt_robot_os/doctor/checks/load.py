@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from rt_robot_os.doctor.facts import core_cpu
 from rt_robot_os.doctor.facts import cpu_list
@@ -34,6 +35,7 @@ from rt_robot_os.doctor.system import System
 _POLICIES = {1: 'FIFO', 2: 'RR', 6: 'DEADLINE'}
 _PF_KTHREAD = 0x00200000
 _SHOWN = 3
+_CORE_MODULE = 'rt_robot_os.core.main'
 
 
 def average(system: System) -> Iterator[Finding]:
@@ -54,6 +56,7 @@ class _Task:
     name: str
     policy: str
     priority: int
+    robot: str | None
 
 
 def _tasks(system: System) -> Iterator[_Task]:
@@ -70,7 +73,20 @@ def _tasks(system: System) -> Iterator[_Task]:
                 continue
             policy = _POLICIES.get(int(fields[38]))
             if policy:
-                yield _Task(int(thread), name, policy, int(fields[37]))
+                yield _Task(int(thread), name, policy, int(fields[37]), _robot(system, pid))
+
+
+def _robot(system: System, pid: str) -> str | None:
+    """Give the name of the robot whose core a process is; empty when the core does not say."""
+    words = system.read(f'/proc/{pid}/cmdline').split('\0')
+    program = [PurePath(word) for word in words[:3]]
+    if _CORE_MODULE not in words[:4] and not any(
+            word.name == 'core' and 'rt_robot_os' in word.parts for word in program):
+        return None
+    for word, following in zip(words, words[1:]):
+        if word == '--socket':
+            return PurePath(following).stem
+    return ''
 
 
 def rivals(system: System) -> Iterator[Finding]:
@@ -89,9 +105,17 @@ def rivals(system: System) -> Iterator[Finding]:
             rivals.append(task)
         else:
             others += 1
+    cores = {task.pid: task.robot for task in rivals if task.robot is not None}
+    if len(cores) == 1:  # this robot runs: it does not wait for itself
+        rivals = [task for task in rivals if task.robot is None]
     if not rivals:
-        yield ok('none at or above the core' + (f' ({others} below it or on other CPUs)'
-                                                if others else ''))
+        notes = [f'{others} below it or on other CPUs'] if others else []
+        notes += [f'the core of {name or "this robot"} runs, pid {pid}'
+                  for pid, name in cores.items()]
+        yield ok('none at or above the core' + (f' ({"; ".join(notes)})' if notes else ''))
+        return
+    if 1 < len(cores) == len(rivals):
+        yield _cores_together(system, rivals, chosen)
         return
     told = ', '.join(f'{task.name} ({task.policy} {task.priority}, pid {task.pid})'
                      for task in rivals[:_SHOWN])
@@ -101,6 +125,17 @@ def rivals(system: System) -> Iterator[Finding]:
     yield warn(f'at or above {wanted}: {told}{more}', Remedy(
         tuple(f'sudo chrt --fifo --pid {below} {task.pid}' for task in movable[:_SHOWN]),
         'or keep them off the CPU of the core: sudo taskset -cp 0 PID'), weight=60)
+
+
+def _cores_together(system: System, cores: list[_Task], chosen: int | None) -> Finding:
+    """Say that several robots share a CPU."""
+    told = ', '.join(f'{task.robot or "a robot"} (pid {task.pid})' for task in cores[:_SHOWN])
+    more = f' and {len(cores) - _SHOWN} more' if len(cores) > _SHOWN else ''
+    free = [cpu for cpu in online_cpus(system) if cpu != chosen]
+    where = f'CPU {chosen}' if chosen is not None else 'the same CPUs'
+    return warn(f'{len(cores)} robots have their cores on {where}: {told}{more}', Remedy(
+        (f'ros2 run rt_robot_os robot --ros-args -p core.cpu:={free[-1]}',) if free else (),
+        'each robot a CPU of its own' if free else 'a machine with more CPUs'), weight=60)
 
 
 CHECKS = (
