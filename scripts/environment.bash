@@ -121,7 +121,7 @@ choose_python() {
 # ---- the virtual environment -----------------------------------------------------------------
 
 has_everything() {
-  local modules='colcon_core, colcon_ros, numpy, pynmeagps, serial, yaml'
+  local modules='colcon_core, colcon_ros, numpy, serial, yaml'
   [ "$KIND" = run ] || modules="$modules, hypothesis, mypy, pytest"
   "$1" -c "import $modules" >/dev/null 2>&1
 }

@@ -35,7 +35,6 @@ PACKAGE = 'rt_robot_os'
 # import name -> rosdep key, where they differ
 KEYS = {
     'numpy': 'python3-numpy',
-    'pynmeagps': 'python3-pynmeagps-pip',
     'serial': 'python3-serial',
     'yaml': 'python3-yaml',
 }
@@ -97,6 +96,11 @@ def test_the_manifest_is_complete() -> None:
     assert re.fullmatch(r'[\w.+-]+@[\w-]+(\.[\w-]+)+', maintainer.get('email', ''))
     for tag in ('exec_depend', 'test_depend'):
         assert _manifest(tag) == sorted(set(_manifest(tag)))
+
+
+def test_rosdep_needs_no_pip_which_ubuntu_keeps_from_the_python_of_the_system() -> None:
+    keys = _manifest('exec_depend') + _manifest('test_depend')
+    assert [key for key in keys if key.endswith('-pip')] == []
 
 
 def test_the_version_is_the_same_everywhere() -> None:

@@ -16,13 +16,14 @@
 """
 Satellite receivers that speak NMEA 0183, as nearly all do.
 
-One ``sensor_msgs/msg/NavSatFix`` per GGA sentence and one ``sensor_msgs/msg/TimeReference`` per
-RMC sentence that has date and time and does not warn (status ``A``). How position, status, service
-and covariance come about is in ``nmea_fix.py``.
+One ``sensor_msgs/msg/NavSatFix`` per epoch, from GGA, else GNS, else RMC, else GLL, and one
+``sensor_msgs/msg/TimeReference`` per RMC sentence that has date and time and does not warn (status
+``A``). Which sentence it is is decided in ``nmea_source.py``; how position, status, service and
+covariance come about is in ``nmea_fix.py``.
 
-A fix is published when its GGA arrives. Receivers that send RMC later may then contradict it with
-the status ``V`` for the same time. The first such fix cannot be taken back; it is counted, and
-from then on this receiver's fixes wait for the RMC of their time (half a second at most).
+A fix is published when its sentence arrives. Receivers that send RMC later may then contradict it
+with the status ``V`` for the same time. The first such fix cannot be taken back; it is counted,
+and from then on this receiver's fixes wait for the RMC of their time (half a second at most).
 
 The stamps are arrivals of sentences. The position is older by what the receiver computed and sent
 before it, usually 50 to 500 ms; TimeReference tells UTC and stamp of the same epoch.
@@ -34,26 +35,26 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from pynmeagps import NMEAReader  # type: ignore[import-untyped]
-
 from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
 from rt_robot_os.drivers.decoders.nmea import NmeaFrame
+from rt_robot_os.drivers.decoders.nmea_sentences import GsaSentence
+from rt_robot_os.drivers.decoders.nmea_sentences import GstSentence
+from rt_robot_os.drivers.decoders.nmea_sentences import parse
+from rt_robot_os.drivers.decoders.nmea_sentences import PositionSentence
 from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.drivers.nmea_fix import claims_fix
 from rt_robot_os.drivers.nmea_fix import Fix
 from rt_robot_os.drivers.nmea_fix import FixBuilder
 from rt_robot_os.drivers.nmea_fix import STATUS_NO_FIX
-from rt_robot_os.drivers.nmea_fix import time_of
 from rt_robot_os.drivers.nmea_fix import utc_of
+from rt_robot_os.drivers.nmea_source import FixSource
 from rt_robot_os.drivers.serial_device import serial_settings
 from rt_robot_os.drivers.serial_device import SerialDevice
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_MS
 
-_PARSED: Final = frozenset(('GGA', 'GSA', 'GST', 'RMC'))
 _MAX_WAIT_NS: Final = 500 * NS_PER_MS
-_ANY_RMC: Final = b'$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A\r\n'
 
 
 class NmeaGps(SerialDevice[NmeaFrame]):
@@ -74,12 +75,12 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         """Keep the settings; nothing is opened."""
         super().__init__(name, settings, NmeaDecoder())
         self._builder = FixBuilder(settings['uere_m'])
+        self._source = FixSource()
         self._waiting: tuple[Fix, int] | None = None
         self._published: Fix | None = None
         self._must_wait = False
         self._contradicted = 0
-        # The first parse imports modules (strptime does), which must not happen in the loop.
-        _parse(_ANY_RMC)
+        self._utc: tuple[str, tuple[int, int]] | None = None
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and TimeReference unless its topic is empty."""
@@ -95,68 +96,80 @@ class NmeaGps(SerialDevice[NmeaFrame]):
     def restart(self) -> None:
         """Forget what the receiver said before it was opened again."""
         self._builder.restart()
+        self._source.restart()
         self._waiting = None
         self._published = None
         self._must_wait = False
+        self._utc = None
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
         """Use one sentence; in the loop."""
-        kind, talker = frame.address[2:], frame.address[:2]
-        # An address that begins with P is a maker's own.
-        used = kind in _PARSED and talker[0] != 'P'
-        message = _parse(frame.sentence) if used else None
-        if message is None:
+        sentence = parse(frame.content)
+        if sentence is None:
             self._ignored_frames += 1
             return 0
-        self._builder.see_talker(talker)
-        if kind == 'GGA':
-            return self._take_gga(message, arrival_ns)
-        if kind == 'RMC':
-            return self._take_rmc(message, arrival_ns)
-        if kind == 'GST':
-            self._builder.see_gst(message)
-        else:
-            self._builder.see_gsa(message, talker)
-        return 0
+        self._builder.see_talker(sentence.talker)
+        if isinstance(sentence, GstSentence):
+            self._builder.see_gst(sentence)
+            return 0
+        if isinstance(sentence, GsaSentence):
+            self._builder.see_gsa(sentence)
+            return 0
+        samples = self._take_rmc(sentence, arrival_ns) if sentence.kind == 'RMC' else 0
+        chosen = self._source.take(sentence, arrival_ns)
+        if not chosen and self._source.is_known and sentence.kind != 'RMC':
+            self._ignored_frames += 1
+        return samples + sum(self._take_position(*each) for each in chosen)
 
     def idle(self, now_ns: int) -> int:
-        """Publish a fix whose RMC does not come."""
+        """Publish a fix whose RMC does not come, and what was held while nothing better came."""
+        samples = sum(self._take_position(*each) for each in self._source.idle(now_ns))
         if self._waiting is not None and now_ns - self._waiting[1] > _MAX_WAIT_NS:
-            return self._release()
-        return 0
+            samples += self._release()
+        return samples
 
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""
         return self._counters(contradicted=self._contradicted)
 
-    def _take_gga(self, gga: Any, arrival_ns: int) -> int:
+    def _take_position(self, sentence: PositionSentence, arrival_ns: int) -> int:
         samples = self._release()
-        fix = self._builder.fix(gga)
-        if claims_fix(gga) and self._builder.is_void(fix.time):
+        fix = self._builder.fix(sentence)
+        if claims_fix(sentence) and self._builder.is_void(fix.time_ns):
             self._contradicted += 1
         self._waiting = (fix, arrival_ns)
-        if self._must_wait and fix.status != STATUS_NO_FIX:
+        if self._must_wait and fix.status != STATUS_NO_FIX and sentence.kind != 'RMC':
             return samples
         return samples + self._release()
 
-    def _take_rmc(self, rmc: Any, arrival_ns: int) -> int:
+    def _take_rmc(self, rmc: PositionSentence, arrival_ns: int) -> int:
         valid = self._builder.see_rmc(rmc)
         samples = 0
-        moment = time_of(rmc)
-        if self._waiting is not None and moment == self._waiting[0].time:
+        if self._waiting is not None and rmc.time_ns == self._waiting[0].time_ns:
             if not valid:
                 self._contradicted += 1
                 self._waiting = (self._waiting[0].withdrawn(), self._waiting[1])
             samples = self._release()
-        elif self._published is not None and self._builder.is_void(self._published.time) \
+        elif self._published is not None and self._builder.is_void(self._published.time_ns) \
                 and self._published.status != STATUS_NO_FIX:
             self._contradicted += 1
             self._must_wait = True
-        utc = utc_of(rmc) if valid and len(self._publishers) > 1 else None
-        if utc is not None:
-            self._publish_time(*utc, arrival_ns)
-            samples += 1
+        if len(self._publishers) > 1 and not rmc.warns:
+            samples += self._take_utc(rmc, arrival_ns)
         return samples
+
+    def _take_utc(self, rmc: PositionSentence, arrival_ns: int) -> int:
+        """Publish the time, once where two talkers tell it."""
+        utc = utc_of(rmc)
+        if utc is None:
+            return 0
+        before, self._utc = self._utc, (rmc.talker, utc)
+        if before is not None and before[1] == utc and before[0] != rmc.talker:
+            return 0
+        publisher = self._publishers[1]
+        publisher.msg.time_ref.sec, publisher.msg.time_ref.nanosec = utc
+        publisher.publish(arrival_ns)
+        return 1
 
     def _release(self) -> int:
         if self._waiting is None:
@@ -179,17 +192,3 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         covariance[0], covariance[4], covariance[8] = fix.variances_m2
         msg.position_covariance_type = fix.covariance_type
         publisher.publish(stamp_ns)
-
-    def _publish_time(self, seconds: int, nanoseconds: int, stamp_ns: int) -> None:
-        publisher = self._publishers[1]
-        publisher.msg.time_ref.sec = seconds
-        publisher.msg.time_ref.nanosec = nanoseconds
-        publisher.publish(stamp_ns)
-
-
-def _parse(sentence: bytes) -> Any:
-    """Parse a sentence whose checksum is good; None when its content makes no sense."""
-    try:
-        return NMEAReader.parse(sentence)
-    except Exception:  # noqa: B902 - whatever it raises, bytes from outside must not stop the loop
-        return None

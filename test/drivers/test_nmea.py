@@ -45,14 +45,27 @@ from rt_robot_os.drivers.encoders.nmea import sentence
 from rt_robot_os.drivers.nmea import NmeaGps
 
 
+PLACE = '4807.038,N,01131.000,E'
+
+
 def gga(time: str = '123519.00', quality: object = 1, hdop: str = '0.9', *,
-        talker: str = 'GP', height: str = '545.4,M,46.9,M',
-        position: str = '4807.038,N,01131.000,E') -> bytes:
-    return sentence(f'{talker}GGA,{time},{position},{quality},08,{hdop},{height},,')
+        talker: str = 'GP', height: str = '545.4,M,46.9,M', position: str = PLACE,
+        satellites: str = '08') -> bytes:
+    return sentence(f'{talker}GGA,{time},{position},{quality},{satellites},{hdop},{height},,')
 
 
-def rmc(time: str = '123519.00', status: str = 'A', date: str = '230394') -> bytes:
-    return sentence(f'GPRMC,{time},{status},4807.038,N,01131.000,E,022.4,084.4,{date},003.1,W')
+def rmc(time: str = '123519.00', status: str = 'A', date: str = '230394', *, mode: str = '',
+        talker: str = 'GP', position: str = PLACE) -> bytes:
+    return sentence(f'{talker}RMC,{time},{status},{position},022.4,084.4,{date},003.1,W{mode}')
+
+
+def gns(time: str = '123519.00', mode: str = 'AANN', *, satellites: str = '14',
+        height: str = '545.4,46.9', talker: str = 'GN') -> bytes:
+    return sentence(f'{talker}GNS,{time},{PLACE},{mode},{satellites},0.9,{height},,')
+
+
+def gll(time: str = '123519.00', status: str = 'A', mode: str = ',A') -> bytes:
+    return sentence(f'GPGLL,{PLACE},{time},{status}{mode}')
 
 
 def gst(time: str = '123519.00', deviations: str = '2.0,3.0,4.0') -> bytes:

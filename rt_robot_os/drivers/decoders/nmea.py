@@ -17,7 +17,8 @@
 NMEA 0183 framing: ``$``, at most 200 characters, ``*``, the XOR of what is between, a line end.
 
 The standard ends a line with CR LF and limits it to 82 characters. Receivers in use send longer
-ones, and recordings often have lost their CR, so a bare LF ends a line too.
+ones, recordings often have lost their CR, and some programs make CR CR LF of it: all three end a
+line.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from rt_robot_os.drivers.framing import FrameDecoder
 MIN_SENTENCE: Final = 6
 MAX_SENTENCE: Final = 200
 
-_SENTENCE: Final = re.compile(rb'\$[ -#%-)+-~]+\*[0-9A-Fa-f]{2}\r?\n').fullmatch
+_SENTENCE: Final = re.compile(rb'\$[ -#%-)+-~]+\*[0-9A-Fa-f]{2}\r{0,2}\n').fullmatch
 
 
 class NmeaFrame(NamedTuple):
@@ -40,13 +41,18 @@ class NmeaFrame(NamedTuple):
     One sentence with a good checksum.
 
     :ivar sentence: its bytes, from ``$`` to the line end.
-    :ivar address: what stands before the first comma, such as ``GPGGA``.
+    :ivar content: what stands between ``$`` and ``*``.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
 
     sentence: bytes
-    address: str
+    content: str
     end: int
+
+    @property
+    def address(self) -> str:
+        """Give what stands before the first comma, such as ``GPGGA``."""
+        return self.content.partition(',')[0]
 
 
 def sentence_end(buffer: bytes, at: int) -> int:
@@ -92,4 +98,4 @@ class NmeaDecoder(FrameDecoder[NmeaFrame]):
         content = checked(sentence)
         if content is None:
             return None
-        return NmeaFrame(sentence, content.partition(b',')[0].decode('ascii'), arrived)
+        return NmeaFrame(sentence, content.decode('ascii'), arrived)
