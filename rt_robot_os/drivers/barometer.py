@@ -33,6 +33,7 @@ from rt_robot_os.drivers.decoders.atmosphere import altitude_slope_m_pa
 from rt_robot_os.drivers.decoders.atmosphere import SEA_LEVEL_PA
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.drivers.i2c_device import I2cDevice
+from rt_robot_os.drivers.i2c_device import Transactions
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
@@ -96,8 +97,8 @@ class Barometer(I2cDevice):
                 'or the oversampling'])
 
     @abstractmethod
-    def identify(self) -> None:
-        """Check that it is the right chip, and reset it; not in the loop."""
+    def identify(self) -> Transactions[object] | None:
+        """Check that it is the right chip, and reset it."""
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: pressure, and temperature and altitude where they have topics."""

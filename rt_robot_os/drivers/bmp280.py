@@ -31,6 +31,7 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import bmp280 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
+from rt_robot_os.drivers.i2c_device import Transactions
 from rt_robot_os.schema import Field
 
 # A conversion that is not over after this many times its longest time is not one.
@@ -77,44 +78,44 @@ class Bmp280(Barometer):
         self._trimming: chip.Trimming | None = None
         self._started_ns = 0
 
-    def identify(self) -> None:
+    def identify(self) -> Transactions[None]:
         """
-        Check the chip id, and reset the chip; not in the loop.
+        Check the chip id, and reset the chip.
 
         :raises DeviceError: it is another chip, or the bus failed.
         """
-        self.expect_chip(chip.ID, (chip.CHIP_ID,), 'a BMP280')
-        self.put(chip.RESET, chip.RESET_VALUE)
+        yield from self.expect_chip(chip.ID, (chip.CHIP_ID,), 'a BMP280')
+        yield self.put(chip.RESET, chip.RESET_VALUE)
 
     def begin(self, now_ns: int) -> int:
         """Wait until the chip is up."""
         return self.then(self._set_up, now_ns + chip.START_UP_NS)
 
-    def _set_up(self, now_ns: int) -> int:
+    def _set_up(self, now_ns: int) -> Transactions[int]:
         """Read the trimming and write the settings."""
-        if self.fetch(chip.STATUS, 1)[0] & chip.STATUS_UPDATING:
+        if (yield self.fetch(chip.STATUS, 1))[0] & chip.STATUS_UPDATING:
             return self.then(self._set_up, now_ns + chip.START_UP_NS)
         self._trimming = chip.Trimming.unpack(
-            self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE))
+            (yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)))
         if self._trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)
             return self.reject('its trimming is blank')
-        self.put(chip.CONFIG, self._config)
+        yield self.put(chip.CONFIG, self._config)
         self.start_grid(now_ns)
         if self._normal:
-            self.put(chip.CONTROL, self._control)
+            yield self.put(chip.CONTROL, self._control)
             return self.then(self._fetch_normal, now_ns + self._conversion_ns)
-        return self._start(now_ns)
+        return (yield from self._start(now_ns))
 
-    def _start(self, now_ns: int) -> int:
+    def _start(self, now_ns: int) -> Transactions[int]:
         """Start a conversion."""
-        self.put(chip.CONTROL, self._control)
+        yield self.put(chip.CONTROL, self._control)
         self._started_ns = self.clock_ns()
         return self.then(self._fetch_forced, self._started_ns + self._conversion_ns)
 
-    def _fetch_forced(self, now_ns: int) -> int:
+    def _fetch_forced(self, now_ns: int) -> Transactions[int]:
         """Fetch the conversion; the chip has gone to sleep after it."""
-        data = self.fetch(chip.STATUS, chip.BURST_SIZE)
+        data = yield self.fetch(chip.STATUS, chip.BURST_SIZE)
         if data[1] & 3 == chip.FORCED or data[0] & chip.STATUS_MEASURING:
             if now_ns - self._started_ns < _PATIENCE * self._conversion_ns:
                 return 0
@@ -123,10 +124,11 @@ class Bmp280(Barometer):
         self.advance(now_ns, self._start)
         return self._use(data, self._control & ~3, self._started_ns + self._conversion_ns)
 
-    def _fetch_normal(self, now_ns: int) -> int:
+    def _fetch_normal(self, now_ns: int) -> Transactions[int]:
         """Fetch the newest conversion."""
         self.advance(now_ns, self._fetch_normal)
-        return self._use(self.fetch(chip.STATUS, chip.BURST_SIZE), self._control, now_ns)
+        data = yield self.fetch(chip.STATUS, chip.BURST_SIZE)
+        return self._use(data, self._control, now_ns)
 
     def _use(self, data: bytes, control: int, stamp_ns: int) -> int:
         self._bytes_read += len(data)

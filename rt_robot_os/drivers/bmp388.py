@@ -29,6 +29,7 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import bmp388 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
+from rt_robot_os.drivers.i2c_device import Transactions
 from rt_robot_os.schema import Field
 
 # Of a period: how often a measurement that is late is looked for.
@@ -68,44 +69,45 @@ class Bmp388(Barometer):
         self._scaled: chip.Scaled = ()
         self._expected_ns = 0
 
-    def identify(self) -> None:
+    def identify(self) -> Transactions[None]:
         """
-        Check the chip id, and reset the chip; not in the loop.
+        Check the chip id, and reset the chip.
 
         :raises DeviceError: it is another chip, or the bus failed.
         """
-        self.expect_chip(chip.ID, tuple(chip.CHIP_IDS), 'a BMP388 or BMP390')
-        self.put(chip.COMMAND, chip.RESET_VALUE)
+        yield from self.expect_chip(chip.ID, tuple(chip.CHIP_IDS), 'a BMP388 or BMP390')
+        yield self.put(chip.COMMAND, chip.RESET_VALUE)
 
     def begin(self, now_ns: int) -> int:
         """Wait until the chip is up."""
         return self.then(self._set_up, now_ns + chip.START_UP_NS)
 
-    def _set_up(self, now_ns: int) -> int:
+    def _set_up(self, now_ns: int) -> Transactions[int]:
         """Read the trimming and write the settings."""
-        trimming = chip.Trimming.unpack(self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE))
+        data = yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)
+        trimming = chip.Trimming.unpack(data)
         if trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)
             return self.reject('its trimming is blank')
         self._scaled = trimming.scaled()
-        self.fetch(chip.EVENT, 1)  # reading it clears what the reset left there
-        self.put(chip.OVERSAMPLING_REGISTER, self._oversampling)
-        self.put(chip.RATE, self._rate)
-        self.put(chip.CONFIG, self._filter)
-        self.put(chip.POWER, chip.POWER_NORMAL)
+        yield self.fetch(chip.EVENT, 1)  # reading it clears what the reset left there
+        yield self.put(chip.OVERSAMPLING_REGISTER, self._oversampling)
+        yield self.put(chip.RATE, self._rate)
+        yield self.put(chip.CONFIG, self._filter)
+        yield self.put(chip.POWER, chip.POWER_NORMAL)
         return self.then(self._check, now_ns + chip.START_UP_NS)
 
-    def _check(self, now_ns: int) -> int:
+    def _check(self, now_ns: int) -> Transactions[int]:
         """Ask whether the chip takes the settings."""
         self._expected_ns = now_ns
         self.then(self._fetch, now_ns)
-        if self.fetch(chip.ERROR, 1)[0] & chip.ERROR_CONFIG:
+        if (yield self.fetch(chip.ERROR, 1))[0] & chip.ERROR_CONFIG:
             return self.reject('it refuses the combination of rate and oversampling')
         return 0
 
-    def _fetch(self, now_ns: int) -> int:
+    def _fetch(self, now_ns: int) -> Transactions[int]:
         """Fetch a measurement, if there is a new one."""
-        data = self.fetch(chip.STATUS, chip.BURST_SIZE)
+        data = yield self.fetch(chip.STATUS, chip.BURST_SIZE)
         if data[chip.EVENT - chip.STATUS] & chip.EVENT_POWER_ON:
             self.then(self.begin, now_ns)
             return self.reject('it had no power for a moment')

@@ -145,6 +145,8 @@ class Device(ABC):
     :cvar description: one line for lists of drivers.
     :cvar TAPPED: it tells :attr:`tap` every byte that it reads.
     :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
+    :cvar ANSWERS: it asks and reads the answers when they come, so it is read on interrupt whatever
+        its section says, as long as :meth:`fileno` gives something.
     :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
         ``timeout_s``.
     :cvar IF_SILENT: what to check when nothing comes.
@@ -164,6 +166,7 @@ class Device(ABC):
     description: ClassVar[str] = ''
     TAPPED: ClassVar[bool] = False
     SHARES_PORT: ClassVar[bool] = False
+    ANSWERS: ClassVar[bool] = False
     OPENING_S: ClassVar[float] = 0.0
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
     IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '

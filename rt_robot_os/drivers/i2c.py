@@ -13,16 +13,14 @@
 # limitations under the License.
 
 """
-The I2C bus: transactions with a chip at an address, over whatever carries them.
+The I2C bus: transactions with a chip at an address, begun now and answered later.
 
-A driver sees :class:`I2cBus` and nothing else. What is below is chosen by what the path is: a
-character device is a real bus (``i2c_linux.py``), a Unix socket is an emulated one whose chips
-live in another process (``i2c_socket.py``); tests hand over one that lives in the same process.
-
-A transaction is one call that nobody gets in between: on a real bus one ``ioctl``. It waits until
-the bytes have gone over the wire, 9 bits a byte. Linux waits for that without letting signals
-through, so **on a real bus a transaction is not preempted**; the kernel of this package measures
-the delay and charges it to the task. Read few bytes at a time, and run the bus at 400 kHz.
+A transaction is one call that nobody gets in between: on a real bus one ``ioctl``. Linux waits for
+that without letting signals through, so it is never made in the real-time process: a real bus is
+served by a bridge, a process of its own (``i2c_bridge.py``), and an emulated one by the simulator.
+Both are behind a Unix socket (``i2c_socket.py``). A driver's transaction is one packet that is
+sent, and its answer one that is there or is not. Nothing waits, whatever the bus or its process
+does. Tests hand over a bus of their own process, which answers at once.
 """
 
 from __future__ import annotations
@@ -30,34 +28,50 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field
-import errno
-from importlib import import_module
 import os
-import re
 import stat
 from typing import Final
 from typing import Protocol
 
+from rt_robot_os.drivers.i2c_bridge import I2cBridge
+from rt_robot_os.drivers.i2c_errors import is_gone
+from rt_robot_os.drivers.i2c_errors import open_error
+from rt_robot_os.drivers.i2c_errors import place
+from rt_robot_os.drivers.i2c_errors import transfer_error
+from rt_robot_os.drivers.i2c_socket import SocketConnection
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 
 FIRST_ADDRESS: Final = 0x08
 LAST_ADDRESS: Final = 0x77
 
-_BUS_NUMBER: Final = re.compile(r'/dev/i2c-(\d+)').fullmatch
-_NO_ANSWER: Final = (errno.ENXIO, errno.EREMOTEIO)
-# After these the open file is of no use any more.
-_GONE: Final = (errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET, errno.ESHUTDOWN)
+# Longer than what an adapter has for one transaction, since several devices may wait for a bus.
+ANSWER_TIMEOUT_NS: Final = 300 * NS_PER_MS
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """
+    One transaction: write, then after a repeated start read.
+
+    :ivar address: of the chip.
+    :ivar data: written first; empty only reads.
+    :ivar size: bytes to read; 0 only writes.
+    """
+
+    address: int
+    data: bytes
+    size: int
 
 
 class I2cTransport(Protocol):
-    """What carries the bytes; errors are those of Linux."""
+    """A bus of the same process, which answers at once; errors are those of Linux."""
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
-        Do one transaction: write, then after a repeated start read.
+        Do one transaction.
 
-        :param data: written first; empty only reads.
-        :param size: bytes to read; 0 only writes.
         :raises OSError: with the errno that Linux has for it.
         """
 
@@ -65,71 +79,154 @@ class I2cTransport(Protocol):
         """Let go; does not raise."""
 
 
+class I2cConnection(Protocol):
+    """
+    What carries the transactions of one device; it has at most one under way.
+
+    :ivar gone: it is of no use any more, and has to be opened anew.
+    """
+
+    gone: bool
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        """
+        Begin a transaction, without waiting; one that was under way is forgotten.
+
+        :raises OSError: with the errno that Linux has for it.
+        """
+
+    def answer(self) -> bytes | None:
+        """
+        Give the answer to the last transaction, None while there is none; does not wait.
+
+        :raises OSError: it failed, with the errno that Linux has for it.
+        """
+
+    def fileno(self) -> int | None:
+        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+
+    def close(self) -> None:
+        """Let go; does not raise."""
+
+
+class DirectConnection:
+    """A device's access to a bus of the same process."""
+
+    def __init__(self, transport: I2cTransport) -> None:
+        """Keep the bus, which others may share."""
+        self.gone = False
+        self.transport = transport
+        self._answer: bytes | OSError | None = None
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        """Do the transaction; how it went comes with :meth:`answer`."""
+        try:
+            self._answer = self.transport.transfer(address, data, size)
+        except OSError as error:
+            self.gone = self.gone or is_gone(error)
+            self._answer = error
+
+    def answer(self) -> bytes | None:
+        """
+        Give the answer.
+
+        :raises OSError: it failed.
+        """
+        answer, self._answer = self._answer, None
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    def fileno(self) -> int | None:
+        """Give nothing to wait for."""
+        return None
+
+    def close(self) -> None:
+        """Do nothing: the bus is closed with the last of its users."""
+
+
 class I2cBus:
     """
-    One bus as one device sees it.
+    One bus as one device sees it; safe in the real-time loop, nothing in it waits.
 
     :ivar path: where it is, as the device's configuration says.
     :ivar transfers: transactions that went well.
     :ivar failures: transactions that did not.
-    :ivar gone: the bus itself went away; it has to be opened anew.
+    :ivar connection: what carries them.
     """
 
-    def __init__(self, path: str, transport: I2cTransport) -> None:
+    def __init__(self, path: str, connection: I2cConnection) -> None:
         """
-        Take over what carries the bytes.
+        Take over what carries the transactions.
 
         :param path: for the errors.
         """
         self.path = path
         self.transfers = 0
         self.failures = 0
-        self.gone = False
-        self._transport = transport
+        self.connection = connection
+        self._under_way: Transfer | None = None
+        self._begun_ns = 0
+        self._refused: OSError | None = None
 
-    def read_block(self, address: int, register: int, size: int) -> bytes:
-        """
-        Read registers, the first one named, in one transaction.
-
-        :raises DeviceError: it failed; the message says what to do.
-        """
-        return self.transfer(address, bytes((register,)), size)
-
-    def write_block(self, address: int, register: int, data: bytes) -> None:
-        """
-        Write registers, the first one named, in one transaction.
-
-        :raises DeviceError: it failed; the message says what to do.
-        """
-        self.transfer(address, bytes((register,)) + data, 0)
-
-    def transfer(self, address: int, data: bytes, size: int) -> bytes:
-        """
-        Write, then after a repeated start read, in one transaction; blocks until it is done.
-
-        :param size: bytes to read.
-        :return: exactly that many.
-        :raises DeviceError: it failed; the message says what to do.
-        """
+    def begin(self, transfer: Transfer, now_ns: int) -> None:
+        """Begin a transaction; whether that worked comes with :meth:`answer`."""
+        self._under_way = transfer
+        self._begun_ns = now_ns
+        self._refused = None
         try:
-            answer = self._transport.transfer(address, data, size)
+            self.connection.begin(transfer.address, transfer.data, transfer.size)
         except OSError as error:
-            self.failures += 1
-            self.gone = self.gone or is_gone(error)
-            raise _transfer_error(self.path, address, error) from error
-        if len(answer) != size:
-            self.failures += 1
-            raise DeviceError(f'{_place(self.path, address)}: {len(answer)} bytes came where '
-                              f'{size} were asked for: the I2C adapter is defective')
+            self._refused = error
+
+    def answer(self, now_ns: int) -> bytes | None:
+        """
+        Take the answer to the transaction that was begun.
+
+        :return: as many bytes as were asked for; None while there is no answer.
+        :raises DeviceError: it failed; the message says what to do.
+        """
+        transfer = self._under_way
+        if transfer is None:
+            return None
+        try:
+            if self._refused is not None:
+                raise self._refused
+            answer = self.connection.answer()
+        except OSError as error:
+            raise self._failed(transfer, error) from error
+        if answer is None:
+            if now_ns - self._begun_ns > ANSWER_TIMEOUT_NS:
+                raise self._failed(transfer, DeviceError(
+                    f'{place(self.path, transfer.address)}: no answer for '
+                    f'{ANSWER_TIMEOUT_NS / NS_PER_S:g} s from the process that serves the bus '
+                    '(i2c_bridge, or the simulator): it hangs, was stopped, or has no time to '
+                    'run; it will be tried again'))
+            return None
+        if len(answer) != transfer.size:
+            raise self._failed(transfer, DeviceError(
+                f'{place(self.path, transfer.address)}: {len(answer)} bytes came where '
+                f'{transfer.size} were asked for: the I2C adapter is defective'))
+        self._under_way = None
         self.transfers += 1
         return answer
+
+    @property
+    def gone(self) -> bool:
+        """Say whether the bus itself went away; it has to be opened anew."""
+        return self.connection.gone
+
+    def _failed(self, transfer: Transfer, error: OSError) -> DeviceError:
+        self._under_way = None
+        self.failures += 1
+        return transfer_error(self.path, transfer.address, error)
 
 
 @dataclass
 class _Open:
-    """An open bus and who is on it."""
+    """An open bus of this process and who is on it."""
 
-    transport: I2cTransport
+    transport: I2cTransport | None
     users: list[I2cBus] = field(default_factory=list)
 
 
@@ -138,22 +235,33 @@ class I2cBuses:
     The buses that are open, each once however many devices are on it.
 
     A device takes its bus when it is opened and gives it back when it is closed. What it gets is
-    its own, so that errors name the port as it is in its configuration; what is below is shared.
+    its own, so that errors name the port as it is in its configuration, and a time-out of one
+    device leaves the others alone; what is below is shared.
     """
 
     def __init__(self, opener: Callable[[str], I2cTransport] | None = None) -> None:
         """
         Begin with none.
 
-        :param opener: opens what carries the bytes; by default what the path is.
+        :param opener: opens a bus of this process; by default what the path is decides.
         """
         self._opener = opener
         self._open: dict[str, _Open] = {}
         self._left: list[_Open] = []
+        self._bridges: dict[str, I2cBridge] = {}
+
+    def prepare(self, path: str) -> None:
+        """
+        Start the bridge of a real bus and wait until it serves; not for the loop.
+
+        What does not work is said when the bus is taken.
+        """
+        if self._opener is None and _mode(path) == stat.S_IFCHR:
+            self._bridge(path).start(wait=True)
 
     def take(self, path: str) -> I2cBus:
         """
-        Open a bus, or share it when it is open.
+        Open a bus, or share it when it is open; does not wait.
 
         :raises DeviceError: it cannot be opened; the message says what to do.
         """
@@ -163,10 +271,17 @@ class I2cBuses:
             # Those who are still on it will notice, and open the new one.
             self._left.append(self._open.pop(real))
             found = None
+        opener = self._opener
         if found is None:
-            found = self._open[real] = _Open((self._opener or open_transport)(path))
-        bus = I2cBus(path, found.transport)
+            found = _Open(opener(path) if opener is not None else None)
+        connection: I2cConnection
+        if found.transport is not None:
+            connection = DirectConnection(found.transport)
+        else:
+            connection = self._connect(path)
+        bus = I2cBus(path, connection)
         found.users.append(bus)
+        self._open[real] = found
         return bus
 
     def give_back(self, bus: I2cBus) -> None:
@@ -174,106 +289,49 @@ class I2cBuses:
         for each in (*self._open.values(), *self._left):
             if bus in each.users:
                 each.users.remove(bus)
-                if not each.users:
+                bus.connection.close()
+                if not each.users and each.transport is not None:
                     each.transport.close()
         self._open = {real: each for real, each in self._open.items() if each.users}
         self._left = [each for each in self._left if each.users]
+
+    def close(self) -> None:
+        """End the bridges; they end with this process too."""
+        for bridge in self._bridges.values():
+            bridge.stop()
+        self._bridges.clear()
 
     @property
     def open_count(self) -> int:
         """Give the number of open buses."""
         return len(self._open) + len(self._left)
 
+    def _connect(self, path: str) -> SocketConnection:
+        try:
+            mode = _mode(path)
+            if mode == stat.S_IFCHR:
+                bridge = self._bridge(path)
+                bridge.start()
+                return SocketConnection(str(bridge.socket_path))
+            if mode == stat.S_IFSOCK:
+                return SocketConnection(path)
+            os.stat(path)
+        except OSError as error:
+            raise open_error(path, error) from error
+        raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')
 
-# The open files of this process: as global as /dev is.
+    def _bridge(self, path: str) -> I2cBridge:
+        real = os.path.realpath(path)
+        return self._bridges.setdefault(real, I2cBridge(real))
+
+
+# The open buses of this process: as global as /dev is.
 BUSES: Final = I2cBuses()
 
 
-def preload() -> None:
-    """Import what opening a bus needs, where it is installed: nothing is imported in the loop."""
-    for name in ('i2c_socket', 'i2c_linux'):
-        try:
-            import_module(f'rt_robot_os.drivers.{name}')
-        except ImportError:
-            pass  # opening a bus that needs it says so
-
-
-def open_transport(path: str) -> I2cTransport:
-    """
-    Open a bus by what its path is: a character device or a socket.
-
-    :raises DeviceError: it cannot be opened; the message says what to do.
-    """
-    # Imported here, since who has a socket needs no smbus2, and the other way round.
+def _mode(path: str) -> int:
+    """Give what kind of file it is; 0 when it is not there."""
     try:
-        mode = os.stat(path).st_mode
-        if stat.S_ISSOCK(mode):
-            from rt_robot_os.drivers.i2c_socket import SocketTransport
-            return SocketTransport(path)
-        if stat.S_ISCHR(mode):
-            from rt_robot_os.drivers.i2c_linux import LinuxTransport
-            return LinuxTransport(path)
-    except ImportError as error:
-        raise DeviceError(
-            f'I2C bus {path}: the Python package smbus2 cannot be imported ({error}): '
-            'sudo apt install python3-smbus2, or pip install smbus2') from error
-    except OSError as error:
-        raise _open_error(path, error) from error
-    raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')
-
-
-def is_gone(error: OSError) -> bool:
-    """Say whether the open bus is of no use any more after this error."""
-    return error.errno in _GONE
-
-
-def _open_error(path: str, error: OSError) -> DeviceError:
-    if isinstance(error, DeviceError):
-        return error
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return DeviceError(
-            f'I2C bus {path} may not be opened: add the user to the group i2c '
-            '(sudo usermod -aG i2c $USER; on some systems it is dialout) and log in again')
-    if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR):
-        return DeviceError(
-            f'I2C bus {path} does not exist: ls /dev/i2c-* lists the buses; when there are none, '
-            'enable I2C (sudo modprobe i2c-dev; on a Raspberry Pi also dtparam=i2c_arm=on)')
-    if error.errno == errno.ENOTTY:
-        return DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')
-    return DeviceError(f'I2C bus {path} cannot be opened ({_cause(error)}): check the path')
-
-
-def _transfer_error(path: str, address: int, error: OSError) -> DeviceError:
-    return DeviceError(f'{_place(path, address)}: {_remedy(path, address, error)}')
-
-
-def _remedy(path: str, address: int, error: OSError) -> str:
-    number = error.errno
-    if number in _NO_ANSWER:
-        match = _BUS_NUMBER(path)
-        who = f' (i2cdetect -y {match[1]} shows who is there)' if match else ''
-        return (f'no device answers: check its power, SDA, SCL and pull-up resistors, and the '
-                f'address{who}')
-    if number in _GONE:
-        return f'the bus is gone ({_cause(error)}): check the adapter; it will be opened again'
-    if number == errno.ETIMEDOUT:
-        return ('the transfer timed out, something holds SDA or SCL low: switch the power of the '
-                'devices off and on, check the wiring and the pull-up resistors')
-    if number == errno.EBUSY:
-        return (f'busy ({error.strerror}): a driver of Linux that has the device must be unloaded '
-                f'or taken out of the device tree (/sys/bus/i2c/devices/*-{address:04x}/driver)')
-    if number == errno.EAGAIN:
-        return 'arbitration was lost: another master is on the bus, or noise; shorten the wires'
-    if number in (errno.EOPNOTSUPP, errno.EINVAL):
-        return f'the adapter cannot do this transfer ({_cause(error)}): use another adapter'
-    return f'the transfer failed ({_cause(error)}): check the wiring and the pull-up resistors'
-
-
-def _place(path: str, address: int) -> str:
-    return f'I2C bus {path}, address 0x{address:02x}'
-
-
-def _cause(error: OSError) -> str:
-    if error.errno is None:
-        return str(error)
-    return f'{errno.errorcode.get(error.errno, error.errno)}: {os.strerror(error.errno)}'
+        return stat.S_IFMT(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return 0

@@ -18,17 +18,23 @@ The I2C device: everything between a bus and the registers of a chip.
 A driver says how its chip is recognised and then works in steps. A step does one or two short
 transactions and says when the next one is due; until then a poll costs a comparison. So nothing
 ever waits for a chip: a conversion is started in one poll and fetched in a later one.
+
+Nor does anything wait for the bus: ``data = yield self.fetch(register, size)`` begins a transaction
+and leaves the job, which ends. When the answer is there the step goes on behind the ``yield``, in
+the job that the answer released, or in that of the next poll.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from collections.abc import Generator
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
 from typing import ClassVar
 from typing import Final
+from typing import TypeVar
 
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import DeviceStatistics
@@ -36,7 +42,7 @@ from rt_robot_os.drivers.device import SamplePublisher
 from rt_robot_os.drivers.i2c import BUSES
 from rt_robot_os.drivers.i2c import I2cBus
 from rt_robot_os.drivers.i2c import I2cBuses
-from rt_robot_os.drivers.i2c import preload
+from rt_robot_os.drivers.i2c import Transfer
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
@@ -52,7 +58,11 @@ KNOWN_CHIPS: Final[Mapping[int, Mapping[int, str]]] = {
 # One bad reading may be noise on the wires; so many one after the other are not.
 _BAD_IN_A_ROW: Final = 3
 
-Step = Callable[[int], int]
+T = TypeVar('T')
+
+# What a step is that has transactions: it yields each, and gets the bytes read for it.
+Transactions = Generator[Transfer, bytes, T]
+Step = Callable[[int], 'int | Transactions[int]']
 
 
 def i2c_settings(
@@ -89,6 +99,7 @@ class I2cDevice(Device):
     """
 
     SHARES_PORT: ClassVar[bool] = True
+    ANSWERS: ClassVar[bool] = True
     IF_SILENT: ClassVar[str] = 'it answers but measures nothing: switch its power off and on'
     IF_GARBAGE: ClassVar[str] = (
         'check the wiring, the pull-up resistors and that no other device has its address')
@@ -100,6 +111,8 @@ class I2cDevice(Device):
         self._address: int = settings['address']
         self._bus: I2cBus | None = None
         self._step: Step = self._not_open
+        self._under_way: Transactions[int] | None = None
+        self._not_yielded: Transfer | None = None
         self._due_ns = 0
         self._grid_ns = 0
         self.period_ns = period_from_rate(settings['output_rate_hz'])
@@ -112,19 +125,19 @@ class I2cDevice(Device):
         self._bad_in_a_row = 0
 
     @abstractmethod
-    def identify(self) -> None:
+    def identify(self) -> Transactions[object] | None:
         """
-        Check that it is the right chip, and reset it; not in the loop.
+        Check that it is the right chip, and reset it.
 
         :raises DeviceError: it is not, or the bus failed.
         """
 
     @abstractmethod
-    def begin(self, now_ns: int) -> int:
+    def begin(self, now_ns: int) -> int | Transactions[int]:
         """
-        Do the first step after opening; it and each other calls :meth:`then`.
+        Do the first step after the chip was recognised; it and each other calls :meth:`then`.
 
-        :return: number of samples published.
+        :return: number of samples published; a step that yields returns it in the end.
         :raises DeviceError: the bus failed.
         """
 
@@ -140,18 +153,19 @@ class I2cDevice(Device):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and import what opening the bus needs.
+        Take the publishers, and start what serves the bus.
 
         :raises TopicError: there are more or fewer of them than publications.
         """
         super().bind(publishers)
-        preload()
+        self.buses.prepare(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
         """
-        Take the bus and look whether the chip is there.
+        Take the bus and ask whether the chip is there; the answer comes with :meth:`read`.
 
-        :raises DeviceError: the bus cannot be opened, or the chip is not there.
+        :raises DeviceError: the bus cannot be opened, or answered already that the chip is not
+            there.
         """
         self.close()
         try:
@@ -159,29 +173,74 @@ class I2cDevice(Device):
         except DeviceError as error:
             raise DeviceError(f'{self.name}: {error}') from error
         self._bad_in_a_row = 0
+        self.then(self._identify, 0)
         try:
-            self.identify()
+            self.read(self.clock_ns())
         except DeviceError:
             self.close()
             raise
-        self.then(self.begin, 0)
 
     def close(self) -> None:
         """Give the bus back; may be called twice and does not raise."""
         self.then(self._not_open, 0)
+        self._under_way = self._not_yielded = None
         bus, self._bus = self._bus, None
         if bus is not None:
             self.buses.give_back(bus)
 
+    def fileno(self) -> int | None:
+        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+        return None if self._bus is None else self._bus.connection.fileno()
+
     def read(self, now_ns: int) -> int:
         """
-        Do the step that is due, if one is; safe in the loop.
+        Go on with the step that is under way, or do the one that is due; safe in the loop.
 
         :raises DeviceError: the bus failed, or the chip is not what it was.
         """
+        # Taken out: when the kernel aborts the job in the middle of a step, that is over.
+        step, self._under_way = self._under_way, None
+        if step is not None:
+            return self._go_on(step, now_ns)
         if now_ns < self._due_ns:
             return 0
-        samples = self._step(now_ns)
+        self._not_yielded = None
+        begun = self._step(now_ns)
+        if isinstance(begun, int):
+            return self._end(begun)
+        try:
+            self._ask(next(begun), now_ns)
+        except StopIteration as end:
+            return self._end(end.value)
+        return self._go_on(begun, now_ns)
+
+    def _go_on(self, step: Transactions[int], now_ns: int) -> int:
+        """Hand a step its answers, as long as they are there."""
+        bus = self._opened()
+        try:
+            while True:
+                try:
+                    answer = bus.answer(now_ns)
+                except DeviceError as error:
+                    named = DeviceError(f'{self.name}: {error}')
+                    named.__cause__ = error
+                    self._ask(step.throw(named), now_ns)
+                    continue
+                if answer is None:
+                    self._under_way = step
+                    return 0
+                self._ask(step.send(answer), now_ns)
+        except StopIteration as end:
+            return self._end(end.value)
+
+    def _ask(self, transfer: Transfer, now_ns: int) -> None:
+        if transfer is self._not_yielded:
+            self._not_yielded = None
+        self._opened().begin(transfer, now_ns)
+
+    def _end(self, samples: int) -> int:
+        if self._not_yielded is not None:
+            raise self._forgotten()
         self._samples += samples
         return samples
 
@@ -194,27 +253,21 @@ class I2cDevice(Device):
 
     # ---- for drivers -------------------------------------------------------------------------
 
-    def fetch(self, register: int, size: int) -> bytes:
+    def fetch(self, register: int, size: int) -> Transfer:
         """
-        Read registers.
+        Read registers: ``data = yield self.fetch(register, size)``.
 
-        :raises DeviceError: the bus failed or is not open.
+        What is yielded raises DeviceError when the bus fails.
         """
-        try:
-            return self._opened().read_block(self._address, register, size)
-        except DeviceError as error:
-            raise DeviceError(f'{self.name}: {error}') from error
+        return self._made(bytes((register,)), size)
 
-    def put(self, register: int, *data: int) -> None:
+    def put(self, register: int, *data: int) -> Transfer:
         """
-        Write registers; without data the register is a command.
+        Write registers: ``yield self.put(register, value)``; without data it is a command.
 
-        :raises DeviceError: the bus failed or is not open.
+        What is yielded raises DeviceError when the bus fails.
         """
-        try:
-            self._opened().write_block(self._address, register, bytes(data))
-        except DeviceError as error:
-            raise DeviceError(f'{self.name}: {error}') from error
+        return self._made(bytes((register, *data)), 0)
 
     def start_grid(self, now_ns: int) -> None:
         """Let the grid of the samples begin now."""
@@ -249,26 +302,27 @@ class I2cDevice(Device):
             raise DeviceError(f'{self.name}: {self.place}: {reason}: {self.IF_GARBAGE}')
         return 0
 
-    def expect_chip(self, register: int, wanted: Sequence[int], chip: str) -> int:
+    def expect_chip(self, register: int, wanted: Sequence[int], chip: str) -> Transactions[int]:
         """
-        Read the register that tells the chip.
+        Read the register that tells the chip: ``found = yield from self.expect_chip(...)``.
 
         :param chip: its name, for the error.
         :return: what it holds.
         :raises DeviceError: it is another chip; the message says which it probably is.
         """
-        found = self.fetch(register, 1)[0]
+        found = (yield self.fetch(register, 1))[0]
         if found in wanted:
             return found
         ids = ' or '.join(f'0x{each:02x}' for each in wanted)
+        probably = yield from self.probably()
         raise DeviceError(
             f'{self.name}: {self.place}: chip id 0x{found:02x} in register 0x{register:02x}, but '
-            f'{chip} has {ids}: {self.probably()}')
+            f'{chip} has {ids}: {probably}')
 
-    def probably(self) -> str:
-        """Say which chip it probably is and what to do; asks the bus, not for the loop."""
+    def probably(self) -> Transactions[str]:
+        """Say which chip it probably is and what to do; asks the bus."""
         for register, names in KNOWN_CHIPS.items():
-            name = names.get(self.fetch(register, 1)[0])
+            name = names.get((yield self.fetch(register, 1))[0])
             if name is not None:
                 return f'it is probably a {name}: change type or address'
         return 'a chip that is not known here: check type and address'
@@ -277,6 +331,23 @@ class I2cDevice(Device):
     def place(self) -> str:
         """Name bus and address."""
         return f'I2C bus {self.settings["port"]}, address 0x{self._address:02x}'
+
+    def _made(self, data: bytes, size: int) -> Transfer:
+        if self._not_yielded is not None:
+            raise self._forgotten()
+        self._not_yielded = Transfer(self._address, data, size)
+        return self._not_yielded
+
+    def _forgotten(self) -> DeviceError:
+        made, self._not_yielded = self._not_yielded, None
+        return DeviceError(f'{self.name}: its driver is defective: {made} was made and not '
+                           'yielded: write `yield self.put(...)`, `yield self.fetch(...)`')
+
+    def _identify(self, now_ns: int) -> Transactions[int]:
+        found = self.identify()
+        if found is not None:
+            yield from found
+        return self.then(self.begin, 0)
 
     def _not_open(self, now_ns: int) -> int:
         raise DeviceError(f'{self.name}: {self.place} is not open: call open() first')

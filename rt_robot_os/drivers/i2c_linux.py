@@ -18,7 +18,7 @@ A real I2C bus, ``/dev/i2c-1`` and the like, through smbus2.
 Where the adapter can, each transaction is one ``I2C_RDWR`` call with the address in it. Adapters
 that know only SMBus (those of PC boards, and the kernel's i2c-stub) get SMBus block transfers of
 at most 32 bytes. Those need the address set beforehand, which is a property of the open file; so
-there every address has a file of its own, and a task that preempts another cannot change it.
+there every address has a file of its own. Only the bridge opens one: each call waits for the wire.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Final
 import smbus2
 
 SMBUS_BLOCK: Final = 32
-# Linux waits one second for a bus that is held low, in which nothing of the core would run. The
+# Linux waits one second for a bus that is held low, in which no other device would be heard. The
 # longest transfer of a driver takes 12 ms at 100 kHz; the rest is for chips that hold the clock.
 _TIMEOUT_MS: Final = 50
 _I2C_TIMEOUT: Final = 0x0702  # its unit is 10 ms

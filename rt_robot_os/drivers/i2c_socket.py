@@ -13,85 +13,138 @@
 # limitations under the License.
 
 """
-An emulated I2C bus whose chips live in another process, behind a Unix socket.
+An I2C bus in another process, behind a Unix socket: the simulator's, or a bridge to a real one.
 
-Every address has a connection of its own: a task that preempts another in the middle of a
-transaction, to talk to another chip, cannot take the other's answer.
+Every device has a connection of its own, so what one waits for is nothing to another. Nothing here
+waits: a request is one packet that goes or does not, the answer one that is there or is not.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import select
 import socket
+import time
 from typing import Final
 
 from rt_robot_os.drivers.encoders.i2c_packets import MAXIMUM
+from rt_robot_os.drivers.encoders.i2c_packets import NO_BUS
 from rt_robot_os.drivers.encoders.i2c_packets import parse_answer
 from rt_robot_os.drivers.encoders.i2c_packets import request
+from rt_robot_os.errors import DeviceError
 
-# Longer than that of a real bus: the chips are in an ordinary process, of a busy machine perhaps.
-_TIMEOUT_S: Final = 0.3
+_NUMBERS: Final = 1 << 16
+_PATIENCE_S: Final = 0.3
 
 
-class SocketTransport:
-    """A bus behind a socket; see :class:`rt_robot_os.drivers.i2c.I2cTransport`."""
+class SocketConnection:
+    """
+    A device's access to a bus behind a socket; see :class:`rt_robot_os.drivers.i2c.I2cConnection`.
+
+    Requests are numbered: when one was given up, by a time-out or because the kernel aborted the
+    task in the middle of it, its answer may come later, and is not that of the next one.
+    """
 
     def __init__(self, path: str) -> None:
         """
-        Look whether anybody is there.
+        Connect.
 
-        :raises OSError: nobody is.
+        :raises OSError: nobody is there.
         """
-        self._path = path
-        self._spare: socket.socket | None = self._connect()
-        self._connections: dict[int, socket.socket] = {}
+        self.gone = False
+        self._number = 0
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setblocking(False)
+        try:
+            self._socket.connect(path)
+        except OSError as error:
+            self._socket.close()
+            if error.errno == errno.ECONNREFUSED:
+                raise OSError(errno.ENODEV, os.strerror(errno.ENODEV)) from error
+            if error.errno == errno.EAGAIN:
+                raise DeviceError(f'I2C bus {path}: too many wait for the process that serves it: '
+                                  'it hangs or was stopped; it will be tried again') from error
+            raise
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        """
+        Send a request; safe in the loop.
+
+        :raises OSError: it cannot be sent.
+        """
+        self._number = (self._number + 1) % _NUMBERS
+        try:
+            self._socket.send(request(self._number, address, data, size))
+        except BlockingIOError:
+            raise OSError(errno.ECONNRESET, os.strerror(errno.ECONNRESET)) from None
+        except OSError:
+            self.gone = True
+            raise
+
+    def answer(self) -> bytes | None:
+        """
+        Take the answer if it is there; safe in the loop.
+
+        :raises OSError: the transaction failed, or nobody is there any more.
+        """
+        while True:
+            try:
+                packet = self._socket.recv(MAXIMUM)
+            except BlockingIOError:
+                return None
+            except OSError:
+                self.gone = True
+                raise
+            parsed = parse_answer(packet)
+            if parsed is None:
+                self.gone = True
+                raise OSError(errno.ECONNRESET, os.strerror(errno.ECONNRESET))
+            number, code, answer = parsed
+            if number != self._number:
+                continue
+            if code == NO_BUS:
+                raise DeviceError(answer.decode('utf-8', 'replace'))
+            if code:
+                raise OSError(code, answer.decode('utf-8', 'replace') or os.strerror(code))
+            return answer
+
+    def fileno(self) -> int | None:
+        """Give the descriptor that becomes readable with an answer."""
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        """Close the connection; may be called twice and does not raise."""
+        self._socket.close()
+
+
+class SocketTransport:
+    """The same for programs that may wait, never in the loop."""
+
+    def __init__(self, path: str) -> None:
+        """
+        Connect.
+
+        :raises OSError: nobody is there.
+        """
+        self._connection = SocketConnection(path)
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
-        Do one transaction.
+        Do one transaction, and wait for it.
 
-        :raises OSError: with the errno that Linux has for it.
+        :raises OSError: it failed, with the errno that Linux has for it.
         """
-        # Taken out for as long as it lasts: when it is cut short, by a time-out or by the kernel
-        # aborting the task, the answer may come later, and is not that of the next one.
-        connection = self._connections.pop(address, None)
-        if connection is None:
-            connection, self._spare = self._spare or self._connect(), None
-        try:
-            connection.send(request(address, data, size))
-            packet = connection.recv(MAXIMUM)
-        except TimeoutError:
-            connection.close()
-            raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from None
-        except BaseException:
-            connection.close()
-            raise
-        self._connections[address] = connection
-        parsed = parse_answer(packet)
-        if parsed is None:
-            raise OSError(errno.ECONNRESET, os.strerror(errno.ECONNRESET))
-        number, answer = parsed
-        if number:
-            raise OSError(number, os.strerror(number))
+        connection = self._connection
+        connection.begin(address, data, size)
+        deadline = time.monotonic() + _PATIENCE_S
+        while (answer := connection.answer()) is None:
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+            select.select([connection.fileno()], [], [], left)
         return answer
 
     def close(self) -> None:
-        """Close the connections; may be called twice and does not raise."""
-        for connection in (*self._connections.values(), self._spare):
-            if connection is not None:
-                connection.close()
-        self._connections.clear()
-        self._spare = None
-
-    def _connect(self) -> socket.socket:
-        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            connection.settimeout(_TIMEOUT_S)
-            connection.connect(self._path)
-        except OSError as error:
-            connection.close()
-            if error.errno == errno.ECONNREFUSED:
-                raise OSError(errno.ENODEV, os.strerror(errno.ENODEV)) from error
-            raise
-        return connection
+        """Close the connection; may be called twice and does not raise."""
+        self._connection.close()

@@ -38,13 +38,14 @@ from rt_robot_os.drivers.decoders import mpu6050 as chip
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.drivers.i2c_device import i2c_settings
 from rt_robot_os.drivers.i2c_device import I2cDevice
+from rt_robot_os.drivers.i2c_device import Transactions
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
-# The longest burst of one poll: 112 bytes take 2.6 ms at 400 kHz, and nothing preempts that.
+# The longest burst: 112 bytes take 2.6 ms at 400 kHz, in which nobody else has the bus.
 _MAX_FRAMES: Final = 8
 _CHECK_NS: Final = NS_PER_S
 _COLDEST_C, _HOTTEST_C = -40.0, 105.0
@@ -118,60 +119,60 @@ class Mpu6050(I2cDevice):
         return tuple(Publication(topic, message, frame, s['depth'], s['output_rate_hz'])
                      for topic, message in kinds)
 
-    def identify(self) -> None:
+    def identify(self) -> Transactions[None]:
         """
-        Check the chip id, and reset the chip; not in the loop.
+        Check the chip id, and reset the chip.
 
         :raises DeviceError: it is another chip, or the bus failed.
         """
-        self._id = self.expect_chip(
+        self._id = yield from self.expect_chip(
             chip.WHO_AM_I, tuple(chip.MODELS), 'an MPU-6050, MPU-6500 or MPU-9250')
         self._model = chip.MODELS[self._id]
-        self.put(chip.POWER, chip.POWER_RESET)
+        yield self.put(chip.POWER, chip.POWER_RESET)
 
     def begin(self, now_ns: int) -> int:
         """Wait until the chip is up."""
         return self.then(self._wake, now_ns + chip.RESET_NS)
 
-    def _wake(self, now_ns: int) -> int:
+    def _wake(self, now_ns: int) -> Transactions[int]:
         """Wake the chip from the sleep that follows a reset."""
-        self.put(chip.POWER, chip.POWER_ON)
+        yield self.put(chip.POWER, chip.POWER_ON)
         return self.then(self._set_up, now_ns + chip.WAKE_NS)
 
-    def _set_up(self, now_ns: int) -> int:
+    def _set_up(self, now_ns: int) -> Transactions[int]:
         """Write the settings and start the FIFO."""
         for register, value in self._registers:
-            self.put(register, value)
+            yield self.put(register, value)
         if self._model.accel_filter:
-            self.put(chip.ACCEL_CONFIG_2, self._registers[0][1])
-        self.put(chip.FIFO_ENABLE, chip.FIFO_ALL)
+            yield self.put(chip.ACCEL_CONFIG_2, self._registers[0][1])
+        yield self.put(chip.FIFO_ENABLE, chip.FIFO_ALL)
         self._check_ns = now_ns + _CHECK_NS
-        return self._restart_fifo(now_ns)
+        return (yield from self._restart_fifo(now_ns))
 
-    def _restart_fifo(self, now_ns: int) -> int:
+    def _restart_fifo(self, now_ns: int) -> Transactions[int]:
         # The FIFO can be emptied only while it is off.
-        self.put(chip.USER_CONTROL, chip.USER_FIFO_RESET)
-        self.put(chip.USER_CONTROL, chip.USER_FIFO)
+        yield self.put(chip.USER_CONTROL, chip.USER_FIFO_RESET)
+        yield self.put(chip.USER_CONTROL, chip.USER_FIFO)
         self._stamp_ns = now_ns
         return self.then(self._drain, now_ns)
 
-    def _drain(self, now_ns: int) -> int:
+    def _drain(self, now_ns: int) -> Transactions[int]:
         """Fetch what the FIFO holds."""
         if now_ns >= self._check_ns:
-            self._check_chip(now_ns)
-        count = int.from_bytes(self.fetch(chip.FIFO_COUNT, 2), 'big')
+            yield from self._check_chip(now_ns)
+        count = int.from_bytes((yield self.fetch(chip.FIFO_COUNT, 2)), 'big')
         now_ns = self.clock_ns()  # the bus may have been busy for a while
         if count > self._model.fifo_size:
             return self.reject(f'its FIFO cannot hold the {count} bytes that it says')
         if count > self._model.fifo_size - chip.FRAME_SIZE:
             # It ran over: what it holds is cut somewhere, and older than what was lost.
             self._lost_samples += max(1, (now_ns - self._stamp_ns) // self.period_ns)
-            return self._restart_fifo(now_ns)
+            return (yield from self._restart_fifo(now_ns))
         there = count // chip.FRAME_SIZE
         if not there:
             return 0
         taken = min(there, _MAX_FRAMES)
-        data = self.fetch(chip.FIFO, taken * chip.FRAME_SIZE)
+        data = yield self.fetch(chip.FIFO, taken * chip.FRAME_SIZE)
         self._bytes_read += len(data)
         samples = 0
         oldest_ns = now_ns - there * self.period_ns
@@ -182,7 +183,7 @@ class Mpu6050(I2cDevice):
             oldest_ns += self.period_ns
             if not self._use(frame, max(stamp_ns, self._stamp_ns)):
                 self._lost_samples += there
-                self._restart_fifo(now_ns)
+                yield from self._restart_fifo(now_ns)
                 self.reject('its FIFO gives what it cannot have measured')
                 return samples
             samples += len(self._publishers)
@@ -215,15 +216,15 @@ class Mpu6050(I2cDevice):
             publisher.publish(stamp_ns)
         return True
 
-    def _check_chip(self, now_ns: int) -> None:
+    def _check_chip(self, now_ns: int) -> Transactions[None]:
         """
         Look whether it is still the chip that was set up.
 
         :raises DeviceError: it is not.
         """
         self._check_ns = now_ns + _CHECK_NS
-        found = self.fetch(chip.WHO_AM_I, 1)[0]
-        power = self.fetch(chip.POWER, 1)[0]
+        found = (yield self.fetch(chip.WHO_AM_I, 1))[0]
+        power = (yield self.fetch(chip.POWER, 1))[0]
         if found != self._id:
             raise DeviceError(f'{self.name}: {self.place}: the chip id was 0x{self._id:02x} and '
                               f'is 0x{found:02x} now: {self.IF_GARBAGE}')

@@ -29,6 +29,7 @@ from rt_robot_os.drivers.barometer import Barometer
 from rt_robot_os.drivers.barometer import barometer_settings
 from rt_robot_os.drivers.decoders import ms5611 as chip
 from rt_robot_os.drivers.i2c_device import i2c_settings
+from rt_robot_os.drivers.i2c_device import Transactions
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 
@@ -59,42 +60,45 @@ class Ms5611(Barometer):
         self._raw_t = 0
         self._done_ns = 0
 
-    def identify(self) -> None:
+    def identify(self) -> Transactions[None]:
         """
-        Check the PROM, and reset the chip; not in the loop.
+        Check the PROM, and reset the chip.
 
         :raises DeviceError: it is another chip, or the bus failed.
         """
-        data = b''.join(self.fetch(chip.PROM + 2 * i, 2) for i in range(chip.PROM_WORDS))
+        data = b''
+        for i in range(chip.PROM_WORDS):
+            data += yield self.fetch(chip.PROM + 2 * i, 2)
         self._prom = chip.words(data)
         if not chip.valid(self._prom):
+            probably = yield from self.probably()
             raise DeviceError(
                 f'{self.name}: {self.place}: the checksum of its PROM is '
                 f'0x{self._prom[7] & 15:x} and should be 0x{chip.crc4(self._prom):x}, no MS5611 '
-                f'has that (or there is noise on the wires): {self.probably()}')
-        self.put(chip.RESET)
+                f'has that (or there is noise on the wires): {probably}')
+        yield self.put(chip.RESET)
 
     def begin(self, now_ns: int) -> int:
         """Wait until the chip is up."""
         self.start_grid(now_ns)
         return self.then(self._start, now_ns + chip.START_UP_NS)
 
-    def _start(self, now_ns: int) -> int:
+    def _start(self, now_ns: int) -> Transactions[int]:
         """Start the conversion of the temperature."""
-        self.put(chip.CONVERT_TEMPERATURE + self._added)
+        yield self.put(chip.CONVERT_TEMPERATURE + self._added)
         # The chip began when the command was over; fetched too early, the conversion is spoilt.
         return self.then(self._fetch_temperature, self.clock_ns() + self._conversion_ns)
 
-    def _fetch_temperature(self, now_ns: int) -> int:
+    def _fetch_temperature(self, now_ns: int) -> Transactions[int]:
         """Fetch the temperature and start the conversion of the pressure."""
-        self._raw_t = int.from_bytes(self.fetch(chip.READ, 3), 'big')
-        self.put(chip.CONVERT_PRESSURE + self._added)
+        self._raw_t = int.from_bytes((yield self.fetch(chip.READ, 3)), 'big')
+        yield self.put(chip.CONVERT_PRESSURE + self._added)
         self._done_ns = self.clock_ns() + self._conversion_ns
         return self.then(self._fetch_pressure, self._done_ns)
 
-    def _fetch_pressure(self, now_ns: int) -> int:
+    def _fetch_pressure(self, now_ns: int) -> Transactions[int]:
         """Fetch the pressure and publish both."""
-        raw_p = int.from_bytes(self.fetch(chip.READ, 3), 'big')
+        raw_p = int.from_bytes((yield self.fetch(chip.READ, 3)), 'big')
         self._bytes_read += 6
         self.advance(now_ns, self._start)
         if not raw_p or not self._raw_t:

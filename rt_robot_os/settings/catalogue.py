@@ -75,12 +75,14 @@ class Kind:
     :ivar check: of a simulator, raises ConfigError when its settings do not fit together or do not
         fit those of the device.
     :ivar shares_port: several devices may be on one port (a bus).
+    :ivar answers: it waits for answers, so it is read on interrupt.
     """
 
     fields: tuple[Field, ...] = ()
     uses: Callable[[str, Mapping[str, Any]], Sequence[TopicUse]] = no_topics
     check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
     shares_port: bool = False
+    answers: bool = False
     has_safe_state: bool = False
     is_coroutine: bool = False
 

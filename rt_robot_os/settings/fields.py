@@ -144,7 +144,8 @@ DEVICE: Final = (
     Field('type', str, REQUIRED, "the driver's name"),
     _rate(100.0, 'how often the device is polled'),
     _priority(60, 'priority of its task; higher runs first'),
-    Field('read', str, 'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too',
+    Field('read', str, 'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too '
+          '(a device on I2C always, but with logical_execution)',
           choices=('poll', 'interrupt')),
     Field('timeout_s', float, 1.0, 'silence after which the device counts as faulty',
           's', 0.01, 3600.0),

@@ -82,7 +82,7 @@ def _driver(name: str) -> Kind:
         return [TopicUse(each.topic, each.message, True, each.fixed, each.tail, depth=each.depth)
                 for each in cls(section, values).publications()]
 
-    return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT,
+    return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
                 has_safe_state=hasattr(cls, 'safe_state'))
 
 

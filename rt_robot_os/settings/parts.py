@@ -210,12 +210,18 @@ def build_device(part: Part) -> DeviceSettings:
     values = part.section.values
     return DeviceSettings(
         name=part.name, type=values['type'], port=values.get('port', ''),
-        rate_hz=values['rate_hz'], priority=values['priority'], read=values['read'],
+        rate_hz=values['rate_hz'], priority=values['priority'], read=_when_read(part),
         timeout_s=values['timeout_s'], retry_s=values['retry_s'],
         retry_max_s=values['retry_max_s'],
         settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
         task=task_of(part), log_level=values['log_level'],
         max_subscribers=values['max_subscribers'])
+
+
+def _when_read(part: Part) -> str:
+    """Say when it is read; what waits for answers is read as they come, if its task allows it."""
+    answers = part.kind is not None and part.kind.answers and not task_of(part).logical_execution
+    return 'interrupt' if answers else str(part.section.values['read'])
 
 
 def build_module(part: Part) -> ModuleSettings:

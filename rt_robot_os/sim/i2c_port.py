@@ -37,6 +37,7 @@ from rt_robot_os.sim.i2c_bus import EmulatedBus
 
 _MAX_CONNECTIONS: Final = 128
 _MAX_ROUNDS: Final = 64
+_HUNG_UP: Final = select.EPOLLHUP | select.EPOLLERR
 
 
 class Carrier(Protocol):
@@ -48,7 +49,8 @@ class Carrier(Protocol):
         """
         Do one transaction.
 
-        :return: errno (0 when it went well), the bytes read, and for how long to hold them back.
+        :return: errno (0 when it went well), the bytes read or what is to be said of the error,
+            and for how long to hold them back.
         """
 
 
@@ -60,15 +62,18 @@ class I2cPort:
     :ivar socket_path: of the socket.
     """
 
-    def __init__(self, socket_path: Path, carrier: Carrier | None = None) -> None:
+    def __init__(self, socket_path: Path, carrier: Carrier | None = None,
+                 listener: socket.socket | None = None) -> None:
         """
         Keep the path; nothing is opened.
 
         :param carrier: does the transactions; by default the emulated chips.
+        :param listener: is at the path already, since clients are to be there before the server.
         """
         self.bus = EmulatedBus()
         self._carrier: Carrier = carrier or self.bus
         self.socket_path = socket_path
+        self._given = listener
         self._links: list[Path] = []
         self._listener: socket.socket | None = None
         self._poll: select.epoll | None = None
@@ -103,20 +108,11 @@ class I2cPort:
         :raises DeviceError: they cannot be made.
         """
         if self._listener is None:
-            listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            try:
-                self.socket_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                self.socket_path.unlink(missing_ok=True)
-                listener.bind(str(self.socket_path))
-                listener.listen(_MAX_CONNECTIONS)
-                listener.setblocking(False)
-            except OSError as error:
-                listener.close()
-                raise DeviceError(f'{self.socket_path} cannot be made ({error}): choose another '
-                                  'folder') from error
-            self._listener = listener
+            given, self._given = self._given, None
+            self._listener = given or self._make_listener()
+            self._listener.setblocking(False)
             self._poll = select.epoll()
-            self._poll.register(listener, select.EPOLLIN)
+            self._poll.register(self._listener, select.EPOLLIN)
         for path in self._links:
             self._make_link(path)
 
@@ -141,10 +137,13 @@ class I2cPort:
             events = self._poll.poll(0) if self._poll is not None else []
             if not events:
                 break
-            for descriptor, _ in events:
+            for descriptor, what in events:
                 connection = self._connections.get(descriptor)
                 if connection is None:
                     self._accept()
+                elif what & _HUNG_UP:
+                    # Whoever asked has given up, and perhaps asked again: nobody wants it done.
+                    self._drop(descriptor)
                 else:
                     self._take(connection, now_ns)
         due = [each for each in self._answers if each[0] <= now_ns]
@@ -156,6 +155,19 @@ class I2cPort:
     def next_ns(self) -> int | None:
         """Say when the next answer is due; None when none is."""
         return min((each[0] for each in self._answers), default=None)
+
+    def _make_listener(self) -> socket.socket:
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self.socket_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self.socket_path.unlink(missing_ok=True)
+            listener.bind(str(self.socket_path))
+            listener.listen(_MAX_CONNECTIONS)
+        except OSError as error:
+            listener.close()
+            raise DeviceError(f'{self.socket_path} cannot be made ({error}): choose another '
+                              'folder') from error
+        return listener
 
     def _accept(self) -> None:
         if self._listener is None or self._poll is None:
@@ -182,9 +194,11 @@ class I2cPort:
         if wanted is None:
             self._drop(connection.fileno())
             return
-        number, data, duration_ns = self._carrier.transfer(*wanted, now_ns)
+        number, *transfer = wanted
+        code, data, duration_ns = self._carrier.transfer(*transfer, now_ns)
         self._busy_until_ns = max(self._busy_until_ns, now_ns) + duration_ns
-        self._answers.append((self._busy_until_ns, connection.fileno(), answer(number, data)))
+        self._answers.append((self._busy_until_ns, connection.fileno(),
+                              answer(number, code, data)))
 
     def _send(self, descriptor: int, packet: bytes) -> None:
         connection = self._connections.get(descriptor)

@@ -22,11 +22,15 @@ from contextlib import contextmanager
 import errno
 import os
 from pathlib import Path
+import select
+import time
 from typing import Any
 
 from driver_fakes import bind
 from driver_fakes import settings_of
+from rt_robot_os.drivers.i2c import I2cBus
 from rt_robot_os.drivers.i2c import I2cBuses
+from rt_robot_os.drivers.i2c import Transfer
 from rt_robot_os.drivers.i2c_device import I2cDevice
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.i2c_bus import LocalTransport
@@ -117,3 +121,26 @@ def failing(number: int) -> Callable[[bytes, int], bytes]:
 
 ERRORS = (errno.EREMOTEIO, errno.ENXIO, errno.ETIMEDOUT, errno.EIO, errno.EBUSY, errno.EAGAIN,
           errno.ENODEV, errno.EOPNOTSUPP, errno.EINVAL, errno.ECONNRESET, errno.ENOMEM)
+
+
+def transact(bus: I2cBus, address: int, data: bytes, size: int) -> bytes:
+    """Do one transaction and wait for it."""
+    bus.begin(Transfer(address, data, size), time.monotonic_ns())
+    return answer_of(bus)
+
+
+def answer_of(bus: I2cBus) -> bytes:
+    """Wait for an answer."""
+    while (answer := bus.answer(0)) is None:
+        descriptor = bus.connection.fileno()
+        assert descriptor is not None
+        assert select.select([descriptor], [], [], 30)[0], 'no answer'
+    return answer
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Look until something holds."""
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

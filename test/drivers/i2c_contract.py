@@ -239,7 +239,7 @@ class I2cContract:
         rig = I2cRig(self.simulator, self.driver, {}, {})
         rig.device.open()
         rig.run(500)
-        rig.device._bus._transport = ScriptedTransport(failing(number))
+        rig.device._bus.connection.transport = ScriptedTransport(failing(number))
         text = rig.run_until_error(2000)
         assert text.startswith(
             f'dut: I2C bus /dev/i2c-7, address 0x{rig.chip.address:02x}: '), text
@@ -259,7 +259,7 @@ class I2cContract:
             rig = I2cRig(self.simulator, self.driver, {}, {})
             rig.device.open()
             rig.run(400)
-            true = rig.device._bus._transport
+            true = rig.device._bus.connection.transport
 
             def answer(data: bytes, size: int) -> bytes:
                 told: bytes = true.transfer(rig.chip.address, data, size)
@@ -267,7 +267,7 @@ class I2cContract:
                     return seed.randbytes(size)
                 return told
 
-            rig.device._bus._transport = ScriptedTransport(answer)
+            rig.device._bus.connection.transport = ScriptedTransport(answer)
             rig.run_until_error(400)
             for publisher in rig.publishers:
                 for sample in publisher.values:

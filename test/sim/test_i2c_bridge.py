@@ -27,6 +27,7 @@ import threading
 
 import pytest
 from rt_robot_os.cli import i2c_bridge
+from rt_robot_os.drivers.encoders.i2c_packets import NO_BUS
 from rt_robot_os.drivers.i2c_socket import SocketTransport
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.bmp280 import SimulatedBmp280
@@ -57,8 +58,8 @@ def test_errors_are_handed_on_and_counted(monkeypatch: pytest.MonkeyPatch) -> No
     real = Real(errno.EREMOTEIO, errno.ETIMEDOUT)
     monkeypatch.setattr(i2c_bridge, 'open_transport', lambda path: real)
     bridge = i2c_bridge.Bridge('/dev/i2c-1')
-    assert bridge.transfer(0x20, b'', 2, 0) == (errno.EREMOTEIO, b'', 0)
-    assert bridge.transfer(0x20, b'', 2, 0) == (errno.ETIMEDOUT, b'', 0)
+    assert bridge.transfer(0x20, b'', 2, 0) == (errno.EREMOTEIO, b'Remote I/O error', 0)
+    assert bridge.transfer(0x20, b'', 2, 0) == (errno.ETIMEDOUT, b'Connection timed out', 0)
     assert bridge.transfer(0x20, b'', 2, 0) == (0, b'  ', 0)
     assert (bridge.transfers, bridge.failures) == (1, 2)
     bridge.close()
@@ -78,9 +79,10 @@ def test_a_bus_that_goes_away_is_opened_again(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(i2c_bridge, 'open_transport', opener)
     bridge = i2c_bridge.Bridge('/dev/i2c-1')
+    bridge.open()
     there = False
-    for _ in range(2):
-        assert bridge.transfer(0x20, b'', 1, 0)[0] == errno.ENODEV
+    assert bridge.transfer(0x20, b'', 1, 0)[0] == errno.ENODEV
+    assert bridge.transfer(0x20, b'', 1, 0) == (NO_BUS, b'it does not exist', 0)
     assert opened[0].closed == 1
     there = True
     assert bridge.transfer(0x20, b'', 1, 0) == (0, b' ', 0)

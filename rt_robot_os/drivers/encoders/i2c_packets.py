@@ -13,10 +13,12 @@
 # limitations under the License.
 
 """
-Transactions of an emulated I2C bus as packets of a Unix socket.
+Transactions of an I2C bus as packets of a Unix socket.
 
-A request is ``version address size data``: the bytes to write, then ``size`` bytes to read. The
-answer is ``errno data``: 0 and the bytes read, or the error that Linux would give.
+A request is ``version address size number data``: the bytes to write, then ``size`` bytes to read.
+The answer is ``number errno data``: 0 and the bytes read, or the error that Linux gave with what
+there is to say about it. ``NO_BUS`` in place of an errno: the bus itself cannot be opened, and the
+data is the whole message for people.
 """
 
 from __future__ import annotations
@@ -24,47 +26,51 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-VERSION: Final = 1
+VERSION: Final = 2
 MAXIMUM: Final = 4096
+NO_BUS: Final = 0xFFFF
 
-_REQUEST: Final = struct.Struct('<BBH')
-_ANSWER: Final = struct.Struct('<H')
+_REQUEST: Final = struct.Struct('<BBHH')
+_ANSWER: Final = struct.Struct('<HH')
 
 
-def request(address: int, data: bytes, size: int) -> bytes:
+def request(number: int, address: int, data: bytes, size: int) -> bytes:
     """Make a request."""
-    return _REQUEST.pack(VERSION, address, size) + data
+    return _REQUEST.pack(VERSION, address, size, number) + data
 
 
-def parse_request(packet: bytes) -> tuple[int, bytes, int] | None:
+def parse_request(packet: bytes) -> tuple[int, int, bytes, int] | None:
     """
     Take a request apart.
 
-    :return: address, bytes to write, number of bytes to read; None when it is no request.
+    :return: its number, address, bytes to write, number of bytes to read; None when it is no
+        request.
     """
     if len(packet) < _REQUEST.size:
         return None
-    version, address, size = _REQUEST.unpack_from(packet)
-    if version != VERSION or size > MAXIMUM or address > 0x7F:
+    version, address, size, number = _REQUEST.unpack_from(packet)
+    if version != VERSION or size > MAXIMUM - _ANSWER.size or address > 0x7F:
         return None
-    return address, packet[_REQUEST.size:], size
+    return number, address, packet[_REQUEST.size:], size
 
 
-def answer(number: int, data: bytes = b'') -> bytes:
+def answer(number: int, code: int, data: bytes = b'') -> bytes:
     """
     Make an answer.
 
-    :param number: errno, 0 when all went well.
+    :param number: of the request.
+    :param code: errno, 0 when all went well.
     """
-    return _ANSWER.pack(number) + data
+    return _ANSWER.pack(number, code) + data[:MAXIMUM - _ANSWER.size]
 
 
-def parse_answer(packet: bytes) -> tuple[int, bytes] | None:
+def parse_answer(packet: bytes) -> tuple[int, int, bytes] | None:
     """
     Take an answer apart.
 
-    :return: errno and the bytes read; None when it is no answer.
+    :return: number of the request, errno and the bytes read; None when it is no answer.
     """
     if len(packet) < _ANSWER.size:
         return None
-    return _ANSWER.unpack_from(packet)[0], packet[_ANSWER.size:]
+    number, code = _ANSWER.unpack_from(packet)
+    return number, code, packet[_ANSWER.size:]
