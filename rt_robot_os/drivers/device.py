@@ -145,8 +145,8 @@ class Device(ABC):
     :cvar description: one line for lists of drivers.
     :cvar TAPPED: it tells :attr:`tap` every byte that it reads.
     :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
-    :cvar ANSWERS: it asks and reads the answers when they come, so it is read on interrupt whatever
-        its section says, as long as :meth:`fileno` gives something.
+    :cvar ANSWERS: it asks and reads the answers when they come, so it is read on interrupt
+        whatever its section says.
     :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
         ``timeout_s``.
     :cvar IF_SILENT: what to check when nothing comes.

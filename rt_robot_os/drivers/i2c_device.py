@@ -19,8 +19,8 @@ A driver says how its chip is recognised and then works in steps. A step does on
 transactions and says when the next one is due; until then a poll costs a comparison. So nothing
 ever waits for a chip: a conversion is started in one poll and fetched in a later one.
 
-Nor does anything wait for the bus: ``data = yield self.fetch(register, size)`` begins a transaction
-and leaves the job, which ends. When the answer is there the step goes on behind the ``yield``, in
+Nor does anything wait for the bus: ``data = yield self.fetch(register, size)`` begins a
+transaction, and the job ends. When the answer is there the step goes on behind the ``yield``, in
 the job that the answer released, or in that of the next poll.
 """
 
@@ -255,17 +255,17 @@ class I2cDevice(Device):
 
     def fetch(self, register: int, size: int) -> Transfer:
         """
-        Read registers: ``data = yield self.fetch(register, size)``.
+        Make a transfer that reads registers, to be yielded.
 
-        What is yielded raises DeviceError when the bus fails.
+        ``data = yield self.fetch(0xD0, 1)``. The ``yield`` raises DeviceError when the bus fails.
         """
         return self._made(bytes((register,)), size)
 
     def put(self, register: int, *data: int) -> Transfer:
         """
-        Write registers: ``yield self.put(register, value)``; without data it is a command.
+        Make a transfer that writes registers, to be yielded; without data it is a command.
 
-        What is yielded raises DeviceError when the bus fails.
+        The ``yield`` raises DeviceError when the bus fails.
         """
         return self._made(bytes((register, *data)), 0)
 
@@ -304,7 +304,7 @@ class I2cDevice(Device):
 
     def expect_chip(self, register: int, wanted: Sequence[int], chip: str) -> Transactions[int]:
         """
-        Read the register that tells the chip: ``found = yield from self.expect_chip(...)``.
+        Read the register that tells the chip, with ``yield from``.
 
         :param chip: its name, for the error.
         :return: what it holds.

@@ -109,7 +109,7 @@ class SocketConnection:
                 raise OSError(code, answer.decode('utf-8', 'replace') or os.strerror(code))
             return answer
 
-    def fileno(self) -> int | None:
+    def fileno(self) -> int:
         """Give the descriptor that becomes readable with an answer."""
         return self._socket.fileno()
 

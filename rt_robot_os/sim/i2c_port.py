@@ -194,8 +194,8 @@ class I2cPort:
         if wanted is None:
             self._drop(connection.fileno())
             return
-        number, *transfer = wanted
-        code, data, duration_ns = self._carrier.transfer(*transfer, now_ns)
+        number, address, written, size = wanted
+        code, data, duration_ns = self._carrier.transfer(address, written, size, now_ns)
         self._busy_until_ns = max(self._busy_until_ns, now_ns) + duration_ns
         self._answers.append((self._busy_until_ns, connection.fileno(),
                               answer(number, code, data)))

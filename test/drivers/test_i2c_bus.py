@@ -21,10 +21,7 @@ from collections.abc import Iterator
 import errno
 import os
 from pathlib import Path
-import re
-import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -36,10 +33,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from i2c_bench import answer_of
 from i2c_bench import failing
-from i2c_bench import i2c_rig
 from i2c_bench import ScriptedTransport
 from i2c_bench import transact
-from i2c_bench import wait_until
 import pytest
 from rt_robot_os.cli.i2c_bridge import open_transport
 from rt_robot_os.drivers.bmp280 import Bmp280
@@ -49,14 +44,10 @@ from rt_robot_os.drivers.i2c import DirectConnection
 from rt_robot_os.drivers.i2c import I2cBus
 from rt_robot_os.drivers.i2c import I2cBuses
 from rt_robot_os.drivers.i2c import Transfer
-from rt_robot_os.drivers.i2c_socket import SocketConnection
 from rt_robot_os.drivers.i2c_socket import SocketTransport
 from rt_robot_os.drivers.mpu6050 import Mpu6050
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
-from rt_robot_os.sensors import SensorManager
 from rt_robot_os.sim.bmp280 import SimulatedBmp280
 from rt_robot_os.sim.i2c_bus import EmulatedBus
 from rt_robot_os.sim.i2c_bus import transfer_ns
@@ -64,7 +55,6 @@ from rt_robot_os.sim.i2c_port import I2cPort
 from rt_robot_os.sim.mpu6050 import SimulatedMpu6050
 from rt_robot_os.sim.ms5611 import SimulatedMs5611
 from rt_robot_os.sim.server import SimServer
-from rt_robot_os.topics import Bus
 
 smbus2 = pytest.importorskip('smbus2', reason='smbus2 is not installed')
 
@@ -374,220 +364,77 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(served: I2cPort
     buses.give_back(bus)
 
 
-# --- the bus of a process that stands still ------------------------------------------------------
+@pytest.mark.parametrize('packet', [b'x', b'\x09\x76\x01\x00', bytes(5000)])
+def test_a_client_that_talks_nonsense_is_dropped_and_others_are_served(
+        served: I2cPort, packet: bytes) -> None:
+    good = SocketTransport(str(served.socket_path))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bad:
+        bad.connect(str(served.socket_path))
+        bad.send(packet)
+        assert bad.recv(10) == b''
+    assert good.transfer(0x76, b'\xd0', 1) == b'\x58'
+    good.close()
 
-def test_nothing_waits_for_a_bus_that_nobody_serves(tmp_path: Path) -> None:
-    port = I2cPort(tmp_path / 'bus')
+
+def test_nobody_behind_the_socket(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'i2c-sim')
+    path = port.link('baro')
     port.plug()
     buses = I2cBuses()
-    now_ns = 10**9
-    devices: list[Any] = [cls('dut', settings_of(cls, port=str(port.socket_path)))
-                          for cls in (Bmp280, Mpu6050)]
-    said = []
-    for device in devices:
-        device.buses = buses
-        device.clock_ns = lambda: now_ns
-        bind(device)
-        device.open()  # the connection waits in the queue of the listener
-        assert device.fileno() > 0
-    for _ in range(50):
-        now_ns += 10**7
-        for device in devices:
-            try:
-                assert device.read(now_ns) == 0
-            except DeviceError as error:
-                said.append(str(error))
-                device.open()
-    assert len(said) == 2
-    assert all(re.match('dut: I2C bus .*, address 0x..: no answer for 0.3 s', each)
-               for each in said)
-    for device in devices:
-        device.close()
+    bus = buses.take(str(path))
     port.unplug()
-
-
-def test_what_was_given_up_is_not_done_later(tmp_path: Path) -> None:
-    port = I2cPort(tmp_path / 'bus')
-    done: list[bytes] = []
-
-    class Carrier:
-        def transfer(self, address: int, data: bytes, size: int,
-                     now_ns: int) -> tuple[int, bytes, int]:
-            done.append(data)
-            return 0, bytes(size), 0
-
-    port = I2cPort(tmp_path / 'bus', Carrier())
-    port.plug()
-    first, second = (SocketConnection(str(port.socket_path)) for _ in range(2))
-    first.begin(0x76, b'reset', 0)
-    first.close()
-    second.begin(0x76, b'\xd0', 1)
-    for now_ns in range(10):
-        port.serve(now_ns)
-    assert done == [b'\xd0'] and second.answer() == b'\0'
-    second.close()
     port.unplug()
-
-
-def test_too_many_that_wait_for_a_process_is_an_error_not_a_wait(tmp_path: Path) -> None:
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    listener.bind(str(tmp_path / 'bus'))
-    listener.listen(1)
-    buses, taken = I2cBuses(), []
-    with pytest.raises(DeviceError, match='too many wait for the process that serves it'):
-        for _ in range(20):
-            taken.append(buses.take(str(tmp_path / 'bus')))
-    for bus in taken:
-        buses.give_back(bus)
-    assert buses.open_count == 0
-    listener.close()
-
-
-# --- mistakes of a driver ------------------------------------------------------------------------
-
-class Forgetful(Bmp280):
-    """Calls what should be yielded, in three ways."""
-
-    how = 0
-
-    def begin(self, now_ns: int) -> Any:
-        if self.how == 0:
-            self.put(0xE0, 0xB6)
-            return self.then(self.begin, now_ns)
-        return self._begin()
-
-    def _begin(self) -> Any:
-        if self.how == 1:
-            self.put(0xE0, 0xB6)
-        yield self.fetch(0xD0, 1)
-        if self.how == 2:
-            self.put(0xE0, 0xB6)
-        return 0
-
-
-@pytest.mark.parametrize('how', [0, 1, 2])
-def test_a_transfer_that_is_not_yielded_is_an_error(how: int) -> None:
-    with i2c_rig(SimulatedBmp280, Forgetful) as rig:
-        rig.device.how = how
-        text = rig.run_until_error(10)
-        assert 'dut: its driver is defective' in text and 'was made and not yielded' in text
-
-
-def test_a_step_may_look_after_its_errors_itself() -> None:
-    class Prober(Bmp280):
-        seen = ''
-
-        def begin(self, now_ns: int) -> Any:
-            try:
-                yield Transfer(0x33, b'\0', 1)
-            except DeviceError as error:
-                self.seen = str(error)
-            assert (yield self.fetch(0xD0, 1)) == b'\x58'
-            return self.then(super().begin, now_ns)
-
-    with i2c_rig(SimulatedBmp280, Prober) as rig:
-        assert rig.run(500) > 0
-        assert 'address 0x33: no device answers' in rig.device.seen
-
-
-# --- real processes ------------------------------------------------------------------------------
-
-SLOW_BUS = """
-import os, time
-class I2cFunc:
-    I2C = 1
-class i2c_msg(list):
-    @staticmethod
-    def write(address, data): return i2c_msg(data)
-    @staticmethod
-    def read(address, size): return i2c_msg([0x58] * size)
-class SMBus:
-    funcs = 1
-    def open(self, path): self.fd = os.open(path, os.O_RDWR)
-    fd = None
-    def close(self): self.fd is None or os.close(self.fd)
-    def i2c_rdwr(self, *messages): time.sleep(SECONDS)
-"""
-
-
-@pytest.fixture
-def real_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[float], Any]]:
-    """Give buses of a real path, whose adapter is a stub that takes its time."""
-    made = I2cBuses()
-
-    def make(seconds: float) -> I2cBuses:
-        (tmp_path / 'smbus2.py').write_text(SLOW_BUS.replace('SECONDS', repr(seconds)))
-        monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{Path(__file__).parents[2]}')
-        made.prepare('/dev/null')
-        return made
-
-    yield make
-    made.close()
-
-
-def test_a_real_bus_is_served_by_a_bridge(real_bus: Callable[[float], Any]) -> None:
-    buses = real_bus(0.0)
-    one, two = buses.take('/dev/null'), buses.take('/dev/null')
-    assert transact(one, 0x76, b'\xd0', 1) == transact(two, 0x77, b'\xd0', 1) == b'\x58'
-    bridge = buses._bridges['/dev/null']
-    folder, pid = bridge.socket_path.parent, bridge._process.pid
-    os.kill(pid, signal.SIGKILL)
-    with pytest.raises(DeviceError, match='/dev/null, address 0x76: the bus is gone'):
-        transact(one, 0x76, b'\xd0', 1)
-    assert one.gone
-    os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
-    again = buses.take('/dev/null')
-    assert transact(again, 0x76, b'\xd0', 1) == b'\x58'
-    assert bridge._process.pid != pid and not folder.exists()
-    folder, process = bridge.socket_path.parent, bridge._process
-    for bus in (one, two, again):
-        buses.give_back(bus)
-    buses.close()
-    assert process.returncode == 0 and not folder.exists()
-
-
-def test_a_slow_bus_holds_up_nobody_else(real_bus: Callable[[float], Any]) -> None:
-    # Below a task of a device whose transfers take 60 ms one of 100 Hz goes on: each of its jobs
-    # runs. While the transfers were made in the loop it lost two of three.
-    buses = real_bus(0.06)
-    kernel = Kernel()
-    device: Any = Bmp280('dut', settings_of(Bmp280, port='/dev/null'))
-    device.buses = buses
-    manager = SensorManager(kernel, Bus(kernel), Reports())
-    managed = manager.add(device, rate_hz=100.0, priority=40, interrupt=True)
-    below = kernel.add_task('below', lambda: None, priority=10, rate_hz=100.0)
-    kernel.run(10**9)
-    bus = device._bus
-    manager.close()
-    assert bus.transfers > 5
-    statistics = below.statistics()
-    assert statistics.missed == 0 and managed.task is not None
-    assert managed.task.statistics().missed == 0
-
-
-def test_why_a_bus_cannot_be_opened_comes_through_the_bridge(
-        real_bus: Callable[[float], Any], tmp_path: Path) -> None:
-    buses = real_bus(0.0)
-    (tmp_path / 'smbus2.py').write_text(SLOW_BUS.replace(
-        'self.fd = os.open(path, os.O_RDWR)', 'raise OSError(13, "no")'))
-    buses.close()
-    buses.prepare('/dev/null')
-    bus = buses.take('/dev/null')
-    with pytest.raises(DeviceError, match='^I2C bus /dev/null may not be opened: add the user'):
-        transact(bus, 0x76, b'\xd0', 1)
+    with pytest.raises(DeviceError, match='the bus is gone'):
+        transact(bus, 0x76, b'\0', 1)
+    assert bus.gone
     buses.give_back(bus)
+    for opened in (open_transport, buses.take):
+        with pytest.raises(DeviceError, match='does not exist'):
+            opened(str(path))
+    assert os.listdir(tmp_path) == []
 
 
-def test_the_bridge_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
-    program = (
-        'import os, signal, sys\n'
-        'from rt_robot_os.drivers.i2c_bridge import I2cBridge\n'
-        "bridge = I2cBridge('/dev/null')\n"
-        'bridge.start(wait=True)\n'
-        'print(bridge._process.pid, bridge.socket_path, flush=True)\n'
-        'os.kill(os.getpid(), signal.SIGKILL)\n')
-    done = subprocess.run([sys.executable, '-c', program], cwd=Path(__file__).parents[2],
-                          stdout=subprocess.PIPE, text=True, timeout=60)
-    pid, path = done.stdout.split()
-    wait_until(lambda: not os.path.exists(os.path.dirname(path)))
-    wait_until(lambda: not os.path.exists(f'/proc/{pid}'))
+def test_a_file_of_somebody_is_not_replaced(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'i2c-sim')
+    port.link('baro').write_text('mine')
+    with pytest.raises(DeviceError, match='file of somebody.*choose another folder'):
+        port.plug()
+    port.unplug()
+    assert (tmp_path / 'baro').read_text() == 'mine'
+
+
+# --- the emulated bus ----------------------------------------------------------------------------
+
+def test_the_time_on_the_wire() -> None:
+    # Start, address, register, repeated start, address, 14 bytes, stop: 9 bits each.
+    assert transfer_ns(1, 14, 400_000) == (3 + 9 * 17) * 2500
+    assert transfer_ns(3, 0, 100_000) == (2 + 9 * 4) * 10_000
+    assert transfer_ns(0, 1, 100_000) == (2 + 1 + 9 * 2) * 10_000
+    assert transfer_ns(0, 0, 100_000) == (2 + 9) * 10_000
+
+
+def test_two_chips_of_one_address_are_refused(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'bus')
+    SimulatedBmp280('one', {}, port)
+    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each its own'):
+        SimulatedMs5611('two', {}, port, 0x76)
+
+
+def test_nobody_answers_on_an_empty_bus() -> None:
+    number, answer, _ = EmulatedBus().transfer(0x50, b'\0', 1, 0)
+    assert (number, answer) == (errno.EREMOTEIO, b'')
+
+
+def test_one_chip_that_holds_the_bus_stops_all(tmp_path: Path) -> None:
+    port = I2cPort(tmp_path / 'bus')
+    baro = SimulatedBmp280('baro', {'faults': ['hold at 1 for 1']}, port)
+    SimulatedMpu6050('imu', {}, port).start(0)
+    baro.start(0)
+    wanted: Callable[[int], int] = lambda now: port.bus.transfer(0x68, b'\x75', 1, now)[0]  # noqa
+    assert [wanted(t * 10**8) for t in (9, 10, 19, 20)] == [
+        0, errno.ETIMEDOUT, errno.ETIMEDOUT, 0]
+
+
+def test_the_drivers_are_on_a_bus_and_the_others_are_not() -> None:
+    from rt_robot_os.drivers.witmotion import WitMotion
+    assert Bmp280.SHARES_PORT and Mpu6050.SHARES_PORT and not WitMotion.SHARES_PORT

@@ -46,7 +46,8 @@ def simulator(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """Run three chips on a bus in another process."""
     process = subprocess.Popen(
         [sys.executable, '-c',
-         'import sys; from rt_robot_os.sim.main import main; sys.exit(main())', '--dir', str(tmp_path),
+         'import sys; from rt_robot_os.sim.main import main; sys.exit(main())',
+         '--dir', str(tmp_path),
          *(f'{name}:{kind}' for name, (kind, _) in CHIPS.items())],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2])
     assert process.stdout is not None
