@@ -151,6 +151,7 @@ class Device(ABC):
         ``timeout_s``.
     :cvar IF_SILENT: what to check when nothing comes.
     :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
+    :cvar IF_UNUSED: what to check when valid frames come, but none that gives a sample.
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
@@ -171,6 +172,8 @@ class Device(ABC):
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
     IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
                                  'configuration says')
+    IF_UNUSED: ClassVar[str] = ('check what the device is set to send, and the settings of its '
+                                'section')
     resources: Mapping[str, AbstractContextManager[object]] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
@@ -226,6 +229,14 @@ class Device(ABC):
         Say what the bytes are that came although no frame was valid; empty when it cannot.
 
         Asked once each time the device is given up, not in each round of the loop.
+        """
+        return ''
+
+    def unused(self) -> str:
+        """
+        Say what the valid frames are that gave no sample, and what to do; empty when it cannot.
+
+        Asked once each time that samples stay away.
         """
         return ''
 

@@ -112,6 +112,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._setup = Handshake(name, (), _REMEDY)
         self._problem = ''
         self._other_counts = 0
+        self._other_count = 0
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: LaserScan."""
@@ -171,6 +172,13 @@ class Hokuyo(SerialDevice[ScipFrame]):
         """Give the counters as they are now; contradictions are scans of another size."""
         return self._counters(contradicted=self._other_counts)
 
+    def unused(self) -> str:
+        """Say that its scans have another size."""
+        if not self._other_count:
+            return ''
+        return (f'its scans have {self._other_count} steps, the settings say {self._count}: set '
+                'first_step and last_step to what it was told to send')
+
     def _check(self, lines: tuple[bytes, ...]) -> None:
         """Compare the parameters of the device with the settings."""
         found = {line[:4]: line[5:].partition(b';')[0].strip() for line in lines}
@@ -186,6 +194,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
     def _publish(self, distances_mm: Steps, arrival_ns: int) -> int:
         if distances_mm.size != self._count:
             self._other_counts += 1
+            self._other_count = distances_mm.size
             return 0
         publisher = self._publishers[0]
         msg = publisher.msg

@@ -55,6 +55,8 @@ from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_MS
 
 _MAX_WAIT_NS: Final = 500 * NS_PER_MS
+# Addresses of sentences without use that are kept, to name them.
+_MOST_ADDRESSES: Final = 6
 
 
 class NmeaGps(SerialDevice[NmeaFrame]):
@@ -81,6 +83,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._must_wait = False
         self._contradicted = 0
         self._utc: tuple[str, tuple[int, int]] | None = None
+        self._others: set[str] = set()
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and TimeReference unless its topic is empty."""
@@ -101,12 +104,15 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._published = None
         self._must_wait = False
         self._utc = None
+        self._others.clear()
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
         """Use one sentence; in the loop."""
         sentence = parse(frame.content)
         if sentence is None:
             self._ignored_frames += 1
+            if len(self._others) < _MOST_ADDRESSES:
+                self._others.add(frame.address)
             return 0
         self._builder.see_talker(sentence.talker)
         if isinstance(sentence, GstSentence):
@@ -127,6 +133,12 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         if self._waiting is not None and now_ns - self._waiting[1] > _MAX_WAIT_NS:
             samples += self._release()
         return samples
+
+    def unused(self) -> str:
+        """Say which sentences came."""
+        return (f'it sends {", ".join(sorted(self._others)) or "nothing"} but none of GGA, GNS, '
+                'RMC and GLL, which hold a position: let the receiver send one of them; if it is '
+                'another device, choose its driver')
 
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""

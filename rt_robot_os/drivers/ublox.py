@@ -101,6 +101,7 @@ class Ublox(SerialDevice[UbxFrame]):
         self._time_at = 1 + self._velocity_at if settings['time_topic'] else 0
         self._setup = Handshake(name, (), _REMEDY)
         self._problem = ''
+        self._sentences = False
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and velocity and time with a topic."""
@@ -160,7 +161,14 @@ class Ublox(SerialDevice[UbxFrame]):
                 self._setup.acknowledged(arrival_ns)
         else:
             self._ignored_frames += 1
+            self._sentences = frame.kind == wire.NMEA
         return 0
+
+    def unused(self) -> str:
+        """Say what it sends instead of NAV-PVT."""
+        what = 'NMEA sentences' if self._sentences else 'other UBX messages'
+        return (f'it sends {what} and no NAV-PVT: set configure: true, let it send NAV-PVT with '
+                'u-center, or choose type: nmea')
 
     def _publish(self, pvt: NavPvt, arrival_ns: int) -> int:
         publisher = self._publishers[0]

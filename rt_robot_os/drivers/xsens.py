@@ -75,6 +75,9 @@ _MESSAGE_OVERHEAD: Final = 5
 class Xsens(SerialDevice[XbusFrame]):
     """An Xsens motion tracker."""
 
+    IF_UNUSED = ('its messages hold no acceleration, rate of turn, orientation or magnetic field: '
+                 "set configure: true, or set it up with the maker's MT Manager")
+
     SETTINGS = serial_settings(
         baud=115200, frame_id='imu_link', topic='imu/data', rate_hz=100.0,
     ) + imu_settings(

@@ -105,7 +105,9 @@ class Diagnostics:
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
         state = device['state']
-        level = {'active': OK, 'opening': WARN, 'closed': STALE}.get(state, ERROR)
+        # An active device has a reason when its frames are valid but give no sample.
+        level = {'active': WARN if device['reason'] else OK, 'opening': WARN,
+                 'closed': STALE}.get(state, ERROR)
         message = f'{state}: {device["reason"]}' if device['reason'] else state
         values = {'faults': device['faults'], 'opened': device['opened'],
                   'age_s': device['age_ns'] / NS_PER_S, **device['device']}

@@ -16,7 +16,8 @@
 One device under the SensorManager: polled, read on interrupt, given up, opened again.
 
 A fault is never final: the port is closed and opened again after a pause that doubles up to a
-limit, and starts over once a frame arrived.
+limit, and starts over once a frame arrived. Valid frames that give no sample are no fault, for
+the device is alive, but a warning that says what to do.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ from rt_robot_os.sensors.state import SensorStatistics
 from rt_robot_os.units import NS_PER_S
 
 _CHECKS_PER_TIMEOUT = 8
+# Of the main topic; so long may a sample be late before that is told.
+_PERIODS_WITHOUT_SAMPLE = 3
 
 
 class ManagedDevice:
@@ -57,12 +60,16 @@ class ManagedDevice:
         self._pause_ns = recovery.retry_ns
         self._retry_at_ns = 0
         self._alive_ns = 0
+        self._sample_ns = 0
         self._checked_ns = 0
         self._bytes_when_alive = 0
         self._bytes_noted_ns = 0
         self._port_open = False
         self._interrupt_fd: int | None = None
         self._told = ''
+        rates_hz = [p.rate_hz for p in device.publications()[:1] if p.rate_hz > 0]
+        self._sample_late_ns = round(_PERIODS_WITHOUT_SAMPLE * NS_PER_S / rates_hz[0]) if (
+            rates_hz) else 0
 
     def poll(self) -> None:
         """Write the command, read and publish; safe in the real-time loop."""
@@ -90,8 +97,8 @@ class ManagedDevice:
             self._fault(reason_of(error))
             return
         if samples:
-            self._alive_ns = now_ns
-            if self.state is DeviceState.OPENING:
+            self._alive_ns = self._sample_ns = now_ns
+            if self.state is DeviceState.OPENING or self.reason:
                 self._recovered()
         elif now_ns - self._checked_ns > self._recovery.timeout_ns // _CHECKS_PER_TIMEOUT:
             self._check(now_ns)
@@ -109,9 +116,20 @@ class ManagedDevice:
             self._bytes_when_alive = counters.bytes_read
             if self.state is DeviceState.OPENING:
                 self._recovered()
+            elif not self.reason:
+                self._warn_of_no_sample(now_ns, counters.frames)
         elif now_ns - self._alive_ns > self._patience_ns():
             came = counters.bytes_read - self._bytes_when_alive
             self._fault(self._why_nothing(came), 'garbage' if came else '')
+
+    def _warn_of_no_sample(self, now_ns: int, frames: int) -> None:
+        """Say that valid frames come and none of them gives a sample, once until one does."""
+        late_ns = max(self._patience_ns(), self._sample_late_ns)
+        if now_ns - self._sample_ns > late_ns:
+            remedy = self.device.unused() or self.device.IF_UNUSED
+            self.reason = (f'{frames} valid frames, but no sample for {late_ns / NS_PER_S:g} s: '
+                           f'{remedy}')
+            self._note(Severity.WARN, self.reason)
 
     def _patience_ns(self) -> int:
         opening_s = self.device.OPENING_S if self.state is DeviceState.OPENING else 0.0
@@ -132,6 +150,7 @@ class ManagedDevice:
         self._port_open = True
         self.opened += 1
         self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
+        self._sample_ns = self._alive_ns
         self._bytes_when_alive = self.device.statistics().bytes_read
         self.state = DeviceState.OPENING
         if self.device.tap is not None:

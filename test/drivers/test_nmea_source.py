@@ -233,3 +233,10 @@ def test_angles_as_receivers_write_them(position: str, expected: float) -> None:
     '4807.038,NS,01131.000,E', '-4807.038,N,01131.000,E'])
 def test_angles_that_are_none(position: str) -> None:
     assert covariance_of(gga(position=position)).status.status == NO_FIX
+
+
+def test_a_device_of_other_sentences_is_told_which_they_are() -> None:
+    vectornav = sentence('VNYMR,+100.9,-000.3,+003.5,+1.0,+0.1,+1.9,+00.1,-00.7,-09.8,+0,+0,+0')
+    with scripted(NmeaGps, [vectornav + sentence('GPGSV,1,1,00')]) as (device, _):
+        device.read(1)
+        assert 'it sends GPGSV, VNYMR but none of GGA, GNS, RMC and GLL' in device.unused()

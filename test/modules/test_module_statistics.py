@@ -108,3 +108,23 @@ def test_diagnostics_show_a_module_and_its_warning(tmp_path: Path) -> None:
     assert told['robot: module a'] == (OK, 'at work', [('samples', '7')])
     assert told['robot: module b'] == (WARN, 'no field', [])
     assert 'robot: module c' not in told
+
+
+def test_diagnostics_warn_of_an_active_device_that_says_why(tmp_path: Path) -> None:
+    pytest.importorskip('diagnostic_msgs', reason='ROS 2 messages are not installed')
+    from rt_robot_os.ros.diagnostics import Diagnostics
+    from rt_robot_os.ros.diagnostics import OK
+    from rt_robot_os.ros.diagnostics import WARN
+
+    def device(name: str, reason: str) -> dict[str, object]:
+        return {'name': name, 'state': 'active', 'reason': reason, 'faults': 0, 'opened': 1,
+                'age_ns': 0, 'device': {}}
+
+    core, = (part for part in said_by(tmp_path) if part['part'] == 'core')
+    found = Diagnostics('robot').judge(
+        CoreStatistics(core, (), (), devices=(device('a', ''), device('b', '9 valid frames, but '
+                                                                      'no sample')), clients=()),
+        StampMapper(), ())
+    told = {status.name: (status.level, status.message) for status in found}
+    assert told['robot: device a'] == (OK, 'active')
+    assert told['robot: device b'] == (WARN, 'active: 9 valid frames, but no sample')

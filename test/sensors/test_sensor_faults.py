@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field
+from typing import Any
 from typing import NoReturn
 
 import pytest
@@ -63,13 +64,14 @@ class Script:
 class Scripted(Device):
     """A device that follows its script."""
 
-    def __init__(self, name: str, script: Script) -> None:
+    def __init__(self, name: str, script: Script, topic_hz: float = 100.0) -> None:
         super().__init__(name, {})
         self.script = script
+        self.topic_hz = topic_hz
         self.counters = [0, 0]
 
     def publications(self) -> tuple[Publication, ...]:
-        return (Publication(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 16, 100.0),)
+        return (Publication(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 16, self.topic_hz),)
 
     def open(self) -> None:  # noqa: A003
         self.script.log.append('open')
@@ -104,9 +106,9 @@ class Robot:
         self.manager = SensorManager(self.kernel, self.bus, self.reports)
 
     def add(self, name: str, script: Script, priority: int = 50,
-            rate_hz: float = 100.0) -> ManagedDevice:
-        return self.manager.add(Scripted(name, script), rate_hz=rate_hz, priority=priority,
-                                recovery=RECOVERY)
+            rate_hz: float = 100.0, topic_hz: float = 100.0) -> ManagedDevice:
+        return self.manager.add(Scripted(name, script, topic_hz), rate_hz=rate_hz,
+                                priority=priority, recovery=RECOVERY)
 
     def texts(self, severity: Severity = Severity.ERROR) -> list[str]:
         return [f'{r.source}: {r.text}' for r in self.reports.since(0)[2]
@@ -237,3 +239,41 @@ def test_statistics_before_the_first_frame_say_so(robot: Robot) -> None:
     fared, = robot.manager.statistics()
     assert (fared.name, fared.state, fared.reason, fared.opened) == (
         'd', DeviceState.OPENING, '', 1)
+
+
+@pytest.mark.parametrize('begin_s', [0, 4])
+def test_valid_frames_without_a_sample_are_a_warning_with_a_remedy_told_once(
+        robot: Robot, begin_s: int) -> None:
+    def read(now_ns: int) -> tuple[int, int]:
+        device.device.counters[1] = now_ns  # a valid frame in each round
+        return 10, int(now_ns < (1 + begin_s) * S)
+
+    device: Any = robot.add('d', Script(on_read=read))
+    robot.kernel.run((begin_s + 10) * S)
+    assert (device.state, device.faults) == (DeviceState.ACTIVE, 0)
+    assert robot.texts() == []
+    text, = robot.texts(Severity.WARN)
+    assert text.startswith('d: 0 valid frames, but no sample for 1 s: check what the device is')
+    assert device.statistics().reason == text.removeprefix('d: ')
+
+
+def test_a_sample_ends_the_warning(robot: Robot) -> None:
+    def read(now_ns: int) -> tuple[int, int]:
+        device.device.counters[1] = now_ns
+        return 10, int(now_ns > 6 * S)
+
+    device: Any = robot.add('d', Script(on_read=read))
+    robot.kernel.run(10 * S)
+    assert len(robot.texts(Severity.WARN)) == 1
+    assert device.statistics().reason == ''
+    assert 'active again after' in robot.texts(Severity.INFO)[-1]
+
+
+def test_a_device_that_sends_seldom_is_not_warned_of(robot: Robot) -> None:
+    def read(now_ns: int) -> tuple[int, int]:
+        device.device.counters[1] = now_ns
+        return 10, int(now_ns % (4 * S) < 10 * MS)
+
+    device: Any = robot.add('d', Script(on_read=read), topic_hz=0.3)
+    robot.kernel.run(30 * S)
+    assert robot.texts(Severity.WARN) == []

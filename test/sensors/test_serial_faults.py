@@ -19,11 +19,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from dataclasses import field
+from datetime import datetime
+from datetime import timezone
 import re
 from typing import Any
 
 import pytest
 
+from rt_robot_os.drivers.encoders.nmea import gga
 from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.drivers.serial_device import SerialDevice
 from rt_robot_os.sensors import DeviceState
@@ -251,3 +254,18 @@ def test_a_receiver_that_refuses_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(bench.errors('dut')) == 1
     assert bench.errors('dut')[0].startswith('it refuses CFG-MSG: lower output_rate_hz')
     assert dut.state is not DeviceState.ACTIVE
+
+
+def test_frames_of_another_kind_are_a_warning_and_no_fault(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = SerialBench(monkeypatch)
+    dut = bench.add('dut', 'ublox', {}, {}, timeout_s=2.0)
+    # A receiver as delivered: sentences, and no NAV-PVT.
+    monkeypatch.setattr(bench.simulated['dut'], 'sample', lambda time_s: gga(
+        datetime(2026, 1, 1, tzinfo=timezone.utc), 52.5, 13.4))
+    bench.run(8)
+    assert (dut.state, dut.faults) == (DeviceState.ACTIVE, 0)
+    assert bench.errors('dut') == []
+    assert_says(dut.statistics().reason, 'valid frames, but no sample for 3 s: it sends NMEA sent'
+                                         'ences and no NAV-PVT: set configure: true')
+    assert bench.take('dut/gps/fix') == 0
