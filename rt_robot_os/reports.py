@@ -26,10 +26,14 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from dataclasses import replace
 from enum import IntEnum
 import itertools
 from operator import itemgetter
 from typing import Any
+
+from rt_robot_os.text import safe_line
+from rt_robot_os.text import safe_text
 
 # What is logged and not formatted yet: at_ns, severity, source, text, arguments.
 RawLine = tuple[int, int, str, str, tuple[Any, ...]]
@@ -77,6 +81,14 @@ def formatted(line: RawLine) -> Report:
     return Report(at_ns, Severity(severity), source, text[:TEXT_MAXIMUM])
 
 
+def _safe(report: Report) -> Report:
+    """Make a report fit for consoles and messages; most are that already."""
+    source, text = safe_line(report.source), safe_text(report.text)
+    if source is report.source and text is report.text:
+        return report
+    return replace(report, source=source, text=text)
+
+
 def _shown(arguments: tuple[Any, ...]) -> str:
     try:
         return repr(arguments)
@@ -114,6 +126,8 @@ class Reports:
         """
         Give the reports after a place; formats what was logged, so not for high priorities.
 
+        What others have put into them can be encoded and holds no control characters.
+
         :param place: 0 at first, afterwards what the last call returned.
         :return: the new place, how many were dropped unread, the reports.
         """
@@ -124,7 +138,7 @@ class Reports:
         kept, lines = tuple(self._kept), tuple(self.lines)
         found: list[tuple[Report | RawLine, int]] = sorted(
             [*_between(kept, place, end), *_between(lines, place, end)], key=_NUMBER)
-        reports = tuple(each if isinstance(each, Report) else formatted(each)
+        reports = tuple(_safe(each if isinstance(each, Report) else formatted(each))
                         for each, _ in found)
         return end, end - place - len(found), reports
 

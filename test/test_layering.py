@@ -26,7 +26,7 @@ PACKAGE = 'rt_robot_os'
 
 # From the bottom up. A layer may import itself and every layer of the rows before it.
 LAYERS = (
-    ('errors', 'reports', 'schema', 'units'),
+    ('errors', 'reports', 'schema', 'text', 'units'),
     ('logger',),
     ('linux',),
     ('kernel',),

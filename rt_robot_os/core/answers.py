@@ -20,7 +20,7 @@ from collections.abc import Callable
 from collections.abc import Iterator
 from dataclasses import asdict
 from enum import Enum
-import json
+import itertools
 import os
 from typing import Any
 from typing import TYPE_CHECKING
@@ -32,15 +32,19 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.link.mirror import Policy
-from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import decode_request
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import MORE
 from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.session import Session
 from rt_robot_os.logger import LEVELS
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import to_json
+from rt_robot_os.text import encodable
+from rt_robot_os.text import safe_line
+from rt_robot_os.text import safe_text
 
 if TYPE_CHECKING:
     from rt_robot_os.core.app import Core
@@ -49,6 +53,10 @@ if TYPE_CHECKING:
 Arguments = dict[str, Any]
 
 _TEXT_A_PACKET = 16_384
+_SHOWN_MAXIMUM = 200
+# Of what a module tells of itself; more would hold up whoever else reads the statistics.
+_VALUES_MAXIMUM = 256
+_VALUE_TEXT_MAXIMUM = 500
 
 
 def _plain(value: Any) -> Any:
@@ -59,25 +67,51 @@ def _plain(value: Any) -> Any:
 
 def _text(arguments: Arguments, key: str) -> str:
     value = arguments.get(key)
-    if not isinstance(value, str):
-        raise LinkError(f'{key} = {value!r}: must be a text')
+    if not isinstance(value, str) or not encodable(value):
+        raise LinkError(f'{key} = {shown(value)}: must be a text')
+    return value
+
+
+def shown(value: Any) -> str:
+    """Show what a client has sent, which may be anything, in a message."""
+    text = repr(value)
+    return text if len(text) <= _SHOWN_MAXIMUM else f'{text[:_SHOWN_MAXIMUM]}...'
+
+
+def _value(arguments: Arguments) -> Any:
+    """Give the new value of a parameter; no parameter is a text that others cannot read."""
+    value = arguments.get('value')
+    for item in value if isinstance(value, list) else (value,):
+        if isinstance(item, str) and not encodable(item):
+            raise LinkError(f'value = {shown(value)}: is no text that can be encoded')
     return value
 
 
 def _number(arguments: Arguments, key: str, default: float) -> float:
     value = arguments.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e9:
-        raise LinkError(f'{key} = {value!r}: must be a number from 0')
+        raise LinkError(f'{key} = {shown(value)}: must be a number from 0')
     return float(value)
 
 
 def statistics_of(module: Module) -> dict[str, str | int | float]:
-    """Ask a module, which may be anybody's, for its statistics."""
+    """Ask a module, which may be anybody's, for its statistics; bounded, and fit to be sent."""
     try:
-        return {str(name): value if isinstance(value, str | int | float) else str(value)
-                for name, value in module.statistics().items()}
+        told = module.statistics()
+        kept = {safe_line(str(name)): _plain_value(value)
+                for name, value in itertools.islice(told.items(), _VALUES_MAXIMUM)}
+        if len(told) > _VALUES_MAXIMUM:
+            kept['warning'] = kept.get('warning') or (
+                f'statistics() gives {len(told)} values; {_VALUES_MAXIMUM} are shown')
+        return kept
     except Exception as error:
-        return {'warning': f'statistics() failed: {type(error).__name__}: {error}'}
+        return {'warning': safe_line(f'statistics() failed: {type(error).__name__}: {error}')}
+
+
+def _plain_value(value: Any) -> str | int | float:
+    if isinstance(value, int | float):
+        return value
+    return safe_text(str(value)[:_VALUE_TEXT_MAXIMUM])
 
 
 class Answers:
@@ -105,13 +139,13 @@ class Answers:
     def __call__(self, session: Session, packet: bytes) -> None:
         """Answer one request; nonsense is a reason to part."""
         try:
-            arguments = decode_json(packet)
+            arguments = decode_request(packet)
         except LinkError as error:
             session.gone = f'refused: {error}'
             return
         number = arguments.get('id')
         if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 1 << 63:
-            session.gone = f'refused: a request with id {number!r}'
+            session.gone = f'refused: a request with id {shown(number)}'
             return
         do = str(arguments.get('do'))
         try:
@@ -120,7 +154,7 @@ class Answers:
                 return
             answer = self._known.get(do)
             if answer is None:
-                raise LinkError(f'unknown request {do!r}; there are '
+                raise LinkError(f'unknown request {shown(do)}; there are '
                                 f'{", ".join(sorted([*self._known, *self._long]))}')
             reply = answer(session, arguments)
         except RtRobotError as error:
@@ -130,8 +164,11 @@ class Answers:
     # ---- requests ----------------------------------------------------------------------------
 
     def _hello(self, session: Session, arguments: Arguments) -> Arguments:
-        session.name = _text(arguments, 'name')[:64]
+        name = arguments.get('name')
+        if not isinstance(name, str):
+            raise LinkError(f'name = {shown(name)}: must be a text')
         core = self._core
+        core.link.greet(session, name)
         return {
             'pid': os.getpid(), 'start_ns': core.kernel.start_ns,
             'tasks': [task.name for task in core.kernel.tasks], 'taps': list(core.taps.topics),
@@ -156,7 +193,7 @@ class Answers:
         try:
             policy = Policy(wanted)
         except ValueError:
-            raise LinkError(f'policy = {wanted!r}: must be drain or latest') from None
+            raise LinkError(f'policy = {shown(wanted)}: must be drain or latest') from None
         channel = self._core.link.mirror(
             session, name, policy, _number(arguments, 'max_rate_hz', 0.0),
             bool(arguments.get('initial', False)), bool(arguments.get('oldest', False)),
@@ -186,10 +223,10 @@ class Answers:
             return {'value': level}
         for module in self._core.modules:
             if module.name == owner:
-                return {'value': module.change(name, arguments.get('value'))}
+                return {'value': module.change(name, _value(arguments))}
         for managed in self._core.sensors.devices:
             if managed.device.name == owner:
-                return {'value': managed.device.change(name, arguments.get('value'))}
+                return {'value': managed.device.change(name, _value(arguments))}
         names = [m.name for m in self._core.modules]
         names += [d.device.name for d in self._core.sensors.devices]
         raise LinkError(f'no module {owner!r} and no such device; there are '
@@ -197,7 +234,7 @@ class Answers:
 
     def _change(self, session: Session, arguments: Arguments) -> Arguments:
         name = _text(arguments, 'name')
-        return {'value': self._core.parameters.change(name, arguments.get('value'))}
+        return {'value': self._core.parameters.change(name, _value(arguments))}
 
     def _parameters(self, session: Session, number: int, arguments: Arguments) -> None:
         def post(content: Arguments) -> None:
@@ -226,13 +263,14 @@ class Answers:
         return {}
 
     def _stop(self, session: Session, arguments: Arguments) -> Arguments:
-        self._core.kernel.stop(str(arguments.get('reason', f'asked by {session.name}')))
+        self._core.kernel.stop(
+            safe_line(str(arguments.get('reason', f'asked by {session.name}'))))
         return {}
 
     # ---- the black box -----------------------------------------------------------------------
 
     def _black_box(self, session: Session, number: int, arguments: Arguments) -> None:
-        reason = str(arguments.get('reason', f'asked by {session.name}'))[:200]
+        reason = safe_line(str(arguments.get('reason', f'asked by {session.name}')))
         live = live_parts(self._core.kernel, reason, self._core.black_box.facts())
 
         def packets() -> Iterator[bytes]:
@@ -260,24 +298,30 @@ class Answers:
     def _statistics(self, session: Session, number: int, arguments: Arguments) -> None:
         core = self._core
 
-        def post(part: str, content: Arguments) -> None:
-            body = json.dumps({'part': part, **content}, separators=(',', ':'), default=_plain)
-            session.post(header(Kind.REPLY, 1, seq=number) + body.encode())
+        def packets() -> Iterator[bytes]:
+            for task in core.kernel.tasks:
+                yield header(Kind.TASK, MORE, seq=number) + encode_task(task)
+            for part, content in self._parts():
+                yield encode_json(Kind.REPLY, {'part': part, **content}, seq=number, more=True,
+                                  default=_plain)
+            yield encode_json(Kind.REPLY, {}, seq=number)
 
-        for task in core.kernel.tasks:
-            session.post(header(Kind.TASK, 1, seq=number) + encode_task(task))
+        session.post_all(packets())
+
+    def _parts(self) -> Iterator[tuple[str, Arguments]]:
+        core = self._core
         for topic in core.bus.statistics():
-            post('topic', asdict(topic))
+            yield 'topic', asdict(topic)
         for device in core.sensors.statistics():
-            post('device', asdict(device))
+            yield 'device', asdict(device)
         for module in core.modules:
-            post('module', {'name': module.name, 'values': statistics_of(module)})
+            yield 'module', {'name': module.name, 'values': statistics_of(module)}
         for client in core.link.statistics():
-            post('client', client.as_json())
+            yield 'client', client.as_json()
         for name in resource_names(core.settings):
-            post('resource', asdict(core.kernel.resource(name).statistics()))
+            yield 'resource', asdict(core.kernel.resource(name).statistics())
         watchdog = core.watchdog
-        post('core', {
+        yield 'core', {
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
@@ -285,5 +329,4 @@ class Answers:
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,
             'accepted': core.link.accepted, 'refused': core.link.refused,
-            'realtime': [asdict(result) for result in core.realtime]})
-        session.post(encode_json(Kind.REPLY, {}, seq=number))
+            'realtime': [asdict(result) for result in core.realtime]}

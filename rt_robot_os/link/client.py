@@ -41,9 +41,44 @@ from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.reader import parted
 from rt_robot_os.link.reader import Reader
+from rt_robot_os.text import safe_line
 
 RECEIVE_BUFFER_BYTES = 1 << 20
+Answers = dict[int, queue.SimpleQueue[tuple[Header, bytes]]]
 US_PER_S = 1_000_000
+
+
+class LinkSilent(LinkError):
+    """The core has not answered in time; it may be alive and busy with what matters more."""
+
+
+class Question:
+    """
+    A request whose answer is awaited while other things go on.
+
+    :ivar packets: what has come of it.
+    """
+
+    def __init__(self, do: str, waiting: Answers, number: int) -> None:
+        self.do = do
+        self.packets: list[tuple[Header, bytes]] = []
+        self._waiting = waiting
+        self._number = number
+        self._new: queue.SimpleQueue[tuple[Header, bytes]] = queue.SimpleQueue()
+        waiting[number] = self._new
+
+    def answered(self) -> bool:
+        """Take what has come; whether all of it is there."""
+        while not (self.packets and not self.packets[-1][0].channel):
+            try:
+                self.packets.append(self._new.get_nowait())
+            except queue.Empty:
+                return False
+        return True
+
+    def drop(self) -> None:
+        """Wait no longer; may be called twice."""
+        self._waiting.pop(self._number, None)
 
 
 class LinkClient(Reader):
@@ -71,14 +106,19 @@ class LinkClient(Reader):
                 'll', *divmod(max(1, round(timeout_s * US_PER_S)), US_PER_S)))
             self._socket.connect(str(path))
             self._socket.setblocking(False)
-            self.core = self.request('hello', name=name, pid=os.getpid())
+            self.core = self.request('hello', name=safe_line(name), pid=os.getpid())
         except OSError as error:
-            self._socket.close()
+            self.close()
             if isinstance(error, LinkError):
                 raise
             raise LinkError(f'no core answers at {path}: {error.strerror or error}; '
                             'is the robot running?') from error
-        self.topics = {t['name']: TopicInfo(**t) for t in self.core.pop('topics')}
+        try:
+            self.topics = {t['name']: TopicInfo(**t) for t in self.core.pop('topics')}
+        except (AttributeError, KeyError, TypeError) as error:
+            self.close()
+            raise LinkError(f'what answers at {path} is no core of this release: '
+                            f'{type(error).__name__}: {error}') from error
 
     def __enter__(self) -> LinkClient:
         return self
@@ -86,31 +126,39 @@ class LinkClient(Reader):
     def __exit__(self, *exc_info: object) -> None:
         self.close()
 
-    def _ask(self, do: str, **arguments: Any) -> list[tuple[Header, bytes]]:
-        """Send a request and collect the packets of its answer, the last one marked final."""
+    def begin(self, do: str, **arguments: Any) -> Question:
+        """
+        Send a request without waiting for its answer.
+
+        :raises LinkError: the core is gone, or does not keep up.
+        """
         number = next(self._numbers)
-        replies: queue.SimpleQueue[tuple[Header, bytes]] = queue.SimpleQueue()
-        self.replies[number] = replies
-        deadline = time.monotonic() + self._timeout_s
-        collected: list[tuple[Header, bytes]] = []
+        question = Question(do, self.replies, number)
         try:
             self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}),
                        self._timeout_s)
-            while True:
-                try:
-                    head, packet = replies.get_nowait()
-                except queue.Empty:
-                    if time.monotonic() > deadline:
-                        raise LinkError(f'the core did not answer {do!r} within '
-                                        f'{self._timeout_s:g} s') from None
-                    self.pump(0.02)
-                    continue
-                collected.append((head, packet))
-                deadline = time.monotonic() + self._timeout_s
-                if head.channel == 0:  # no more to come
-                    return collected
+        except BaseException:
+            question.drop()
+            raise
+        return question
+
+    def _ask(self, do: str, **arguments: Any) -> list[tuple[Header, bytes]]:
+        """Send a request and collect the packets of its answer, the last one marked final."""
+        question = self.begin(do, **arguments)
+        known = 0
+        deadline = time.monotonic() + self._timeout_s
+        try:
+            while not question.answered():
+                if len(question.packets) > known:
+                    known = len(question.packets)
+                    deadline = time.monotonic() + self._timeout_s
+                if time.monotonic() > deadline:
+                    raise LinkSilent(f'the core did not answer {do!r} within '
+                                     f'{self._timeout_s:g} s')
+                self.pump(0.02)
+            return question.packets
         finally:
-            del self.replies[number]
+            question.drop()
 
     def request(self, do: str, **arguments: Any) -> dict[str, Any]:
         """

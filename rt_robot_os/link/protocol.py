@@ -28,7 +28,8 @@ offset size meaning
 16     8    sequence number of the sample in its topic, or of the request that is answered
 ====== ==== ========================================================================
 
-An answer may take several packets: all but the last have channel 1.
+An answer may take several packets: all but the last have channel 1. A packet of it that would be
+long goes in parts, with the same header: all but the last have 2 added to their channel.
 
 Samples that go out at the same moment share a ``BATCH``: after its header, whose sequence number
 counts them, each of them as a ``DATA`` packet of its own, its length before it in 8 bytes, and
@@ -38,6 +39,9 @@ A sample that is too long for a packet lies in a memory file that both sides hav
 sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet
 for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
 between.
+
+With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.life`
+(SCM_RIGHTS).
 
 ========= ======================================================= =========
 kind      after the header                                        sent by
@@ -53,6 +57,8 @@ After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a re
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Iterator
 from enum import IntEnum
 import json
 import struct
@@ -73,6 +79,12 @@ REQUEST_BYTES_MAXIMUM = 16_384
 PACKET_BYTES_MAXIMUM = 128 * 1024
 # A longer sample goes through a memory file.
 SAMPLE_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM // 2
+# Of a long answer: a task of the core waits for the end of a system call, which shall be short.
+PART_BYTES = 16 * 1024
+MORE, CONTINUED = 1, 2
+# A request needs few; each level of nesting costs the reader of it stack and time.
+BRACKETS_MAXIMUM = 256
+_AT_ONCE = 16
 
 
 class Kind(IntEnum):
@@ -88,6 +100,7 @@ class Kind(IntEnum):
     SLOT = 8
     GIVE_BACK = 9
     BATCH = 10
+    LIFE = 11
 
 
 class Header(NamedTuple):
@@ -122,15 +135,51 @@ def parse_header(packet: bytes | memoryview) -> Header:
     return parsed
 
 
-def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0,
-                more: bool = False) -> bytes:
+def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0, more: bool = False,
+                default: Callable[[Any], Any] | None = None) -> bytes:
     """
-    Make a packet that carries JSON.
+    Make a packet that carries JSON; preemptible, however long the content is.
 
     :param seq: the request that it answers.
     :param more: further packets of the same answer follow.
+    :param default: gives a plain value for one that JSON does not know.
     """
-    return header(kind, int(more), seq=seq) + json.dumps(content, separators=(',', ':')).encode()
+    return header(kind, MORE * more, seq=seq) + _json(content, default).encode()
+
+
+def _json(value: Any, default: Callable[[Any], Any] | None) -> str:
+    """Encode piece by piece: a native call for all of a long one would hold up every task."""
+    if isinstance(value, dict) and (len(value) > _AT_ONCE or any(
+            isinstance(item, dict | list | tuple) and len(item) > _AT_ONCE
+            for item in value.values())):
+        return '{' + ','.join(f'{json.dumps(str(key))}:{_json(item, default)}'
+                              for key, item in value.items()) + '}'
+    if isinstance(value, list | tuple) and len(value) > _AT_ONCE:
+        return '[' + ','.join(_json(item, default) for item in value) + ']'
+    return json.dumps(value, separators=(',', ':'), default=default)
+
+
+def in_parts(packet: bytes) -> Iterator[bytes]:
+    """Divide a packet of an answer that is too long to be sent at once."""
+    if len(packet) <= PART_BYTES:
+        yield packet
+        return
+    kind, _, channel, _, _, seq = HEADER.unpack_from(packet)
+    for start in range(HEADER_BYTES, len(packet), PART_BYTES - HEADER_BYTES):
+        end = start + PART_BYTES - HEADER_BYTES
+        more = CONTINUED if end < len(packet) else 0
+        yield header(kind, channel | more, seq=seq) + packet[start:end]
+
+
+def decode_request(packet: bytes) -> dict[str, Any]:
+    """
+    Read the JSON of a request, which may be anybody's.
+
+    :raises LinkError: it is no JSON object, or nested as no request is.
+    """
+    if packet.count(b'[') + packet.count(b'{') > BRACKETS_MAXIMUM:
+        raise LinkError(f'a request has more than {BRACKETS_MAXIMUM} brackets')
+    return decode_json(packet)
 
 
 def decode_json(packet: bytes | memoryview) -> dict[str, Any]:

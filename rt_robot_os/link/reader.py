@@ -28,8 +28,10 @@ from typing import Any
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.batch import records
+from rt_robot_os.link.life import Life
 from rt_robot_os.link.memories import ClientMemories
 from rt_robot_os.link.memories import give_back
+from rt_robot_os.link.protocol import CONTINUED
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
@@ -43,6 +45,8 @@ from rt_robot_os.linux.memory_file import received_fds
 DataHandler = Callable[[Header, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
 
+_PACKETS_AT_ONCE = 512
+_PARTS_BYTES_MAXIMUM = 64 << 20
 _CLOSED = 'the core closed the connection'
 
 
@@ -65,7 +69,8 @@ class Reader:
         place is given back afterwards: who is slow with it loses the next ones.
     :ivar on_report: called by the reading thread with each report of the core.
     :ivar replies: where the answers to requests go, by the number of the request.
-    :ivar last_beat_ns: when the core was heard last, on CLOCK_MONOTONIC.
+    :ivar last_beat_ns: when a beat of the core was read last, on CLOCK_MONOTONIC.
+    :ivar life: the core's sign of life, which needs no packets; None until it has come.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -73,7 +78,9 @@ class Reader:
         self.on_report: ReportHandler | None = None
         self.last_beat_ns = time.monotonic_ns()
         self.closed = False
+        self.life: Life | None = None
         self.replies: dict[int, queue.SimpleQueue[tuple[Header, bytes]]] = {}
+        self._parts: dict[int, bytearray] = {}
         self._taken = threading.Lock()
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._view = memoryview(self._buffer)
@@ -90,11 +97,14 @@ class Reader:
         self._socket.close()
         if self._taken.acquire(blocking=False):  # else somebody reads: they go with the client
             self._memories.close()
+            if self.life is not None:
+                self.life.close()
+                self.life = None
             self._taken.release()
 
     def pump(self, timeout_s: float) -> int:
         """
-        Wait for packets and handle all that are there.
+        Wait for packets and handle those that are there, up to some hundred.
 
         :return: how many there were; 0 when the time was over, or another thread reads.
         :raises LinkError: the core is gone.
@@ -111,7 +121,7 @@ class Reader:
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
                 return 0
             count = 0
-            while length := self._receive(count):
+            while count < _PACKETS_AT_ONCE and (length := self._receive(count)):
                 count += 1
                 self._handle(length)
             return count
@@ -130,10 +140,18 @@ class Reader:
                 return 0
             raise parted(error) from error
         if ancillary:
-            self._memories.take(self._view[:length], received_fds(ancillary))
+            self._take_fds(length, received_fds(ancillary))
         if not length and not count:
             raise LinkError(_CLOSED)
         return length
+
+    def _take_fds(self, length: int, fds: list[int]) -> None:
+        if length and self._buffer[0] == Kind.LIFE and len(fds) == 1:
+            if self.life is not None:
+                self.life.close()
+            self.life = Life(fds[0])
+        else:
+            self._memories.take(self._view[:length], fds)
 
     def _handle(self, length: int) -> None:
         kind = self._buffer[0]
@@ -194,5 +212,15 @@ class Reader:
 
     def _deliver(self, number: int, head: Header, packet: bytes) -> None:
         waiting = self.replies.get(number)
-        if waiting is not None:
-            waiting.put((head, packet))
+        if waiting is None:
+            self._parts.pop(number, None)  # whoever asked has given up
+            return
+        if head.channel & CONTINUED:
+            parts = self._parts.setdefault(number, bytearray())
+            parts += packet[HEADER_BYTES:]
+            if len(parts) > _PARTS_BYTES_MAXIMUM:
+                raise LinkError(f'the core answers with more than {_PARTS_BYTES_MAXIMUM} bytes')
+            return
+        if number in self._parts:
+            packet = packet[:HEADER_BYTES] + self._parts.pop(number) + packet[HEADER_BYTES:]
+        waiting.put((head, packet))

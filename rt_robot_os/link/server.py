@@ -20,11 +20,13 @@ arrival of packets, it publishes samples from outside at once. ``link/service`` 
 answers requests and carries mirrored topics out, released by their publications: at once after a
 pause, else for all that comes within an interval. With the same low priority ``link/accept``
 welcomes clients, and ``link/beat`` runs 50 times a second for heart-beats and what is left.
+``link/life``, above all others, writes the sign of life.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import functools
 import os
 from pathlib import Path
 import socket
@@ -32,9 +34,12 @@ import struct
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.fairness import Lines
+from rt_robot_os.link.fairness import Shares
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.large import memory_bytes
+from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import encode_json
@@ -47,12 +52,23 @@ from rt_robot_os.link.session import Session
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.text import safe_line
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 
 CLIENTS_MAXIMUM = 16
 BEAT_RATE_HZ = 50.0
 BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
+LIFE_PRIORITY = 99
+LIFE_RATE_HZ = 10.0
+# So long the link may not come to run before it is looked at what runs instead.
+_STARVED_NS = 500 * NS_PER_MS
+HELLO_NS = 5 * NS_PER_S
+_ACCEPTED_AT_ONCE = 4
+_FIRST_SHARE = 16
+NAME_MAXIMUM = 64
 
 Answer = Callable[[Session, bytes], None]
 
@@ -88,14 +104,21 @@ class LinkServer:
         self._sessions: tuple[Session, ...] = ()
         self._listener: socket.socket | None = None
         self._beats = 0
-        self._more = False
+        self._served_ns = 0
+        self._page = LifePage()
+        self._parent = os.getppid()
+        self._shares = Shares()
+        self._lines = Lines(functools.partial(self._tell, Severity.WARN))
         self._identity: tuple[int, int] | None = None
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
         self._gather = Gather(kernel, self._service, gather_ns)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
+        self._listening = kernel.timer(self._commands)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
+        self._life = kernel.add_task('link/life', self._live, priority=LIFE_PRIORITY,
+                                     rate_hz=LIFE_RATE_HZ)
 
     # ---- life --------------------------------------------------------------------------------
 
@@ -143,6 +166,7 @@ class LinkServer:
             self._listener = None
             if _identity(self.path) == self._identity:  # and not that of a core that came after
                 self.path.unlink(missing_ok=True)
+        self._page.close()
 
     def _clear_leftover(self) -> None:
         if not self.path.is_socket():
@@ -165,66 +189,114 @@ class LinkServer:
 
     def _receive(self) -> None:
         now_ns = self._kernel.now_ns()
-        work = False
+        for session in self._shares.begin(self._sessions, now_ns):
+            if not session.gone:
+                self._kernel.add_interrupt(session.connection.fileno(), self._commands)
+        work = pause = False
         for session in self._sessions:
-            self._more |= session.receive(now_ns)
+            if session.paused:
+                continue
+            session.receive(now_ns)
+            if self._shares.used_up(session, now_ns):
+                self._kernel.remove_interrupt(session.connection.fileno())
+                pause = True
             work = work or bool(session.gone or session.requests)
+        if pause and self._kernel.running:
+            self._listening.start_at(self._shares.end_ns)
         if work:
             self._kernel.release(self._service)
 
     def _serve(self) -> None:
         now_ns = self._kernel.now_ns()
         self._gather.begin()
-        some = False
+        some = more = False
         for session in self._sessions:
-            while session.requests and not session.gone:
+            # One of each client: who asks much waits for itself.
+            if session.requests and not session.gone:
                 try:
                     self._answer(session, session.requests.popleft())
                 except Exception as error:
                     # The code of a module's author may be behind it: only the asking client goes.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
+                more = more or bool(session.requests)
             some |= session.carry(now_ns)
             if session.gone:
                 self._remove(session)
         if some:
             self._gather.carried(now_ns)
+        if more:
+            self._kernel.release(self._service)
+
+    def _live(self) -> None:
+        now_ns = self._kernel.now_ns()
+        starved = now_ns - self._served_ns > _STARVED_NS
+        self._page.write(now_ns, self._served_ns, self._running_task() if starved else '')
+
+    def _running_task(self) -> str:
+        """Say what this task has interrupted."""
+        busy = [task for task in self._kernel.tasks if task.busy and task is not self._life]
+        return max(busy, key=lambda task: task.priority).name if busy else ''
 
     def _beat(self) -> None:
         self._beats += 1
+        now_ns = self._served_ns = self._kernel.now_ns()
         if self._beats % BEATS_PER_HEARTBEAT == 0:
-            beat = header(Kind.BEAT, stamp_ns=self._kernel.now_ns())
+            beat = header(Kind.BEAT, stamp_ns=now_ns)
             for session in self._sessions:
                 session.post(beat)
+                if not session.greeted and now_ns - session.since_ns > HELLO_NS:
+                    session.gone = session.gone or (
+                        f'refused: it said no hello within {HELLO_NS // NS_PER_S} s')
+        self._lines.sweep(now_ns)
         self._report()
-        if self._more:
-            self._more = False
-            self._kernel.release(self._commands)
+        if any(session.paused for session in self._sessions) and now_ns >= self._shares.end_ns:
+            self._kernel.release(self._commands)  # a run before may have ended meanwhile
         for session in self._sessions:
             session.flush()
         self._serve()
 
     def _accept(self) -> None:
-        while self._listener is not None:
+        for _ in range(_ACCEPTED_AT_ONCE):
+            if self._listener is None:
+                return
             try:
                 connection, _ = self._listener.accept()
             except OSError:
                 return
-            connection.setblocking(False)
-            credentials = connection.getsockopt(
-                socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize('3i'))
-            pid, user, _ = struct.unpack('3i', credentials)
-            if user not in (os.getuid(), 0) or len(self._sessions) >= CLIENTS_MAXIMUM:
-                self.refused += 1
-                connection.close()
-                self._note(Severity.WARN, f'client {pid} refused: user {user}, '
-                           f'{len(self._sessions)} of {CLIENTS_MAXIMUM} clients connected')
-                continue
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            session = Session(connection, self._bus, pid, self._kernel.now_ns(), self._buffer)
-            self._sessions = (*self._sessions, session)
-            self.accepted += 1
-            self._kernel.add_interrupt(connection.fileno(), self._commands)
-            self._kernel.release(self._commands)  # it may have spoken already
+            self._admit(connection)
+        self._kernel.release(self._accepting)  # others have their turn before the next
+
+    def _admit(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        credentials = connection.getsockopt(
+            socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize('3i'))
+        pid, user, _ = struct.unpack('3i', credentials)
+        if user not in (os.getuid(), 0) or not self._has_place(pid):
+            self.refused += 1
+            connection.close()
+            self._note(Severity.WARN, f'client {pid} refused: user {user}, '
+                       f'{len(self._sessions)} of {CLIENTS_MAXIMUM} clients connected')
+            return
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        now_ns = self._kernel.now_ns()
+        session = Session(connection, self._bus, pid, now_ns, self._buffer)
+        session.left = _FIRST_SHARE
+        self._sessions = (*self._sessions, session)
+        self.accepted += 1
+        self._kernel.add_interrupt(connection.fileno(), self._commands)
+        self._kernel.release(self._commands)  # it may have spoken already
+
+    def _has_place(self, pid: int) -> bool:
+        """Look for a place, also that of somebody who never said hello; our parent has its own."""
+        kept = any(session.pid == self._parent for session in self._sessions)
+        if len(self._sessions) - kept < CLIENTS_MAXIMUM or (pid == self._parent and not kept):
+            return True
+        for session in self._sessions:
+            if not session.greeted and not session.requests and not session.gone:
+                session.gone = 'refused: it said no hello, and another needs its place'
+                self._remove(session)
+                return True
+        return False
 
     def _remove(self, session: Session) -> None:
         refused = session.gone.startswith('refused')
@@ -270,6 +342,10 @@ class LinkServer:
             self._kernel.release(self._service)
         return channel
 
+    def greet(self, session: Session, name: str) -> None:
+        """Welcome a client by its name."""
+        session.greet(safe_line(name, NAME_MAXIMUM), self._page.fd)
+
     def unmirror(self, session: Session, topic: str) -> None:
         """Stop carrying a topic to a client; unknown ones are fine."""
         session.remove_mirror(topic)
@@ -282,6 +358,11 @@ class LinkServer:
     # ---- reports -----------------------------------------------------------------------------
 
     def _note(self, severity: Severity, text: str) -> None:
+        """Tell of a client; they may come and go as fast as they like."""
+        if self._lines.note(self._kernel.now_ns()):
+            self._tell(severity, text)
+
+    def _tell(self, severity: Severity, text: str) -> None:
         self._reports.note(Report(self._kernel.now_ns(), severity, 'link', text))
 
     def _report(self) -> None:

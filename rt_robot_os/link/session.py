@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from dataclasses import dataclass
 import socket
@@ -32,17 +33,24 @@ from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import MirrorStatistics
 from rt_robot_os.link.protocol import GIVE_BACK
+from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.link.protocol import in_parts
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import parse_header
+from rt_robot_os.link.protocol import PART_BYTES
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
+from rt_robot_os.linux.memory_file import send_with_fd
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 
 REQUESTS_WAITING_MAXIMUM = 64
 OUTBOX_MAXIMUM = 2048
 OUTBOX_BYTES_MAXIMUM = 4 << 20
-PACKETS_PER_JOB = 256
+STREAMS_MAXIMUM = 8
+PACKETS_PER_FLUSH = 256
+# What a packet costs: one, and one more for each of these.
+UNIT_BYTES = 4096
 
 
 @dataclass(frozen=True)
@@ -78,10 +86,17 @@ class Session:
     :param buffer: where packets are received; one serves all sessions. A new one for each packet
         would cost six times as much as the packet: it is so large that malloc maps it anew.
     :ivar gone: why it is to be removed; empty while it is welcome.
+    :ivar greeted: whether it has said hello.
+    :ivar left: what it may still send in this interval, see :meth:`receive`.
+    :ivar paused: whether it has sent all of that, and is not listened to until the next.
+    :ivar greedy_ns: until when it counts as one that does so.
     """
 
     def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int,
                  buffer: bytearray) -> None:
+        self.since_ns = now_ns
+        self.greeted = self.paused = False
+        self.left = self.greedy_ns = 0
         self.connection = connection
         self.name = f'pid{pid}'
         self.pid = pid
@@ -99,36 +114,34 @@ class Session:
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
         self._outbox_bytes = 0
-        self._stream: Iterator[bytes] | None = None
+        self._streams: deque[Iterator[bytes]] = deque()
         self._buffer = buffer
         self._view = memoryview(buffer)
 
-    def receive(self, now_ns: int) -> bool:
+    def receive(self, now_ns: int) -> None:
         """
         Read the packets that are there: publish samples at once, keep requests for later.
 
-        :return: whether there may be more than the ``PACKETS_PER_JOB`` that were read.
+        Ends when nothing is left, or :attr:`left` is used up: then there may be more.
         """
-        for _ in range(PACKETS_PER_JOB):
-            if self.gone:
-                return False
+        while self.left > 0 and not self.gone:
             try:
                 # With MSG_TRUNC the answer is the length that the packet had when it was sent.
                 length = self.connection.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except BlockingIOError:
-                return False
+                return
             except OSError as error:
                 self.gone = error.strerror or 'connection lost'
-                return False
+                return
             if not length:
                 self.gone = 'closed by the client'
-                return False
+                return
+            self.left -= 1 + length // UNIT_BYTES
             self.heard_ns = now_ns
             try:
                 self._accept(length, now_ns)
             except OSError as error:
                 self.gone = f'refused: {error}'
-        return True
 
     def _accept(self, length: int, now_ns: int) -> None:
         if length > len(self._buffer):
@@ -223,7 +236,14 @@ class Session:
         return self._bus.topics.index(self._bus.topic(topic))
 
     def post(self, packet: bytes) -> None:
-        """Send a packet as soon as the client takes it; a client that is too slow loses it."""
+        """
+        Send a packet as soon as the client takes it; a client that is too slow loses it.
+
+        A long one goes in parts, none of which is lost.
+        """
+        if len(packet) > PART_BYTES:
+            self.post_all(iter((packet,)))
+            return
         if (len(self._outbox) >= OUTBOX_MAXIMUM
                 or self._outbox_bytes + len(packet) > OUTBOX_BYTES_MAXIMUM):
             self.outbox_dropped += 1
@@ -236,32 +256,45 @@ class Session:
         """
         Send many packets, each made when the client has room for it: none is lost.
 
-        :raises LinkError: those before have not all been sent.
+        :raises LinkError: too many answers before have not all been sent.
         """
-        if self._stream is not None:
-            raise LinkError('the answer to a request before is still on its way; wait for it')
-        self._stream = packets
+        if len(self._streams) >= STREAMS_MAXIMUM:
+            raise LinkError(f'the answers to {STREAMS_MAXIMUM} requests before are still on their '
+                            'way; wait for them')
+        self._streams.append(part for packet in packets for part in in_parts(packet))
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the client takes it."""
+        """Send what waits, as far as the client takes it; the rest of much of it later."""
         try:
-            while True:
-                while self._outbox:
-                    self.connection.send(self._outbox[0])
-                    self._outbox_bytes -= len(self._outbox.popleft())
-                if self._stream is None:
+            for _ in range(PACKETS_PER_FLUSH):
+                if not self._outbox and not self._refill():
                     return
-                packet = next(self._stream, None)
-                if packet is None:
-                    self._stream = None
-                    return
-                self._outbox.append(packet)
-                self._outbox_bytes += len(packet)
+                self.connection.send(self._outbox[0])
+                self._outbox_bytes -= len(self._outbox.popleft())
         except BlockingIOError:
             return
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
+
+    def _refill(self) -> bool:
+        """Take the next packet of a long answer; False when there is none."""
+        while self._streams:
+            packet = next(self._streams[0], None)
+            if packet is not None:
+                self._outbox.append(packet)
+                self._outbox_bytes += len(packet)
+                return True
+            self._streams.popleft()
+        return False
+
+    def greet(self, name: str, life_fd: int) -> None:
+        """Note the name of a client that says hello, and send it the sign of life."""
+        self.name = name or f'pid{self.pid}'
+        self.greeted = True
+        if life_fd >= 0:
+            with suppress(OSError):  # without it the client goes by the beats
+                send_with_fd(self.connection, header(Kind.LIFE), life_fd)
 
     def carry(self, now_ns: int) -> bool:
         """
@@ -282,6 +315,7 @@ class Session:
         """Remove everything that it had."""
         left = bool(self.gone) and not self.gone.startswith('refused')
         self._large = {}
+        self._streams.clear()
         for mirror in self.mirrors.values():
             mirror.close(left)
         self.mirrors.clear()

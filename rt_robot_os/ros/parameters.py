@@ -33,8 +33,9 @@ from rt_robot_os.settings import ParameterDescription
 Check = Callable[[str, Any], 'str | None']
 Apply = Callable[[str, Any], None]
 
-_EMPTY_LISTS = {str: Parameter.Type.STRING_ARRAY, int: Parameter.Type.INTEGER_ARRAY,
-                float: Parameter.Type.DOUBLE_ARRAY, bool: Parameter.Type.BOOL_ARRAY}
+_LISTS = {str: Parameter.Type.STRING_ARRAY, int: Parameter.Type.INTEGER_ARRAY,
+          float: Parameter.Type.DOUBLE_ARRAY, bool: Parameter.Type.BOOL_ARRAY}
+_ARRAYS = {*_LISTS.values(), Parameter.Type.BYTE_ARRAY}
 
 
 def _descriptor(entry: ParameterDescription) -> ParameterDescriptor:
@@ -68,22 +69,45 @@ class NodeParameters:
         self._check = check
         self._apply = apply
         self._kinds: dict[str, type] = {}
+        self._lists: dict[str, Parameter.Type] = {}
         for entry in entries:
             self._kinds[entry.name] = entry.field.kind
-            value = entry.value
-            if isinstance(value, list) and not value:
-                value = _EMPTY_LISTS[entry.field.item]
-            # The values were read and checked already, with the file and line of every mistake.
-            node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
+            if entry.field.kind is list:
+                self._lists[entry.name] = _LISTS[entry.field.item]
+            self._declare(entry)
         node.add_pre_set_parameters_callback(self._widen)
         node.add_on_set_parameters_callback(self._set)
 
+    def _declare(self, entry: ParameterDescription) -> None:
+        # The values were read and checked already, with the file and line of every mistake.
+        if entry.value != []:
+            self._node.declare_parameter(
+                entry.name, entry.value, _descriptor(entry), ignore_override=True)
+            return
+        # rclpy takes an empty list for one of bytes, and one that is declared by its type alone
+        # has no value: whoever asks for all values at once would get none.
+        kind = self._lists[entry.name]
+        self._node.declare_parameter(entry.name, kind, ignore_override=True)
+        self._node.set_parameters([Parameter(entry.name, kind, [])])
+        descriptor = _descriptor(entry)
+        descriptor.type = kind.value
+        self._node.set_descriptor(entry.name, descriptor)
+
     def _widen(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Let people write 100 where a float is meant."""
-        return [
-            Parameter(p.name, Parameter.Type.DOUBLE, float(p.value))
-            if self._kinds.get(p.name) is float and p.type_ is Parameter.Type.INTEGER else p
-            for p in parameters]
+        """Let people write 100 where a float is meant, and an empty list of whatever type."""
+        return [self._meant(p) for p in parameters]
+
+    def _meant(self, p: Parameter) -> Parameter:
+        if self._kinds.get(p.name) is float and p.type_ is Parameter.Type.INTEGER:
+            return Parameter(p.name, Parameter.Type.DOUBLE, float(p.value))
+        kind = self._lists.get(p.name)
+        if kind is None or p.type_ is kind or p.type_ not in _ARRAYS:
+            return p
+        if not len(p.value):
+            return Parameter(p.name, kind, [])
+        if kind is Parameter.Type.DOUBLE_ARRAY and p.type_ is Parameter.Type.INTEGER_ARRAY:
+            return Parameter(p.name, kind, [float(each) for each in p.value])
+        return p
 
     def _set(self, parameters: list[Parameter]) -> SetParametersResult:
         ours = [p for p in parameters if p.name in self._kinds]

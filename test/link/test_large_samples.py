@@ -112,7 +112,10 @@ class Reader:
                 self.ended = True
                 return
             packet = bytes(buffer[:length])
-            if ancillary:
+            if ancillary and packet[0] == Kind.LIFE:
+                for fd in received_fds(ancillary):
+                    os.close(fd)
+            elif ancillary:
                 self.memories.take(memoryview(packet), received_fds(ancillary))
             elif packet[0] == Kind.SLOT:
                 self.note(packet)

@@ -18,7 +18,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import queue
 import socket
+from typing import Any
 
 from hypothesis import given
 from hypothesis import settings
@@ -28,8 +30,14 @@ import pytest
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PART_BYTES
+from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.session import OUTBOX_MAXIMUM
 from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import STREAMS_MAXIMUM
 from rt_robot_os.topics import Bus
 
 PACKETS = OUTBOX_MAXIMUM + 500
@@ -81,18 +89,22 @@ def test_every_packet_comes_in_order_at_the_pace_of_the_client(steps: list[int])
         ends.close()
 
 
-def test_a_second_long_answer_waits_for_the_end_of_the_first() -> None:
+def test_a_second_long_answer_comes_after_the_first_and_their_number_is_bounded() -> None:
     ends = Ends()
     try:
         ends.session.post_all(ends.packets())
-        with pytest.raises(LinkError, match='still on its way'):
+        for number in range(STREAMS_MAXIMUM - 1):
+            ends.session.post_all(iter([b'next %d' % number]))
+        with pytest.raises(LinkError, match='still on their way'):
             ends.session.post_all(iter([b'x']))
         ends.session.post(b'short')  # what is short comes between
         taken: list[bytes] = []
-        while len(taken) < PACKETS + 1:
+        while len(taken) < PACKETS + STREAMS_MAXIMUM:
             taken += ends.take()
             ends.session.flush()
-        assert b'short' in taken[:-1]
+        assert b'short' in taken[:-STREAMS_MAXIMUM]
+        assert taken[-STREAMS_MAXIMUM + 1:] == [
+            b'next %d' % number for number in range(STREAMS_MAXIMUM - 1)]
         ends.session.post_all(iter([b'x']))
         assert ends.take() == [b'x']
     finally:
@@ -109,3 +121,28 @@ def test_nothing_is_made_for_a_client_that_does_not_read() -> None:
         assert made == ends.made < PACKETS
     finally:
         ends.close()
+
+
+@pytest.mark.parametrize('size', [1, PART_BYTES - 100, 5 * PART_BYTES, 300_000, 1_000_000])
+def test_an_answer_of_any_length_arrives_whole(size: int) -> None:
+    """One packet of a long answer would not fit the socket, and the client would be parted with."""
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    here.setblocking(False)
+    there.setblocking(False)
+    client = Reader(there)
+    replies: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    client.replies[7] = replies
+    session = Session(here, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100))
+    content = {'text': 'x' * size, 'list': list(range(100))}
+    try:
+        session.post(encode_json(Kind.REPLY, content, seq=7))
+        while replies.empty():
+            client.pump(0.0)
+            session.flush()
+            assert not session.gone
+        head, packet = replies.get_nowait()
+        assert decode_json(packet) == content and head.channel == 0
+        assert session.outbox_dropped == 0 and replies.empty()
+    finally:
+        session.close()
+        client.close()

@@ -1,0 +1,122 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The core's sign of life: a page of memory that its kernel writes and its clients read.
+
+Packets come from the lowest tasks, so their silence only says that those do not come to run. This
+page is written by a task above all others: as long as its count grows, the kernel ticks, however
+long a job of yours takes. It also says since when the link has not come to run, and what runs.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from typing import NamedTuple
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.linux.memory_file import MemoryFile
+
+# The count, moment, moment at which the link ran, the task that runs instead; the count again.
+_PAGE = struct.Struct('<Qqq64sQ')
+LIFE_BYTES = _PAGE.size
+_TRIES = 100
+
+
+class Signs(NamedTuple):
+    """
+    What the page said; times on CLOCK_MONOTONIC.
+
+    :ivar count: grows as long as the kernel ticks; 0 before the first time.
+    :ivar at_ns: when it was written.
+    :ivar served_ns: when the link's task ran last.
+    :ivar task: what ran as the page was written, when the link has not run for a while.
+    """
+
+    count: int
+    at_ns: int
+    served_ns: int
+    task: str
+
+
+class LifePage:
+    """
+    The core's side; without memory for it there is none, and beats have to do.
+
+    :ivar fd: to be sent to clients; -1 when there is none.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._memory: MemoryFile | None
+        try:
+            self._memory = MemoryFile.create('rt_robot_os life', 1, LIFE_BYTES)
+        except OSError:
+            self._memory = None
+
+    @property
+    def fd(self) -> int:
+        """Give what is sent to clients; -1 when there is none."""
+        return self._memory.fd if self._memory is not None else -1
+
+    def write(self, now_ns: int, served_ns: int, task: str = '') -> None:
+        """Write the page; safe in the real-time loop."""
+        if self._memory is not None and self._memory.fd >= 0:
+            self._count += 1
+            _PAGE.pack_into(self._memory.slots[0], 0, self._count, now_ns, served_ns,
+                            task.encode(errors='replace'), self._count)
+
+    def close(self) -> None:
+        """Let go of it; clients keep what they have. May be called twice."""
+        if self._memory is not None:
+            self._memory.close()
+
+
+class Life:
+    """
+    The client's side; it only reads.
+
+    :param fd: as it came through the socket; closed here in any case.
+    :raises LinkError: it is no such page.
+    """
+
+    def __init__(self, fd: int) -> None:
+        try:
+            if os.fstat(fd).st_size < LIFE_BYTES:
+                raise LinkError(f'the page of life has {os.fstat(fd).st_size} bytes')
+            self._map = mmap.mmap(fd, LIFE_BYTES, access=mmap.ACCESS_READ)
+        except (OSError, ValueError) as error:
+            raise LinkError(f'the core sent no usable page of life: {error}') from error
+        finally:
+            os.close(fd)
+
+    def read(self) -> Signs | None:
+        """
+        Read the page.
+
+        :return: None when it is never found whole: somebody else writes there.
+        """
+        for _ in range(_TRIES):
+            # A copy first: the two counts are those of one moment.
+            count, at_ns, served_ns, task, again = _PAGE.unpack(self._map[:LIFE_BYTES])
+            if count == again:
+                return Signs(count, at_ns, served_ns,
+                             task.rstrip(b'\0').decode(errors='replace'))
+        return None
+
+    def close(self) -> None:
+        """Unmap it; may be called twice."""
+        self._map.close()

@@ -1,0 +1,98 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The sign of life: it goes on while the link starves, and names what runs instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import tempfile
+
+import pytest
+
+from rt_robot_os.core.app import Core
+from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.life import Life
+from rt_robot_os.link.life import LifePage
+from rt_robot_os.settings import load
+
+MS = 1_000_000
+S = 1_000_000_000
+YAML = """
+robot:
+  ros__parameters:
+    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
+"""
+
+
+@pytest.fixture
+def core() -> Iterator[Core]:
+    with tempfile.TemporaryDirectory(prefix='rti') as name:
+        folder = Path(name)
+        folder.joinpath('robot.yaml').write_text(YAML)
+        made = Core(load([folder / 'robot.yaml']), folder / 'robot.sock',
+                    clock=VirtualClock(start_ns=100 * S))
+        made.link.open()
+        yield made
+        made.close()
+
+
+def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(
+        core: Core) -> None:
+    life = Life(os.dup(core.link._page.fd))
+    clock = core.kernel.clock
+    assert isinstance(clock, VirtualClock)
+    seen = []
+
+    def plan() -> None:
+        for _ in range(50):
+            clock.spend(100 * MS)
+            seen.append(life.read())
+
+    core.kernel.add_task('planner', plan, priority=5, rate_hz=0.1, phase_ns=200 * MS)
+    core.kernel.run(8 * S)
+    assert len(seen) == 50
+    counts = [signs.count for signs in seen if signs]
+    assert all(a < b for a, b in zip(counts, counts[1:]))
+    last = seen[-1]
+    assert last is not None and last.task == 'planner'
+    assert last.at_ns - last.served_ns > 4 * S
+    after = life.read()
+    assert after is not None and after.task == '' and after.at_ns - after.served_ns < S
+    life.close()
+
+
+def test_a_page_that_is_none_is_refused_and_closed() -> None:
+    read, write = os.pipe()
+    os.close(write)
+    with pytest.raises(LinkError, match='life'):
+        Life(read)
+    with pytest.raises(OSError):
+        os.fstat(read)
+
+
+def test_a_page_that_somebody_else_writes_is_not_read_for_ever() -> None:
+    page = LifePage()
+    life = Life(os.dup(page.fd))
+    page.write(1, 2, 'task')
+    assert life.read() == (1, 1, 2, 'task')
+    os.pwrite(page.fd, b'\xff', 0)
+    assert life.read() is None
+    life.close()
+    page.close()
+    page.close()
+    page.write(3, 4)
