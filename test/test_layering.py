@@ -26,7 +26,8 @@ PACKAGE = 'rt_robot_os'
 
 # From the bottom up. A layer may import itself and every layer of the rows before it.
 LAYERS = (
-    ('errors', 'reports', 'schema', 'text', 'units'),
+    ('text',),
+    ('errors', 'reports', 'schema', 'units'),
     ('logger',),
     ('linux',),
     ('kernel',),

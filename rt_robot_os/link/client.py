@@ -126,17 +126,19 @@ class LinkClient(Reader):
     def __exit__(self, *exc_info: object) -> None:
         self.close()
 
-    def begin(self, do: str, **arguments: Any) -> Question:
+    def begin(self, do: str, patience_s: float = 0.0, **arguments: Any) -> Question:
         """
         Send a request without waiting for its answer.
 
-        :raises LinkError: the core is gone, or does not keep up.
+        :param patience_s: how long to wait for room in the socket.
+        :raises LinkSilent: there is none.
+        :raises LinkError: the core is gone.
         """
         number = next(self._numbers)
         question = Question(do, self.replies, number)
         try:
             self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}),
-                       self._timeout_s)
+                       patience_s)
         except BaseException:
             question.drop()
             raise
@@ -144,7 +146,7 @@ class LinkClient(Reader):
 
     def _ask(self, do: str, **arguments: Any) -> list[tuple[Header, bytes]]:
         """Send a request and collect the packets of its answer, the last one marked final."""
-        question = self.begin(do, **arguments)
+        question = self.begin(do, self._timeout_s, **arguments)
         known = 0
         deadline = time.monotonic() + self._timeout_s
         try:
@@ -257,6 +259,6 @@ class LinkClient(Reader):
                 room = select.poll()
                 room.register(self._socket, select.POLLOUT)
                 if not room.poll(max(0.0, deadline - time.monotonic()) * 1000):
-                    raise LinkError('the core does not read what it is sent') from None
+                    raise LinkSilent('the core does not read what it is sent') from None
             except OSError as error:
                 raise parted(error) from error

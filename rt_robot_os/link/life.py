@@ -40,13 +40,13 @@ class Signs(NamedTuple):
     """
     What the page said; times on CLOCK_MONOTONIC.
 
-    :ivar count: grows as long as the kernel ticks; 0 before the first time.
+    :ivar ticks: grows as long as the kernel ticks; 0 before the first time.
     :ivar at_ns: when it was written.
     :ivar served_ns: when the link's task ran last.
     :ivar task: what ran as the page was written, when the link has not run for a while.
     """
 
-    count: int
+    ticks: int
     at_ns: int
     served_ns: int
     task: str

@@ -22,6 +22,9 @@ compared with the system clock now and then:
 * anything else: approach it slowly, changing intervals between stamps by at most 5 %.
 
 On top of it a :class:`StampLine` per topic never gives a stamp that is not after the last one.
+
+Where ROS time comes from a clock of its own (simulated time) there is nothing to smooth: it runs
+at any speed, stands still and is set back, and the mapping follows it as it is.
 """
 
 from __future__ import annotations
@@ -43,15 +46,20 @@ class StampMapper:
     :ivar error_ns: how far the mapping was behind the system clock at the last comparison;
         negative when it is ahead and waits.
     :ivar forward_steps: times that it followed at once.
+    :ivar follows: set while the time of day is one that runs as it likes: it is followed at once,
+        in both directions.
+    :ivar resets: times that such a clock was set back; lines of stamps begin anew then.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns,
                  wall_ns: Callable[[], int] = time.time_ns) -> None:
         self._monotonic_ns = monotonic_ns
         self._wall_ns = wall_ns
-        self.forward_steps = 0
+        self.forward_steps = self.resets = 0
+        self.follows = False
         self._recent: dict[int, int] = {}
         self.error_ns = 0
+        self._latest_ns = 0
         self._compared_ns = monotonic_ns()
         self.offset_ns = wall_ns() - self._compared_ns
 
@@ -62,7 +70,14 @@ class StampMapper:
         allowed_ns = int((now_ns - self._compared_ns) * SLEW)
         self._compared_ns = now_ns
         self.error_ns = error_ns
-        if error_ns > STEP_NS:
+        if self.follows:
+            self.error_ns = 0
+            self._recent.clear()
+            self.offset_ns += error_ns
+            wall_ns = now_ns + self.offset_ns
+            self.resets += wall_ns < self._latest_ns - STEP_NS
+            self._latest_ns = wall_ns
+        elif error_ns > STEP_NS:
             self.forward_steps += 1
             self._recent.clear()
             self.offset_ns += error_ns
@@ -92,11 +107,12 @@ class StampMapper:
 class StampLine:
     """The stamps of one topic, each after the one before."""
 
-    __slots__ = ('_mapper', '_last_ns')
+    __slots__ = ('_mapper', '_last_ns', '_resets')
 
     def __init__(self, mapper: StampMapper) -> None:
         self._mapper = mapper
         self._last_ns = 0
+        self._resets = mapper.resets
 
     def wall_ns(self, stamp_ns: int) -> int:
         """
@@ -107,6 +123,8 @@ class StampLine:
         """
         wall_ns = self._mapper.wall_of(stamp_ns)
         if wall_ns <= self._last_ns:
-            wall_ns = self._last_ns + 1
+            if self._resets == self._mapper.resets:
+                wall_ns = self._last_ns + 1
+            self._resets = self._mapper.resets
         self._last_ns = wall_ns
         return wall_ns

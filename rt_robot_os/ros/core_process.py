@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 import os
 from pathlib import Path
 import signal
@@ -95,7 +96,8 @@ class CoreProcess:
             return True
         self.exit_code = code
         self._process = None
-        self._path.unlink(missing_ok=True)
+        with suppress(OSError):  # somebody put a folder there: the next core says so
+            self._path.unlink(missing_ok=True)
         return False
 
     def ended_within(self, timeout_s: float) -> bool:

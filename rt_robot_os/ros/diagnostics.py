@@ -29,6 +29,9 @@ from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.link.stamps import STEP_NS
+from rt_robot_os.ros.recent import Recent
+from rt_robot_os.text import safe_line
+from rt_robot_os.text import safe_text
 from rt_robot_os.units import NS_PER_S
 
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR,
@@ -37,12 +40,20 @@ OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, Diagnostic
 
 def _status(name: str, level: bytes, message: str, values: dict[str, Any]) -> DiagnosticStatus:
     return DiagnosticStatus(
-        level=level, name=name, message=message, hardware_id='rt_robot_os',
-        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()])
+        level=level, name=safe_line(name), message=safe_text(message), hardware_id='rt_robot_os',
+        values=[KeyValue(key=safe_line(key), value=_text(value)) for key, value in values.items()])
 
 
 def _text(value: Any) -> str:
-    return f'{value:.6g}' if isinstance(value, float) else str(value)
+    return f'{value:.6g}' if isinstance(value, float) else safe_text(str(value))
+
+
+_TROUBLES = (
+    (ERROR, 'failures', '{} jobs failed'),
+    (ERROR, 'aborted', '{} jobs used up their budget and were aborted'),
+    (WARN, 'deadline_missed', '{} deadlines missed'),
+    (WARN, 'missed', '{} releases missed'),
+    (WARN, 'budget_exceeded', '{} jobs used more than their budget'))
 
 
 class Diagnostics:
@@ -56,48 +67,65 @@ class Diagnostics:
     def __init__(self, name: str, rearm: str = '/robot/rearm') -> None:
         self._name = name
         self._rearm = rearm
+        self._recent = Recent()
         self._before: CoreStatistics | None = None
         self._last: list[DiagnosticStatus] = []
 
     def judge(self, now: CoreStatistics, mapper: StampMapper,
               mirrors: Iterable[tuple[str, dict[str, Any]]],
-              log: Mapping[str, Any] = MappingProxyType({})) -> list[DiagnosticStatus]:
-        """Give a status for the core, each device, task, module, topic, client, log and clock."""
-        if now is self._before:
-            return self._last
+              log: Mapping[str, Any] = MappingProxyType({}),
+              starved: str = '') -> list[DiagnosticStatus]:
+        """
+        Give a status for the core, each device, task, module, topic, client, log and clock.
+
+        What was lost or missed is a warning for ten seconds; the totals stay among the values.
+
+        :param starved: why the statistics are old; empty when they are not.
+        """
+        if now is not self._before:
+            self._last = self._parts(now, mapper, mirrors, log)
+        return [self._core(now, starved), *self._last]
+
+    def _parts(self, now: CoreStatistics, mapper: StampMapper,
+               mirrors: Iterable[tuple[str, dict[str, Any]]], log: Mapping[str, Any]
+               ) -> list[DiagnosticStatus]:
         before, self._before = self._before, now
         if before is not None and before.core['pid'] != now.core['pid']:
             before = None
-        self._last = [
-            self._core(now),
+        if before is None:
+            self._recent.clear()
+        self._recent.begin(now.core['now_ns'] / NS_PER_S, now.core['elapsed_ns'] / NS_PER_S)
+        return [
             *(self._device(d) for d in now.devices),
-            *(self._task(t, before) for t in now.tasks),
+            *(self._task(t) for t in now.tasks),
             *(self._resource(r) for r in now.resources),
             *(self._module(m) for m in now.modules if m['values']),
             *(self._topic(t, now, before) for t in now.topics),
-            *(self._client(c, before) for c in now.clients),
+            *(self._client(c) for c in now.clients),
             *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
               for what, values in mirrors),
             *([self._log(log)] if log else []), self._clock(mapper),
         ]
-        return self._last
 
     def silent(self, reason: str) -> list[DiagnosticStatus]:
         """Say that there is no core to ask."""
         self._before = None
         return [_status(f'{self._name}: core', ERROR, reason, {})]
 
-    def _core(self, now: CoreStatistics) -> DiagnosticStatus:
+    def _core(self, now: CoreStatistics, starved: str) -> DiagnosticStatus:
         lacking = [r for r in now.core['realtime'] if not r['ok']]
         level = WARN if lacking else OK
         message = ('not in force: ' + ', '.join(r['step'] for r in lacking)) if lacking else (
             'running')
+        if starved:
+            level, message = WARN, starved
         watchdog = now.core['watchdog']
         if watchdog not in ('off', 'healthy'):
             level, message = ERROR, f'watchdog: {watchdog}'
         values = {r['step']: 'in force' if r['ok'] else r['reason'] for r in now.core['realtime']}
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
+                   'clients_accepted': now.core['accepted'],
                    'clients_refused': now.core['refused'], 'pid': now.core['pid'],
                    'watchdog': watchdog,
                    **{f'black_box_{key}': n for key, n in now.core['black_box'].items()}}
@@ -113,9 +141,8 @@ class Diagnostics:
                   'age_s': device['age_ns'] / NS_PER_S, **device['device']}
         return _status(f'{self._name}: device {device["name"]}', level, message, values)
 
-    def _task(self, task: TaskStatistics, before: CoreStatistics | None) -> DiagnosticStatus:
-        old = next((t for t in before.tasks if t.name == task.name), None) if before else None
-        level, message = self._trouble(task, old)
+    def _task(self, task: TaskStatistics) -> DiagnosticStatus:
+        level, message = self._trouble(task)
         miss = task.last_miss
         return _status(f'{self._name}: task {task.name}', level, message, {
             'priority': task.priority, 'rate_hz': NS_PER_S / task.period_ns if task.period_ns
@@ -135,23 +162,19 @@ class Diagnostics:
             'gap_max_us': task.gap_maximum_ns / 1000,
             'blocked_others_max_us': task.blocked_maximum_ns / 1000})
 
-    def _trouble(self, task: TaskStatistics, old: TaskStatistics | None) -> tuple[bytes, str]:
-        """Say the worst of what is wrong with a task, or came since the last time."""
+    def _trouble(self, task: TaskStatistics) -> tuple[bytes, str]:
+        """Say the worst of what is wrong with a task, or went wrong lately."""
+        gained = {key: self._recent.gained(f'task {task.name} {key}', getattr(task, key))
+                  for _, key, _ in _TROUBLES}
         if task.state in (TaskState.SAFE, TaskState.STOPPED):
             what = 'in its safe state' if task.state is TaskState.SAFE else 'stopped'
             return ERROR, (f'{what}; the log says why. Let it run again: ros2 service call '
                            f'{self._rearm} std_srvs/srv/Trigger')
         if task.state is TaskState.BACKOFF:
             return ERROR, 'failed; it restarts by itself after a pause'
-        for level, key, text in (
-                (ERROR, 'failures', '{} jobs failed'),
-                (ERROR, 'aborted', '{} jobs used up their budget and were aborted'),
-                (WARN, 'deadline_missed', '{} deadlines missed'),
-                (WARN, 'missed', '{} releases missed'),
-                (WARN, 'budget_exceeded', '{} jobs used more than their budget')):
-            new = getattr(task, key) - (getattr(old, key) if old else 0)
-            if new > 0:
-                return level, text.format(new) + self._instead(task, key)
+        for level, key, text in _TROUBLES:
+            if gained[key]:
+                return level, text.format(gained[key]) + self._lately + self._instead(task, key)
         return OK, 'on time'
 
     @staticmethod
@@ -181,27 +204,34 @@ class Diagnostics:
             elapsed_s = (now.core['now_ns'] - before.core['now_ns']) / NS_PER_S
             rate_hz = (topic['published'] - old['published']) / elapsed_s
         readers = [s for s in topic['subscribers'] if not s['name'].startswith('link:')]
-        lost = sum(s['lost'] for s in readers)
+        lost = {s['name']: n for s in readers if (n := self._recent.gained(
+            f'topic {topic["name"]} {s["name"]}', s['lost']))}
         values = {'type': topic['type_name'], 'published': topic['published'],
                   'rate_hz': rate_hz, 'expected_rate_hz': topic['rate_hz'],
                   'depth': topic['depth'], 'subscribers': len(readers)}
         values |= {f'lost by {s["name"]}': s['lost'] for s in readers}
-        return _status(f'{self._name}: topic {topic["name"]}', WARN if lost else OK,
-                       f'{rate_hz:.1f} Hz' if topic['published'] else 'nothing published yet',
+        message = f'{rate_hz:.1f} Hz' if topic['published'] else 'nothing published yet'
+        if lost:
+            who = ', '.join(f'{count} by {name}' for name, count in lost.items())
+            message = f'samples lost{self._lately}: {who}'
+        return _status(f'{self._name}: topic {topic["name"]}', WARN if lost else OK, message,
                        values)
 
-    def _client(self, client: dict[str, Any], before: CoreStatistics | None) -> DiagnosticStatus:
+    def _client(self, client: dict[str, Any]) -> DiagnosticStatus:
         drops = self._drops(client)
-        old = next((c for c in before.clients if c['pid'] == client['pid']
-                    and c['name'] == client['name']), None) if before else None
-        new = drops - (self._drops(old) if old else 0)
+        new = self._recent.gained(f'client {client["pid"]} {client["name"]}', drops)
         values = {'pid': client['pid'], 'received': client['received'],
                   'refused': client['refused'], 'dropped': drops}
         for mirror in client['mirrors']:
             for key in ('sent', 'full', 'lost', 'skipped', 'limited'):
                 values[f'{mirror["topic"]} {key}'] = mirror[key]
-        return _status(f'{self._name}: client {client["name"]}', WARN if new > 0 else OK,
-                       f'{new} samples dropped' if new > 0 else 'keeps up', values)
+        return _status(f'{self._name}: client {client["name"]}', WARN if new else OK,
+                       f'{new} samples or answers dropped{self._lately}' if new else 'keeps up',
+                       values)
+
+    @property
+    def _lately(self) -> str:
+        return f' within the last {self._recent.hold_s:g} s'
 
     @staticmethod
     def _drops(client: dict[str, Any]) -> int:
@@ -209,9 +239,12 @@ class Diagnostics:
                    + sum(m['full'] + m['lost'] for m in client['mirrors']))
 
     def _log(self, log: Mapping[str, Any]) -> DiagnosticStatus:
-        lost = log.get('lost', 0)
-        return _status(f'{self._name}: log', WARN if lost else OK, f'{lost} lines are not in the '
-                       'file' if lost else 'carried', dict(log))
+        lost = self._recent.gained('log lost', int(log.get('lost', 0)))
+        untold = self._recent.gained('log untold', int(log.get('untold', 0)))
+        said = [f'{count} lines {what}{self._lately}' for count, what in (
+            (lost, 'are not in the file'), (untold, 'were not told: they came too fast')) if count]
+        return _status(f'{self._name}: log', WARN if said else OK, '; '.join(said) or 'carried',
+                       dict(log))
 
     def _clock(self, mapper: StampMapper) -> DiagnosticStatus:
         ahead_ns = -mapper.error_ns

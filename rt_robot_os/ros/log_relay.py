@@ -36,11 +36,16 @@ from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.ros.log_file import line_of
 from rt_robot_os.ros.log_file import LogFile
+from rt_robot_os.ros.teller import Line
+from rt_robot_os.ros.teller import Teller
 from rt_robot_os.settings import LogSettings
+from rt_robot_os.text import safe_line
+from rt_robot_os.text import safe_text
 from rt_robot_os.units import NS_PER_S
 
 _BYTES_PER_MB = 1_000_000
 _DEPTH = 1000
+_LOGGERS_MAXIMUM = 1000
 
 
 def say(logger: Any, severity: int, text: str) -> None:
@@ -57,12 +62,31 @@ def say(logger: Any, severity: int, text: str) -> None:
         logger.debug(text)
 
 
+def _known(severity: int) -> Severity:
+    """Give the severity of ROS that is next to a number, which may come from anywhere."""
+    return min(Severity, key=lambda each: abs(each - severity))
+
+
+def level_is_chosen(name: str) -> bool:
+    """
+    Look whether the user has set a level for a logger, for one above it, or for all.
+
+    A default level of INFO is what ROS has when nobody says anything.
+    """
+    if rclpy.logging.get_logger_level('') != rclpy.logging.LoggingSeverity.INFO:
+        return True
+    parts = name.split('.')
+    return any(rclpy.logging.get_logger_level('.'.join(parts[:count]))
+               != rclpy.logging.LoggingSeverity.UNSET for count in range(1, len(parts) + 1))
+
+
 class LogRelay:
     """
-    Tell people what the core says, each line once.
+    Tell people what the core and the node say, each line once.
 
-    On /rosout the lines have the name ``node.source`` and the moment at which they were logged in
-    the core. They are published here: rclpy would stamp them with the moment of their arrival.
+    On /rosout the lines of the core have the name ``node.source`` and the moment at which they
+    were logged there. They are published here: rclpy would stamp them with the moment of their
+    arrival. No caller waits for the console or the disk.
 
     :param robot: gives the file its name.
     """
@@ -77,51 +101,73 @@ class LogRelay:
             depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.file: LogFile | None = None
+        self._teller = Teller(self._tell, lambda count: Line(
+            int(Severity.WARN), 0, '', f'{count} lines of the log are not shown here: they came '
+            'faster than they could be told'))
         if settings.file:
             folder: Path = expanded(settings.folder) if settings.folder else default_folder()
             self.file = LogFile(folder / f'{robot}.log', round(settings.file_mb * _BYTES_PER_MB),
                                 settings.files, self._complain)
 
     def relay(self, severity: int, at_ns: int, source: str, text: str) -> None:
-        """Hand on one line of the core; from any one thread."""
+        """Hand on one line of the core; never waits, from any one thread."""
         self.lines += 1
-        logger = self._loggers.get(source) or self._logger(source)
-        say(logger, severity, text)
-        wall_ns = at_ns + self._mapper.offset_ns
-        self._write(wall_ns, severity, source, text)
-        seconds, rest_ns = divmod(wall_ns, NS_PER_S)
-        with suppress(RuntimeError):  # rclpy was shut down: the core's last words
-            self._publisher.publish(Log(
-                stamp=Time(sec=seconds, nanosec=rest_ns), level=severity, name=logger.name,
-                msg=text))
+        self._hand_on(_known(severity), at_ns + self._mapper.offset_ns, safe_line(source),
+                      safe_text(text))
 
     def note(self, severity: int, text: str) -> None:
-        """Say something of the node itself, and write it down as well."""
-        say(self._own, severity, text)
-        self._write(time.time_ns(), severity, 'node', text)
+        """Say something of the node itself, and write it down; never waits, from any thread."""
+        self._hand_on(_known(severity), 0, '', safe_text(text))
 
-    def _write(self, wall_ns: int, severity: int, source: str, text: str) -> None:
+    def _hand_on(self, severity: Severity, wall_ns: int, source: str, text: str) -> None:
         if self.file is not None:
-            self.file.write(line_of(wall_ns, Severity(severity).name, source, text))
+            self.file.write(line_of(wall_ns or time.time_ns(), severity.name, source or 'node',
+                                    text))
+        self._teller.put(Line(int(severity), wall_ns, source, text))
+
+    def _tell(self, line: Line) -> None:
+        """Tell one line; the thread that does so may wait for the console."""
+        if not line.source:
+            say(self._own, line.severity, line.text)
+            return
+        logger = self._loggers.get(line.source) or self._logger(line.source)
+        if not logger.is_enabled_for(rclpy.logging.LoggingSeverity(line.severity)):
+            return
+        seconds, rest_ns = divmod(line.wall_ns, NS_PER_S)
+        with suppress(Exception):  # rclpy was shut down, or the clock is no time of a message
+            self._publisher.publish(Log(
+                stamp=Time(sec=seconds, nanosec=rest_ns), level=line.severity, name=logger.name,
+                msg=line.text))
+        say(logger, line.severity, line.text)
 
     def _logger(self, source: str) -> Any:
         name = source.replace('/', '.').replace(' ', '_').strip('.') or 'core'
         # A logger that is no child of the node's is not on /rosout.
         logger = rclpy.logging.get_logger(f'{self._name}.{name}')
-        logger.set_level(rclpy.logging.LoggingSeverity.DEBUG)  # the core has chosen already
+        if not level_is_chosen(logger.name):
+            # The core has chosen already, by each log_level.
+            logger.set_level(rclpy.logging.LoggingSeverity.DEBUG)
+        if len(self._loggers) >= _LOGGERS_MAXIMUM:
+            self._loggers.clear()
         self._loggers[source] = logger
         return logger
 
     def _complain(self, text: str) -> None:
-        self._own.warning(text)
+        self._teller.put(Line(int(Severity.WARN), 0, '', text))
 
     def statistics(self) -> dict[str, int | str]:
-        """Count the lines, those in the file, and those that the file lacks."""
+        """Count the lines, those in the file, those that the file and the console lack."""
         file = self.file
         return {'lines': self.lines, 'file': str(file.path) if file else 'off',
-                'written': file.written if file else 0, 'lost': file.lost if file else 0}
+                'written': file.written if file else 0, 'lost': file.lost if file else 0,
+                'untold': self._teller.untold}
 
-    def close(self) -> None:
-        """Write what waits; may be called twice."""
+    def close(self) -> bool:
+        """
+        Write what waits; may be called twice.
+
+        :return: False when somebody who does not read the console still holds up a thread.
+        """
         if self.file is not None:
             self.file.close()
+        return self._teller.close()

@@ -145,7 +145,10 @@ class Mirrors:
         self._client = client
         self._by_channel = {}
         for mirror in self.outward:
-            info = client.topics[mirror.settings.topic]
+            info = client.topics.get(mirror.settings.topic)
+            if info is None:
+                raise LinkError(f'the core has no topic {mirror.settings.topic!r} to mirror; was '
+                                'it started with another configuration?')
             mirror.connect(info)
             self._by_channel.setdefault(info.channel, []).append(mirror)
         client.on_data = self._carry

@@ -19,7 +19,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -37,6 +40,7 @@ from rt_robot_os.ros.diagnostics import Diagnostics
 from rt_robot_os.ros.log_relay import LogRelay
 from rt_robot_os.ros.mirrors import Mirrors
 from rt_robot_os.ros.parameters import NodeParameters
+from rt_robot_os.ros.ros_time import RosTime
 from rt_robot_os.ros.supervisor import Supervisor
 from rt_robot_os.settings import changed
 from rt_robot_os.settings import check_change
@@ -47,6 +51,7 @@ from rt_robot_os.settings.saved import live_values
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
 from rt_robot_os.settings.saved import told_saved
+from rt_robot_os.units import NS_PER_S
 from std_srvs.srv import Trigger
 
 _START_TIMEOUT_S = 10.0
@@ -61,6 +66,7 @@ class RobotNode(LifecycleNode):
 
     :param settings: checked already.
     :param name: of the node, before remapping.
+    :ivar held_up: somebody who does not read the console holds up a thread at the end.
     """
 
     def __init__(self, settings: RobotSettings, name: str = 'robot') -> None:
@@ -71,15 +77,21 @@ class RobotNode(LifecycleNode):
         self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
         self.path: Path = socket_path(self.robot)
-        self._mapper = StampMapper()
+        self._time = RosTime(self.get_clock(), lambda text: self._log.note(
+            int(Severity.WARN), text))
+        self._mapper = StampMapper(wall_ns=self._time.now_ns)
         self._log = LogRelay(self, self._mapper, settings.log, self.robot)
+        self.held_up = False
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
         self.create_service(Trigger, '~/save_parameters', self._on_save)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._status_timer = self.create_timer(1.0 / settings.diagnostics_rate_hz, self._diagnose)
+        # Of a clock that nobody can stop: /diagnostics goes on whatever ROS time does.
+        self._status_timer = self.create_timer(
+            1.0 / settings.diagnostics_rate_hz, self._diagnose,
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._robot_parameters = NodeParameters(
             self, parameters(settings), self._check, self._apply)
 
@@ -104,8 +116,8 @@ class RobotNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         if process is not None and not connected:
             # The supervisor goes on trying, and /diagnostics says so meanwhile.
-            self.get_logger().warning(f'the core is not there after {_START_TIMEOUT_S:g} s; is '
-                                      'the machine that busy?')
+            self._log.note(int(Severity.WARN), f'the core is not there after '
+                           f'{_START_TIMEOUT_S:g} s; is the machine that busy?')
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -114,7 +126,7 @@ class RobotNode(LifecycleNode):
             if self._mirrors is not None:
                 self._mirrors.activate()
         except LinkError as error:
-            self.get_logger().error(str(error))
+            self._log.note(int(Severity.ERROR), str(error))
             return TransitionCallbackReturn.FAILURE
         return super().on_activate(state)
 
@@ -124,7 +136,7 @@ class RobotNode(LifecycleNode):
             if self._mirrors is not None:
                 self._mirrors.deactivate()
         except LinkError as error:
-            self.get_logger().warning(str(error))
+            self._log.note(int(Severity.WARN), str(error))
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -143,10 +155,16 @@ class RobotNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:
-        """End the core and the node; may be called twice."""
+        """
+        End the core and the node; may be called twice.
+
+        Where a thread is held up by a console that nobody reads, :attr:`held_up` is set and the
+        node is left as it is: it would wait for that thread.
+        """
         self._stop_core()
-        self._log.close()
-        super().destroy_node()
+        self.held_up = not self._log.close()
+        if not self.held_up:
+            super().destroy_node()
 
     @property
     def fatal(self) -> str:
@@ -176,17 +194,21 @@ class RobotNode(LifecycleNode):
     # ---- diagnostics -------------------------------------------------------------------------
 
     def _diagnose(self) -> None:
+        self._time.look()
+        self._mapper.follows = self._time.followed
         message = DiagnosticArray()
-        message.header.stamp = self.get_clock().now().to_msg()
+        seconds, rest_ns = divmod(self._time.now_ns(), NS_PER_S)
+        message.header.stamp = Time(sec=seconds, nanosec=rest_ns)
         supervisor, mirrors = self._supervisor, self._mirrors
         if supervisor is None or mirrors is None:
             message.status = self._diagnostics.silent('not configured')
         elif not supervisor.connected.is_set() or supervisor.statistics is None:
-            message.status = self._diagnostics.silent(supervisor.fatal or 'no core is connected')
+            message.status = self._diagnostics.silent(
+                supervisor.fatal or supervisor.reason or 'no core is connected')
         else:
             message.status = self._diagnostics.judge(
                 supervisor.statistics, self._mapper, mirrors.counters(),
-                self._log.statistics())
+                self._log.statistics(), supervisor.starved)
             digest = supervisor.statistics.core.get('parameters')
             if digest != self._digest:
                 self._adopt()
@@ -230,13 +252,21 @@ class RobotNode(LifecycleNode):
         try:
             for name, value in facts.items():
                 if name in known and known[name] != value:
-                    result = self.set_parameters([Parameter(name, value=value)])[0]
-                    if not result.successful:
+                    reason = self._take_over(name, value)
+                    if reason:
                         self._log.note(
                             int(Severity.WARN), f'{name} is {value!r} in the core, which its '
-                            f'parameter cannot be: {result.reason}')
+                            f'parameter cannot be: {reason}')
         finally:
             self._adopting = False
+
+    def _take_over(self, name: str, value: Any) -> str:
+        """Give a parameter the value that it has in the core; why it cannot, empty if it can."""
+        try:
+            result = self.set_parameters([Parameter(name, value=value)])[0]
+        except (TypeError, ValueError) as error:  # a text that ROS cannot encode among them
+            return str(error)
+        return '' if result.successful else str(result.reason)
 
     def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Write what was changed since the start."""

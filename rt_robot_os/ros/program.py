@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -63,26 +64,36 @@ def spin(settings: RobotSettings) -> int:
     stop = _StopOnSignal()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = None
+    executor = SingleThreadedExecutor()
+    code = FAILED
     try:
         with frequent_announcements():
             node = RobotNode(settings)
-        if settings.autostart:
-            configured = node.trigger_configure()
-            if node.fatal:
-                return BAD_CONFIGURATION
-            if configured == TransitionCallbackReturn.SUCCESS:
-                node.trigger_activate()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while not stop.signo and not node.fatal:
-            executor.spin_once(timeout_sec=_WAIT_S)
-        return BAD_CONFIGURATION if node.fatal else OK
+        code = _run(node, executor, stop)
     except KeyboardInterrupt:
-        return OK
+        code = OK
     except RtRobotError as error:
         print(f'robot: {error}', file=sys.stderr)
-        return FAILED
     finally:
         if node is not None:
+            # The executor lets go of the node before it is destroyed under it.
+            executor.remove_node(node)
+            executor.shutdown()
             node.destroy_node()
+            if node.held_up:
+                os._exit(code)  # the core has ended; a thread waits for whoever reads the console
         rclpy.try_shutdown()
+    return code
+
+
+def _run(node: RobotNode, executor: SingleThreadedExecutor, stop: _StopOnSignal) -> int:
+    if node.settings.autostart:
+        configured = node.trigger_configure()
+        if node.fatal:
+            return BAD_CONFIGURATION
+        if configured == TransitionCallbackReturn.SUCCESS and not stop.signo:
+            node.trigger_activate()
+    executor.add_node(node)
+    while not stop.signo and not node.fatal:
+        executor.spin_once(timeout_sec=_WAIT_S)
+    return BAD_CONFIGURATION if node.fatal else OK

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 import signal
 import threading
@@ -26,10 +27,15 @@ from typing import Any
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.client import LinkSilent
+from rt_robot_os.link.client import Question
+from rt_robot_os.link.facts import collect
+from rt_robot_os.link.life import Life
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
+from rt_robot_os.ros.silence import Silence
 
 _PUMP_S = 0.05
 _CONNECT_TRY_S = 0.05
@@ -38,6 +44,11 @@ _PAUSE_MAXIMUM_S = 10.0
 _LONG_LIFE_S = 30.0
 _DEAD_AFTER_BEATS = 3
 _START_TIMEOUT_S = 15.0
+_START_TIMEOUT_MAXIMUM_S = 240.0
+_LAST_WORDS_S = 1.0
+# So long one attempt to connect may take.
+_TRY_MAXIMUM_S = 5.0
+_STOP_PATIENCE_S = 15.0
 _ANSWER_MINIMUM_S = 0.5
 # A core that its watchdog ends says goodbye before it is gone, and its exit code says why.
 _GOODBYE_S = 1.0
@@ -61,10 +72,14 @@ class Supervisor:
     :param log: called with (severity as in ROS 2, text) from any thread.
     :param relay: called by the supervisor's thread with what the core says: severity, moment on
         CLOCK_MONOTONIC, source, text.
-    :param heartbeat_s: silence after which the core is reported; after three times that a core
-        of our own is killed and started anew.
+    :param heartbeat_s: time without a sign of life after which the core is reported; after three
+        times that a core of our own is killed and started anew. A core lives as long as its kernel
+        ticks, however long its tasks keep the link from running; time in which this process does
+        not run does not count.
     :param watchdog_code: exit code of a core whose watchdog ended it; 0 when it has none.
     :ivar fatal: why no core can run with this configuration; empty otherwise.
+    :ivar reason: why there is no core, as far as it is known; empty while there is one.
+    :ivar starved: why a core that is connected says nothing new; empty otherwise.
     """
 
     def __init__(self, path: Path, process: CoreProcess | None, mapper: StampMapper, log: Log,
@@ -77,7 +92,10 @@ class Supervisor:
         self.connected = threading.Event()
         self.connections = 0
         self.statistics: CoreStatistics | None = None
-        self.statistics_at_s = 0.0
+        self.reason = self.starved = ''
+        self._life: Life | None = None
+        self._silence = Silence()
+        self._start_limit_s = _START_TIMEOUT_S
         self._path = path
         self._mapper = mapper
         self._log = log
@@ -100,7 +118,7 @@ class Supervisor:
         """End the core in order and the thread; may be called twice."""
         self._stopping.set()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(_STOP_PATIENCE_S)
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until the core is connected, or cannot be; whether it is."""
@@ -114,25 +132,36 @@ class Supervisor:
         try:
             while not self._stopping.is_set():
                 started_s = time.monotonic()
-                reason = self._one_life()
+                try:
+                    reason = self._one_life()
+                except Exception as error:
+                    # Whatever it was, without this thread there would be no supervision at all.
+                    reason = _told('supervision', error)
                 if self._stopping.is_set() or self.fatal:
                     return
                 if time.monotonic() - started_s > _LONG_LIFE_S:
                     pause_s = _PAUSE_FIRST_S
+                self.reason = reason or self.reason
                 if reason:
                     self._log(ERROR, f'{reason}; again in {pause_s:g} s')
                 self._stopping.wait(pause_s)
                 pause_s = min(2 * pause_s, _PAUSE_MAXIMUM_S)
         finally:
             self._ready.set()
+            self._forget_life()
             if self.process is not None:
-                self.process.stop()
+                with suppress(OSError):
+                    self.process.stop()
 
     def _one_life(self) -> str:
         """Start or find a core and stay with it; say why it ended."""
         process = self.process
         if process is not None and not process.alive():
-            process.start()
+            self._forget_life()
+            try:
+                process.start()
+            except OSError as error:
+                return f'the core cannot be started: {error.strerror or error}'
         client = self._connect()
         if client is None:
             return self._why_ended() if process is not None else ''
@@ -146,75 +175,132 @@ class Supervisor:
                 return str(error)
             if process.ended_within(_GOODBYE_S):
                 return self._how_ended(process.exit_code)
-            process.stop()  # it does not answer any more
-            return str(error)
+            return str(error)  # it lives: it will be connected to again
         except Exception as error:
-            # Whatever it was, without this thread there would be no supervision at all.
-            return f'{type(error).__name__} while reading from the core: {error}'
+            return _told('reading from the core', error)
         finally:
             self.connected.clear()
             self.client = None
-            self._on_disconnect()
-            self._part(client)
+            self.starved = ''
+            # Taken over: it says whether the core lives while there is no connection.
+            self._life, client.life = client.life or self._life, None
+            try:
+                self._on_disconnect()
+            finally:
+                self._part(client)
 
     def _connect(self) -> LinkClient | None:
-        deadline_s = time.monotonic() + _START_TIMEOUT_S
+        limit_s, told = self._start_limit_s, False
+        started_s = time.monotonic()
+        self._silence.restart()
         while not self._stopping.is_set():
             if self.process is not None and not self.process.alive():
                 return None
-            if self.process is not None and time.monotonic() > deadline_s:
-                self._log(ERROR, f'the core did not answer within {_START_TIMEOUT_S:g} s')
-                self.process.kill()
-                return None
             try:
-                return LinkClient(self._path, self._name,
-                                  max(_ANSWER_MINIMUM_S, _DEAD_AFTER_BEATS * self._heartbeat_s))
-            except LinkError:
-                if self.process is None and not self._ready.is_set():
-                    self._log(WARN, f'no core at {self._path} yet; waiting for one')
-                    self._ready.set()
+                client = LinkClient(self._path, self._name,
+                                    max(_ANSWER_MINIMUM_S, _DEAD_AFTER_BEATS * self._heartbeat_s))
+                self._start_limit_s = _START_TIMEOUT_S
+                return client
+            except LinkError as error:
+                if self.process is None:
+                    if not told and (not self._ready.is_set() or _is_odd(error)):
+                        self._log(WARN, f'no core at {self._path} yet; waiting for one: {error}')
+                        told = True
+                        self._ready.set()
+                elif self._is_lost(started_s, limit_s, error):
+                    return None
                 self._stopping.wait(_CONNECT_TRY_S)
         return None
 
+    def _is_lost(self, started_s: float, limit_s: float, error: LinkError) -> bool:
+        """Kill a core of our own that does not answer; not one that was connected and ticks."""
+        if self.process is None:
+            return False
+        life = self._life
+        if life is not None:
+            signs = life.read()
+            silent_s = self._silence.look(signs.ticks if signs else 0, _TRY_MAXIMUM_S)
+            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s:
+                return False
+            self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
+        elif time.monotonic() - started_s > limit_s:
+            self._start_limit_s = min(2 * limit_s, _START_TIMEOUT_MAXIMUM_S)
+            self._log(ERROR, f'the core did not answer within {limit_s:g} s and is killed; the '
+                      f'next one has {self._start_limit_s:g} s ({error})')
+        else:
+            return False
+        self.process.kill()
+        return True
+
+    def _forget_life(self) -> None:
+        if self._life is not None:
+            self._life.close()
+            self._life = None
+
     def _welcome(self, client: LinkClient) -> None:
         client.on_report = self._report
+        if client.life is not None:
+            self._forget_life()
         self.connections += 1
         self._on_connect(client)
+        self.reason = ''
         self.connected.set()
         self._ready.set()
-        self._log(INFO, f'connected to the core (pid {client.core["pid"]}): '
-                  f'{len(client.topics)} topics, {len(client.core["tasks"])} tasks')
+        self._log(INFO, f'connected to the core (pid {client.core.get("pid")}): '
+                  f'{len(client.topics)} topics, {len(client.core.get("tasks", ()))} tasks')
 
     def _stay(self, client: LinkClient) -> None:
         beat_s = statistics_s = 0.0
-        warned = False
+        question: Question | None = None
+        self._silence.restart()
         while not self._stopping.is_set():
             client.pump(_PUMP_S)
             now_s = time.monotonic()
             self._mapper.compare()
             if now_s >= beat_s:
-                client.beat()
+                with suppress(LinkSilent):  # its socket is full: the sign of life decides
+                    client.beat()
                 beat_s = now_s + self._heartbeat_s / 3
-            if now_s >= statistics_s:
+            if question is None and now_s >= statistics_s:
                 statistics_s = now_s + self._statistics_period_s
-                self.statistics = client.statistics()
-                self.statistics_at_s = time.monotonic()
-            silent_s = time.monotonic() - client.last_beat_ns / 1e9
-            if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None:
-                self.process.kill()
-                raise _Killed(f'the core did not beat for {silent_s:.1f} s and was killed')
-            if silent_s > self._heartbeat_s and not warned:
-                self._log(WARN, f'no heart-beat of the core for {silent_s:.1f} s')
-            warned = silent_s > self._heartbeat_s
+                with suppress(LinkSilent):
+                    question = client.begin('statistics')
+            elif question is not None and question.answered():
+                question.drop()
+                self.statistics = collect(question.packets)
+                question = None
+            self._judge(client)
+
+    def _judge(self, client: LinkClient) -> None:
+        """Look whether the core lives, after what has arrived was read."""
+        signs = client.life.read() if client.life is not None else None
+        silent_s = self._silence.look(signs.ticks if signs else client.last_beat_ns)
+        if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None:
+            if client.pump(0.0):
+                return  # it says something after all
+            self.process.kill()
+            raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
+        trouble = ''
+        if silent_s > self._heartbeat_s:
+            trouble = f'no sign of life of the core for {silent_s:.1f} s'
+        elif signs and (waits_s := (signs.at_ns - signs.served_ns) / 1e9) > self._heartbeat_s:
+            runs = f'task {signs.task!r} runs' if signs.task else 'other tasks run'
+            trouble = (f'the core is alive, but its link has not come to run for {waits_s:.1f} s: '
+                       f'{runs}')
+        if trouble and not self.starved:
+            self._log(WARN, trouble)
+        self.starved = trouble
 
     def _part(self, client: LinkClient) -> None:
         if self._stopping.is_set() and self.process is not None:
             self.process.stop()
-            try:  # its last words
-                while client.pump(0.0):
+            deadline_s = time.monotonic() + _LAST_WORDS_S
+            try:
+                while client.pump(0.0) and time.monotonic() < deadline_s:
                     pass
-            except LinkError:
-                pass
+            except Exception as error:
+                if not isinstance(error, LinkError):
+                    self._log(WARN, _told('the last words of the core', error))
         client.close()
 
     def _why_ended(self) -> str:
@@ -238,10 +324,26 @@ class Supervisor:
         return f'the core was ended by {name}'
 
     def _report(self, content: dict[str, Any]) -> None:
-        if content.get('dropped'):
-            self._log(WARN, f'{content["dropped"]} reports of the core were dropped')
-        self._relay(int(content['severity']), int(content['at_ns']), str(content['source']),
+        """Hand on a line of the core; one that is none is told and passed over."""
+        try:
+            line = (int(content['severity']), int(content['at_ns']), str(content['source']),
                     str(content['text']))
+            dropped = int(content.get('dropped') or 0)
+        except (KeyError, TypeError, ValueError) as error:
+            self._log(WARN, _told('a report of the core', error))
+            return
+        if dropped:
+            self._log(WARN, f'{dropped} reports of the core were dropped')
+        self._relay(*line)
+
+
+def _told(where: str, error: Exception) -> str:
+    return f'{type(error).__name__} in {where}: {error}'
+
+
+def _is_odd(error: LinkError) -> bool:
+    """Whether somebody answers, and not as a core does."""
+    return not isinstance(error, LinkSilent) and not isinstance(error.__cause__, OSError)
 
 
 def _signal_name(number: int) -> str:

@@ -30,9 +30,9 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.fairness import INTERVAL_NS
 from rt_robot_os.link.fairness import UNITS_PER_INTERVAL
 from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
-from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM

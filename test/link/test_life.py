@@ -66,7 +66,7 @@ def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(
     core.kernel.add_task('planner', plan, priority=5, rate_hz=0.1, phase_ns=200 * MS)
     core.kernel.run(8 * S)
     assert len(seen) == 50
-    counts = [signs.count for signs in seen if signs]
+    counts = [signs.ticks for signs in seen if signs]
     assert all(a < b for a, b in zip(counts, counts[1:]))
     last = seen[-1]
     assert last is not None and last.task == 'planner'

@@ -125,7 +125,7 @@ def test_nothing_is_made_for_a_client_that_does_not_read() -> None:
 
 @pytest.mark.parametrize('size', [1, PART_BYTES - 100, 5 * PART_BYTES, 300_000, 1_000_000])
 def test_an_answer_of_any_length_arrives_whole(size: int) -> None:
-    """One packet of a long answer would not fit the socket, and the client would be parted with."""
+    """One packet of a long answer would not fit the socket: the client would be parted with."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     here.setblocking(False)
     there.setblocking(False)

@@ -1,0 +1,60 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""For how long a core has given no sign of life."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+# A longer step is time in which this process itself was stopped or held up, as far as it exceeds.
+_STEP_MAXIMUM_S = 0.25
+
+
+class Silence:
+    """
+    Count the time without a new sign, in time in which this process itself was running.
+
+    :ivar silent_s: since the last new sign.
+    """
+
+    def __init__(self, monotonic_s: Callable[[], float] = time.monotonic) -> None:
+        self.silent_s = 0.0
+        self._monotonic_s = monotonic_s
+        self._sign: object = None
+        self._looked_s = monotonic_s()
+
+    def look(self, sign: object, step_maximum_s: float = _STEP_MAXIMUM_S) -> float:
+        """
+        Note a sign, after everything that has arrived was read.
+
+        :param sign: what changes as long as the core lives.
+        :param step_maximum_s: what passed since the last call counts up to this.
+        :return: for how long it has not changed.
+        """
+        now_s = self._monotonic_s()
+        step_s = min(now_s - self._looked_s, step_maximum_s)
+        self._looked_s = now_s
+        if sign != self._sign:
+            self._sign = sign
+            self.silent_s = 0.0
+        else:
+            self.silent_s += step_s
+        return self.silent_s
+
+    def restart(self) -> None:
+        """Begin anew, with another core or another connection."""
+        self.silent_s = 0.0
+        self._looked_s = self._monotonic_s()
