@@ -22,6 +22,7 @@ from dataclasses import field
 
 from rt_robot_os.plan.task import Overhead
 from rt_robot_os.plan.task import PlannedTask
+from rt_robot_os.plan.typical import Typical
 
 # What `bench micro` showed on a two-core virtual machine (x86-64, 2026) for a job that does
 # nothing: released together with others, and with a wake-up and a timer of its own.
@@ -43,6 +44,7 @@ class Given:
     :ivar job_ns: the kernel's overhead; None for the default.
     :ivar tick_ns: as well; None for what was measured, else the default.
     :ivar jitter_ns: how late timers are; None for what was measured, else 0.
+    :ivar typical: for tasks of which nothing else is known, when nothing was measured.
     """
 
     margin: float = MARGIN
@@ -53,6 +55,7 @@ class Given:
     job_ns: int | None = None
     tick_ns: int | None = None
     jitter_ns: int | None = None
+    typical: Typical | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,7 @@ class RobotTasks:
     The tasks of a robot.
 
     :ivar origins: where each execution time comes from: ``option``, ``declared``, ``measured``,
-        ``budget`` or ``unknown``.
+        ``budget``, ``typical`` or ``unknown``.
     :ivar owners: ``device``, ``module`` or ``core``, by task.
     :ivar responses_ns: the longest that were measured, by task; empty when other priorities or
         periods were in force then.

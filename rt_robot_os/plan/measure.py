@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from operator import attrgetter
 from pathlib import Path
 import time
 from typing import Any
@@ -25,6 +26,7 @@ from typing import Protocol
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.kernel.histogram import Summary
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.facts import CoreStatistics
 from rt_robot_os.plan.measured import Measured
@@ -64,7 +66,7 @@ class CoreRunner(Protocol):
 
 
 def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: float,
-            tell: Tell) -> Measured:
+            tell: Tell, of: Callable[[Summary], int] = attrgetter('maximum_ns')) -> Measured:
     """
     Start a core, do what the node of the robot would do, and take its statistics.
 
@@ -73,6 +75,7 @@ def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: f
     :param path: of the core's socket.
     :param seconds: how long, after the devices deliver and everything is warm.
     :param tell: called with what happens, for people.
+    :param of: what counts of the execution times of a task.
     :raises LinkError: the core did not start, or ended.
     """
     process.start()
@@ -87,7 +90,7 @@ def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: f
             tell(f'measuring for {seconds:g} s')
             robot.run(seconds)
             after_ns, after = _cpu_ns(process.pid), client.statistics()
-            return _result(before, after, after_ns - before_ns, robot)
+            return _result(before, after, after_ns - before_ns, robot, of)
     finally:
         process.stop()
 
@@ -169,23 +172,23 @@ def _cpu_ns(pid: int) -> int:
         return 0
 
 
-def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _StandIn
-            ) -> Measured:
+def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _StandIn,
+            of: Callable[[Summary], int]) -> Measured:
     elapsed_ns = max(1, after.core['now_ns'] - before.core['now_ns'])
     idle = {device['name']: device['reason'] or f"the device was {device['state']}"
             for device in after.devices if device['state'] != 'active'}
     refused = tuple(each['step'] for each in after.core['realtime'] if not each['ok'])
     return Measured(
-        elapsed_ns, {task.name: _task(task) for task in after.tasks},
+        elapsed_ns, {task.name: _task(task, of) for task in after.tasks},
         tick_ns=_tick_ns(before, after, cpu_ns),
         resources={each['name']: each['held_maximum_ns'] for each in after.resources},
         idle=idle, refused=refused, fed=robot.fed)
 
 
-def _task(task: TaskStatistics) -> MeasuredTask:
+def _task(task: TaskStatistics, of: Callable[[Summary], int]) -> MeasuredTask:
     return MeasuredTask(
         priority=task.priority, period_ns=task.period_ns, releases=task.releases, runs=task.runs,
-        execution_ns=task.execution.maximum_ns, native_ns=task.blocked_maximum_ns,
+        execution_ns=of(task.execution), native_ns=task.blocked_maximum_ns,
         latency_ns=task.latency.maximum_ns, response_ns=task.response_maximum_ns)
 
 

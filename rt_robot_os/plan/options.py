@@ -25,12 +25,14 @@ from rt_robot_os.plan.given import Given
 from rt_robot_os.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.plan.given import MARGIN
 from rt_robot_os.plan.given import TICK_OVERHEAD_NS
+from rt_robot_os.plan.typical import shipped
 from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
 Execution times come, for each task, from --execution, else from execution_us in its section, else
-from a measurement, else from budget_us with on_budget: abort, which is a true bound. Tasks without
-any are listed as unknown.
+from a measurement, else from budget_us with on_budget: abort, which is a true bound. Without a
+measurement, what comes with rt_robot_os has typical times, of another machine. Tasks without any
+are listed as unknown.
 
   plan --ros-args --params-file my_robot.yaml             with what the file declares
   plan --measure 10 --ros-args --params-file my_robot.yaml   run its core for 10 s and use that
@@ -87,6 +89,8 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
                         help='use what --save-measured kept')
     parser.add_argument('--save-measured', metavar='FILE', type=Path,
                         help='keep what --measure found')
+    parser.add_argument('--no-typical', action='store_true',
+                        help='leave a task unknown rather than use the typical time of its kind')
     parser.add_argument('--margin', metavar='X', type=_number(1, 'a factor', 100), default=MARGIN,
                         help='multiply measured times by X (default %(default)g)')
     parser.add_argument('--execution', metavar='TASK=US', type=_named('microseconds'),
@@ -130,4 +134,5 @@ def given(arguments: argparse.Namespace) -> Given:
         margin=arguments.margin, execution_ns=named(arguments.execution),
         native_ns=named(arguments.native), held_ns=named(arguments.held),
         rates_hz=dict(arguments.rate), job_ns=ns(arguments.job_us), tick_ns=ns(arguments.tick_us),
-        jitter_ns=ns(arguments.jitter_us))
+        jitter_ns=ns(arguments.jitter_us),
+        typical=None if arguments.no_typical else shipped())

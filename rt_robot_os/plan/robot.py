@@ -32,6 +32,8 @@ from rt_robot_os.plan.measured import MeasuredTask
 from rt_robot_os.plan.task import Event
 from rt_robot_os.plan.task import Overhead
 from rt_robot_os.plan.task import PlannedTask
+from rt_robot_os.plan.typical import times_of
+from rt_robot_os.plan.typical import TypicalTimes
 from rt_robot_os.plan.wiring import COMMANDS
 from rt_robot_os.plan.wiring import Wiring
 from rt_robot_os.sensors.manager import RECOVERY_RATE_HZ
@@ -79,6 +81,9 @@ class _Builder:
         self._owners: dict[str, str] = {}
         self._notes: list[str] = []
         self._few: dict[str, int] = {}
+        self._typical = TypicalTimes()
+        if given.typical is not None and measured is None:
+            self._typical = times_of(settings, self._wiring, given.typical)
         self._jitter_ns = given.jitter_ns if given.jitter_ns is not None else (
             measured.lateness_ns() if measured else 0)
 
@@ -89,6 +94,10 @@ class _Builder:
         self._check_names()
         if self._measured is not None:
             self._note_measurement(self._measured)
+        if self._given.typical is not None and 'typical' in self._origins.values():
+            self._notes.append(
+                'typical execution times are no bounds and are those of another machine: '
+                f'{self._given.typical.source}; plan --measure 10 takes those of yours')
         return RobotTasks(tuple(self._tasks), self._overhead(), self._origins, self._owners,
                           tuple(self._notes), self._responses())
 
@@ -221,6 +230,8 @@ class _Builder:
             return max(1, self._with_margin(seen.execution_ns)), 'measured'
         if declared.budget_us and declared.on_budget == 'abort':
             return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
+        if name in self._typical.execution_ns:
+            return self._typical.execution_ns[name], 'typical'
         return None, 'unknown'
 
     def _section(self, resource: str, execution_ns: int | None) -> int | None:
@@ -239,6 +250,7 @@ class _Builder:
         seen = self._seen(name)
         if not rate_hz and seen and self._measured:
             rate_hz = seen.releases * self._given.margin * NS_PER_S / self._measured.elapsed_ns
+        rate_hz = rate_hz or self._typical.rates_hz.get(name, 0.0)
         if rate_hz:
             return (Event('', period_from_rate(rate_hz)),), ''
         return (), f'{reason}: measure it, or give --rate {name}=HZ'

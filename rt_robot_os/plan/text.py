@@ -34,7 +34,8 @@ from rt_robot_os.plan.table import table
 from rt_robot_os.plan.table import WIDTH
 
 THROTTLED = 0.95
-_MARKS = {'declared': 'd', 'measured': 'm', 'budget': 'b', 'option': 'o', 'unknown': ' '}
+_MARKS = {'declared': 'd', 'measured': 'm', 'budget': 'b', 'option': 'o',
+          'typical': 't', 'unknown': ' '}
 _NAMES_SHOWN = 8
 
 

@@ -98,6 +98,11 @@ class Wiring:
         return tuple(dict.fromkeys(
             mirror.topic for mirror in self._settings.mirrors if mirror.direction == 'out'))
 
+    def samples_hz(self, device: str) -> float:
+        """Say how many samples a second a device is expected to give: of its fastest topic."""
+        return max((source.topic_rate_hz for sources in self._sources.values()
+                    for source in sources if source.task == device), default=0.0)
+
     def is_coroutine(self, module: str) -> bool:
         """Say whether a module is an ``async def run``, which says itself when it goes on."""
         return module in self._coroutines

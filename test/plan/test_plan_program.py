@@ -22,18 +22,23 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.plan.given import Given
 from rt_robot_os.plan.measured import Measured
 from rt_robot_os.plan.measured import MeasuredTask
 from rt_robot_os.plan.measured import read_measured
 from rt_robot_os.plan.program import run
+from rt_robot_os.plan.robot import robot_tasks
 from rt_robot_os.plan.table import ms
 from rt_robot_os.plan.table import percent
 from rt_robot_os.plan.table import table
+from rt_robot_os.plan.typical import shipped
 from rt_robot_os.ros.core_process import CoreProcess
+from rt_robot_os.settings import load
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
 
 ROBOT = str(Path(__file__).with_name('plan_robot.yaml'))
+CONFIG = Path(__file__).parents[2] / 'config'
 TIMES = [f'--execution={name}={us}' for name, us in (
     ('imu', 300), ('gps', 400), ('guard', 100), ('link/commands', 150))]
 
@@ -52,7 +57,7 @@ def plan(*arguments: str, ros: tuple[str, ...] = ()) -> int:
 
 def test_without_execution_times_the_code_is_3_and_the_remedy_is_told(
         capsys: pytest.CaptureFixture[str]) -> None:
-    assert plan() == 3
+    assert plan('--no-typical') == 3
     text = capsys.readouterr().out
     assert 'not judged: imu, gps, guard: its execution time is not known' in text
     assert 'plan --measure 10' in text
@@ -90,10 +95,49 @@ def test_json_says_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert tasks['imu']['execution_ns'] == 300_000
     assert tasks['imu']['execution_from'] == 'option'
     assert tasks['imu']['verdict'] == 'ok'
-    assert tasks['core/watch']['verdict'] == 'unknown'
+    assert tasks['core/watch']['execution_from'] == 'typical'
     assert found['hyper_period_ns'] == 100_000_000
-    assert plan('--json') == 3
+    assert plan('--json', '--no-typical') == 3
     assert json.loads(capsys.readouterr().out)['schedulable'] is None
+
+
+@pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda path: path.stem)
+def test_a_shipped_configuration_is_answered_without_a_measurement(
+        path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(['--json', '--ros-args', '--params-file', str(path)], NoCore) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['schedulable'] is True
+    assert {task['execution_from'] for task in found['tasks']} == {'typical'}
+    assert not {task['verdict'] for task in found['tasks']} & {'unknown', 'overload'}
+    assert any(note.startswith('typical execution times are no bounds') for note in found['notes'])
+
+
+def test_a_module_of_somebody_has_no_typical_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert plan(ros=('modules:=[guard, second]', 'second.type:=plan_modules:Second')) == 3
+    assert 'not judged: second' in capsys.readouterr().out
+
+
+def test_a_device_that_finds_more_samples_in_a_poll_takes_longer() -> None:
+    def time_ns(rate_hz: float) -> int:
+        settings = load([ROBOT], {'imu.rate_hz': rate_hz, 'imu.output_rate_hz': 200.0})
+        tasks = {task.name: task for task in robot_tasks(
+            settings, given=Given(typical=shipped())).tasks}
+        return tasks['imu'].execution_ns or 0
+
+    assert time_ns(20.0) == 10 * time_ns(200.0) == 10 * time_ns(400.0)
+
+
+def test_what_was_measured_or_declared_goes_before_what_is_typical() -> None:
+    settings = load([ROBOT], {'imu.execution_us': 70.0, 'gps.budget_us': 300.0,
+                              'gps.on_budget': 'abort'})
+    typical = Given(typical=shipped())
+    origins = robot_tasks(settings, given=typical).origins
+    assert [origins[name] for name in ('imu', 'gps', 'guard')] == [
+        'declared', 'budget', 'typical']
+    only_gps = Measured(10 ** 9, {'gps': MeasuredTask(60, 0, 9, 9, 10 ** 6, 0, 0, 0)})
+    origins = robot_tasks(settings, only_gps, typical).origins
+    assert [origins[name] for name in ('imu', 'gps', 'guard')] == [
+        'declared', 'measured', 'unknown']
 
 
 def test_all_bad_input_is_told_at_once(
