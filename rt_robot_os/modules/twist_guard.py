@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
@@ -51,6 +54,8 @@ class TwistGuard(Module):
     )
 
     _arrived_ns = 0
+    _late_ns = 0
+    _late = 0
 
     def safe_state(self) -> None:
         """Publish a standstill."""
@@ -64,12 +69,28 @@ class TwistGuard(Module):
         now_ns = command.topic.kernel.now_ns()
         if command.latest():
             self._arrived_ns = now_ns
+            self._late_ns = 0
         message = self.safe.msg
         age_ns = max(command.age_ns, now_ns - self._arrived_ns)
-        if command.seq < 0 or age_ns > self.settings['timeout_s'] * NS_PER_S:
+        timeout_ns = self.settings['timeout_s'] * NS_PER_S
+        if command.seq < 0 or age_ns > timeout_ns:
+            if command.seq >= 0 and now_ns == self._arrived_ns:
+                self._late_ns = age_ns
+                self._late += 1
+            elif now_ns - self._arrived_ns > timeout_ns:
+                self._late_ns = 0  # nobody steers any more
             message.linear = message.angular = (0.0, 0.0, 0.0)
         else:
             linear, angular = self.settings['linear_max_m_s'], self.settings['angular_max_rad_s']
             message.linear = [_limited(v, linear) for v in command.msg.linear]
             message.angular = [_limited(v, angular) for v in command.msg.angular]
         self.safe.publish()
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell of commands that were too old when they came."""
+        warning = ''
+        if self._late_ns:
+            warning = (f'commands come, but their stamps are {self._late_ns / NS_PER_S:.1f} s old '
+                       f'(timeout_s {self.settings["timeout_s"]:g}): the robot is held; are the '
+                       'clocks synchronised?')
+        return {'too_old': self._late, 'warning': warning}

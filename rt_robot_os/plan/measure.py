@@ -26,7 +26,6 @@ from typing import Protocol
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.kernel.histogram import Summary
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.facts import CoreStatistics
 from rt_robot_os.plan.measured import Measured
@@ -44,6 +43,7 @@ _LONGEST_PUMP_S = 0.05
 _TIMEOUT_S = 5.0
 
 Tell = Callable[[str], None]
+Longest = Callable[[TaskStatistics], int]
 
 
 class CoreRunner(Protocol):
@@ -66,7 +66,7 @@ class CoreRunner(Protocol):
 
 
 def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: float,
-            tell: Tell, of: Callable[[Summary], int] = attrgetter('maximum_ns')) -> Measured:
+            tell: Tell, of: Longest = attrgetter('execution.maximum_ns')) -> Measured:
     """
     Start a core, do what the node of the robot would do, and take its statistics.
 
@@ -75,7 +75,7 @@ def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: f
     :param path: of the core's socket.
     :param seconds: how long, after the devices deliver and everything is warm.
     :param tell: called with what happens, for people.
-    :param of: what counts of the execution times of a task.
+    :param of: what counts as the longest execution time of a task.
     :raises LinkError: the core did not start, or ended.
     """
     process.start()
@@ -173,7 +173,7 @@ def _cpu_ns(pid: int) -> int:
 
 
 def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _StandIn,
-            of: Callable[[Summary], int]) -> Measured:
+            of: Longest) -> Measured:
     elapsed_ns = max(1, after.core['now_ns'] - before.core['now_ns'])
     idle = {device['name']: device['reason'] or f"the device was {device['state']}"
             for device in after.devices if device['state'] != 'active'}
@@ -185,10 +185,10 @@ def _result(before: CoreStatistics, after: CoreStatistics, cpu_ns: int, robot: _
         idle=idle, refused=refused, fed=robot.fed)
 
 
-def _task(task: TaskStatistics, of: Callable[[Summary], int]) -> MeasuredTask:
+def _task(task: TaskStatistics, of: Longest) -> MeasuredTask:
     return MeasuredTask(
         priority=task.priority, period_ns=task.period_ns, releases=task.releases, runs=task.runs,
-        execution_ns=of(task.execution), native_ns=task.blocked_maximum_ns,
+        execution_ns=of(task), native_ns=task.blocked_maximum_ns,
         latency_ns=task.latency.maximum_ns, response_ns=task.response_maximum_ns)
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import struct
+import time
 from typing import Any
 
 from rclpy.node import Node
@@ -30,9 +31,14 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.stamped import Header as StampedHeader
+from rt_robot_os.link.stamped import STAMPED_BYTES
+from rt_robot_os.link.stamped import stamped_type
+from rt_robot_os.link.stamped import take_off
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.topics.resolve import message_class
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _STAMP = struct.Struct('<iI')
@@ -46,6 +52,10 @@ def qos_of(mirror: MirrorSettings) -> QoSProfile:
                      else QoSReliabilityPolicy.BEST_EFFORT),
         durability=(QoSDurabilityPolicy.TRANSIENT_LOCAL
                     if mirror.durability == 'transient_local' else QoSDurabilityPolicy.VOLATILE))
+
+
+def _ros_class(mirror: MirrorSettings) -> Any:
+    return message_class(stamped_type(mirror.message) if mirror.stamped else mirror.message)
 
 
 class OutwardMirror:
@@ -62,8 +72,9 @@ class OutwardMirror:
         self.missed = 0
         self._line = mapper.line()
         self._stamp_offset: int | None = None
+        self._header = StampedHeader(settings.frame_id) if settings.stamped else None
         self.publisher = node.create_publisher(
-            message_class(settings.message), settings.ros_topic, qos_of(settings))
+            _ros_class(settings), settings.ros_topic, qos_of(settings))
         self._publish: Callable[[bytes], None] = self.publisher.publish
 
     def connect(self, info: TopicInfo) -> None:
@@ -78,7 +89,10 @@ class OutwardMirror:
                              *divmod(self._line.wall_ns(head.stamp_ns), NS_PER_S))
         self.missed = head.missed
         self.published += 1
-        self._publish(bytes(cdr))
+        if self._header is not None:
+            self._publish(self._header.put_on(cdr, self._line.wall_ns(head.stamp_ns)))
+        else:
+            self._publish(bytes(cdr))
 
 
 class InwardMirror:
@@ -86,17 +100,22 @@ class InwardMirror:
     One topic from ROS 2 to the core.
 
     :ivar received: samples that ROS 2 delivered.
-    :ivar dropped: samples that came while there was no core, or that it did not take.
+    :ivar dropped: samples that came while there was no core, or that it did not take, or that
+        were no message of their type.
+    :ivar stamp_age_ms: of the last sample with a header, how long ago its stamp was; negative when
+        the sender's clock is ahead.
     """
 
     def __init__(self, node: Node, settings: MirrorSettings) -> None:
         self.settings = settings
         self.received = self.dropped = 0
+        self.stamp_age_ms = 0.0
+        self._now_ns: Callable[[], int] = lambda: node.get_clock().now().nanoseconds
         self._client: LinkClient | None = None
         self._channel = 0
         self.subscription = node.create_subscription(
-            message_class(settings.message), settings.ros_topic, self._carry, qos_of(settings),
-            raw=True)
+            _ros_class(settings), settings.ros_topic,
+            self._carry_stamped if settings.stamped else self._carry, qos_of(settings), raw=True)
 
     def connect(self, client: LinkClient | None) -> None:
         """
@@ -108,16 +127,37 @@ class InwardMirror:
             self._channel = client.advertise(self.settings.topic)
         self._client = client
 
-    def _carry(self, cdr: bytes) -> None:
+    def _carry_stamped(self, cdr: bytes) -> None:
+        """Take the header off; its age by ROS time, simulated or not, is that of the sample."""
+        try:
+            stamp_ns, body = take_off(cdr, STAMPED_BYTES[self.settings.message])
+        except ValueError:
+            self.received += 1
+            self.dropped += 1
+            return
+        age_ns = self._now_ns() - stamp_ns if stamp_ns else 0  # 0: the sender has not filled it in
+        self.stamp_age_ms = round(age_ns / NS_PER_MS, 1)
+        # What is stamped in the future is as old as its arrival: never younger.
+        self._carry(body, max(1, time.monotonic_ns() - max(0, age_ns)))
+
+    def _carry(self, cdr: bytes, stamp_ns: int = 0) -> None:
         self.received += 1
         client = self._client
         if client is None:
             self.dropped += 1
             return
         try:
-            client.publish(self._channel, cdr)
+            client.publish(self._channel, cdr, stamp_ns)
         except LinkError:
             self.dropped += 1
+
+
+    def counters(self) -> dict[str, Any]:
+        """Give what is shown of it."""
+        counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
+        if self.settings.stamped:
+            counted['stamp_age_ms'] = self.stamp_age_ms
+        return counted
 
 
 class Mirrors:
@@ -214,5 +254,5 @@ class Mirrors:
             (f'{m.settings.topic} -> {m.settings.ros_topic}',
              {'published': m.published, 'missed': m.missed}) for m in self.outward]
         rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
-                  {'received': m.received, 'dropped': m.dropped}) for m in self.inward]
+                  m.counters()) for m in self.inward]
         return rows

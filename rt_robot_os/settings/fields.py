@@ -186,9 +186,13 @@ MIRROR: Final = (
           choices=('drain', 'latest'), live=True),
     Field('max_rate_hz', float, 0.0, 'most samples a second; 0: no limit', 'Hz', 0.0, FASTEST_HZ,
           live=True),
-    Field('reliability', str, 'reliable', 'quality of service',
-          choices=('reliable', 'best_effort')),
+    Field('reliability', str, 'auto', 'quality of service; auto: reliable outward, inward '
+          'best_effort, which hears every publisher, and reliable with transient_local',
+          choices=('auto', 'reliable', 'best_effort')),
     Field('durability', str, 'volatile', 'quality of service',
           choices=('volatile', 'transient_local')),
     Field('depth', int, 10, 'length of the ROS queue', 'samples', 1, 10_000),
+    Field('stamped', bool, False, 'the ROS topic has the type with a header, such as TwistStamped '
+          'where the core has Twist; inward its age counts as that of the sample'),
+    Field('frame_id', str, '', 'in the header of what goes out, with stamped: true'),
 )

@@ -240,6 +240,8 @@ class MirrorSettings:
     :ivar reliability: ``reliable`` or ``best_effort``.
     :ivar durability: ``volatile`` or ``transient_local``.
     :ivar depth: of the ROS queue.
+    :ivar stamped: the ROS topic has the type with a header.
+    :ivar frame_id: in the header of what goes out.
     """
 
     name: str
@@ -252,6 +254,8 @@ class MirrorSettings:
     reliability: str
     durability: str
     depth: int
+    stamped: bool = False
+    frame_id: str = ''
 
 
 @dataclass(frozen=True, slots=True)

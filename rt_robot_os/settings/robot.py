@@ -155,4 +155,7 @@ def _build_topic(section: Section) -> TopicSettings:
 def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:
     values = {**section.values, 'message': table.message(section.values['topic'])}
     values['ros_topic'] = values['ros_topic'] or values['topic']
+    if values['reliability'] == 'auto':
+        hears_all = values['direction'] == 'in' and values['durability'] == 'volatile'
+        values['reliability'] = 'best_effort' if hears_all else 'reliable'
     return MirrorSettings(name=section.name, **values)

@@ -26,6 +26,8 @@ from dataclasses import field
 import os
 
 from rt_robot_os.errors import LayoutError
+from rt_robot_os.link.stamped import FRAME_ID_BYTES_MAXIMUM
+from rt_robot_os.link.stamped import STAMPED_BYTES
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import SUBSCRIBERS_MAXIMUM
@@ -220,6 +222,7 @@ def check_mirrors(
         topic, direction = values.get('topic'), values.get('direction')
         if topic is None or not _check_core_topic(mirror, topic, table, problems):
             continue
+        _check_stamped(mirror, topic, table, problems)
         ros_topic = values.get('ros_topic')
         if ros_topic is None or direction is None:
             continue
@@ -240,6 +243,21 @@ def check_mirrors(
             problems.value(origin, label, ros_topic or topic,
                            f'mirror {opposite.name} ({opposite.origin}) has {full} the other way: '
                            'it would hear itself, give each its own')
+
+
+def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Problems) -> None:
+    frame_id = mirror.values.get('frame_id', '')
+    if len(frame_id.encode()) > FRAME_ID_BYTES_MAXIMUM or '\0' in frame_id:
+        mirror.reject('frame_id', f'must have at most {FRAME_ID_BYTES_MAXIMUM} bytes', problems)
+    if topic not in table.declared:
+        return
+    message = table.message(topic)
+    if not mirror.values.get('stamped'):
+        if frame_id:
+            mirror.reject('frame_id', 'is used with stamped: true only', problems)
+    elif message not in STAMPED_BYTES:
+        mirror.reject('stamped', f'{topic!r} is a {message}: only these can be had with a header: '
+                      f'{", ".join(STAMPED_BYTES)}', problems)
 
 
 def _check_core_topic(

@@ -28,6 +28,8 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from geometry_msgs.msg import Twist  # noqa: E402
+from geometry_msgs.msg import TwistStamped  # noqa: E402
+from geometry_msgs.msg import Vector3  # noqa: E402
 from lifecycle_msgs.msg import Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
 from rcl_interfaces.msg import Parameter  # noqa: E402
@@ -36,6 +38,8 @@ from rcl_interfaces.msg import ParameterValue  # noqa: E402
 from rcl_interfaces.srv import DescribeParameters  # noqa: E402
 from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from rclpy.qos import QoSReliabilityPolicy  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
@@ -110,6 +114,51 @@ def test_commands_go_in_and_come_out_guarded(world: Any, until: Until) -> None:
         return any(m.linear.x == 1.0 and m.angular.z == 0.25 for m in list(safe))
 
     until(steer, 'a limited command')
+
+
+STAMPED = GUARD.replace('timeout_s: 60.0', 'timeout_s: 5.0').replace(
+    'direction: in', 'direction: in, stamped: true').replace(
+    'direction: out', 'direction: out, stamped: true, frame_id: base_link')
+
+
+def test_stamped_commands_go_in_and_come_out_and_their_age_counts(
+        world: Any, until: Until) -> None:
+    safe = world.listen(TwistStamped, '/cmd_vel_safe')
+    diagnostics = world.listen(DiagnosticArray, '/diagnostics')
+    commands = world.node.create_publisher(TwistStamped, '/cmd_vel', 10)
+    world.robot(STAMPED)
+    command = TwistStamped()
+    command.header.frame_id = 'a frame of any length'
+
+    def steer(speed_m_s: float, age_s: float) -> bool:
+        now_ns = world.node.get_clock().now().nanoseconds - round(age_s * 1e9)
+        command.header.stamp.sec, command.header.stamp.nanosec = divmod(now_ns, 10 ** 9)
+        command.twist.linear.x = speed_m_s
+        commands.publish(command)
+        return any(m.twist.linear.x == speed_m_s for m in list(safe)[-5:])
+
+    until(lambda: steer(0.5, 0.0), 'a fresh command')
+    assert safe[-1].header.frame_id == 'base_link'
+    now_s = world.node.get_clock().now().nanoseconds / 1e9
+    assert abs(safe[-1].header.stamp.sec - now_s) < 60
+    until(lambda: steer(0.25, 3600.0) or 'clocks synchronised' in values_of(
+        diagnostics, 'robot: module guard').get('message', ''), 'a warning')
+    assert not steer(0.25, 3600.0)
+    until(lambda: steer(0.75, -3600.0), 'a command of a sender whose clock is ahead')
+
+
+def test_an_inward_mirror_hears_publishers_of_either_reliability(
+        world: Any, until: Until) -> None:
+    safe = world.listen(Twist, '/cmd_vel_safe')
+    best_effort = world.node.create_publisher(Twist, '/cmd_vel', QoSProfile(
+        depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT))
+    world.robot(GUARD)
+
+    def steer() -> bool:
+        best_effort.publish(Twist(linear=Vector3(x=0.5)))
+        return any(m.linear.x == 0.5 for m in list(safe))
+
+    until(steer, 'a command that was sent best effort')
 
 
 def test_a_rate_changes_while_it_runs_and_a_bad_one_is_refused_with_the_reason(

@@ -157,3 +157,34 @@ def test_no_stamp_keeps_the_guard_from_stopping_the_robot(
     # It came at 0.29 s and the guard, which looks each 0.1 s, saw it at 0.3 s. It is too old from
     # 0.8 s on; where its own stamp is of no use, from 0.9 s.
     assert speeds == [0.0] * 3 + [0.5] * moving + [0.0] * (13 - moving)
+
+
+@pytest.mark.parametrize(('stamp_age_ns', 'moves'), [(0, True), (300 * MS, True), (2 * S, False),
+                                                      (-2 * S, True)])
+def test_the_guard_goes_by_the_age_of_the_stamp_and_says_when_it_is_too_old(
+        kernel: Kernel, stamp_age_ns: int, moves: bool) -> None:
+    bus = Bus(kernel)
+    bus.declare('cmd_vel', 'geometry_msgs/msg/Twist')
+    guard = TwistGuard('guard', {f.name: f.default for f in TwistGuard.fields()})
+    guard.declare(bus, 50.0)
+    guard.bind(bus, kernel.add_task('guard', guard.job, priority=40, rate_hz=50.0))
+    command = bus.publisher('cmd_vel')
+    command.msg.linear.x = 0.5
+    steering = True
+
+    def steer() -> None:
+        if steering:
+            # As the link does: what is stamped in the future has come now.
+            command.publish(min(kernel.now_ns(), kernel.now_ns() - stamp_age_ns))
+
+    kernel.run(3 * S)
+    kernel.add_task('steer', steer, priority=50, rate_hz=20.0)
+    kernel.run(S)
+    result = bus.subscribe('cmd_vel_safe', 'test', initial=True)
+    assert result.latest() and (result.msg.linear.x == 0.5) is moves
+    warning = guard.statistics()['warning']
+    assert ('stamps are 2.0 s old' in warning) is not moves
+    assert (guard.statistics()['too_old'] > 0) is not moves
+    steering = False
+    kernel.run(S)
+    assert guard.statistics()['warning'] == ''

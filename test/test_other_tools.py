@@ -1,0 +1,103 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What comes for other tools fits the default robot: launch file, aggregator, Foxglove layout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import json
+from pathlib import Path
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from rt_robot_os.settings import load
+import yaml
+
+pytest.importorskip('geometry_msgs.msg', reason='the ROS 2 messages are not installed')
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / 'config'
+ROS_TOPICS = {'/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+              '/rosout': 'rcl_interfaces/msg/Log'}
+
+
+def panels(layout: Any) -> Iterator[str]:
+    """Give the panels of a layout, which is a tree of splits."""
+    if isinstance(layout, str):
+        yield layout
+        return
+    assert layout['direction'] in ('row', 'column') and 0 < layout['splitPercentage'] < 100
+    yield from panels(layout['first'])
+    yield from panels(layout['second'])
+
+
+def field_of(message: str, path: str) -> Any:
+    """Follow a path of fields through a ROS message."""
+    from rt_robot_os.topics.resolve import message_class
+    found: Any = message_class(message)()
+    for name in path.split('.'):
+        found = getattr(found, name)
+    return found
+
+
+def test_the_foxglove_layout_shows_what_the_default_robot_publishes() -> None:
+    saved = json.loads((CONFIG / 'foxglove_layout.json').read_text())
+    shown = list(panels(saved['layout']))
+    assert sorted(shown) == sorted(saved['configById'])
+    assert {name.partition('!')[0] for name in shown} == {
+        'Plot', 'map', 'DiagnosticSummary', 'DiagnosticStatusPanel', 'RosOut'}
+    robot = load([CONFIG / 'robot.yaml'])
+    topics = {f'/{mirror.ros_topic}': mirror.message for mirror in robot.mirrors} | ROS_TOPICS
+    for name, panel in saved['configById'].items():
+        for key in ('topicToRender', 'followTopic'):
+            assert panel.get(key, '/rosout') in topics, name
+        for path in panel.get('paths', ()):
+            topic, _, field = path['value'].partition('.')
+            assert isinstance(field_of(topics[topic], field), float), path
+
+
+def test_every_status_of_the_robot_is_in_one_group_of_the_aggregator() -> None:
+    groups = yaml.safe_load((CONFIG / 'diagnostics_aggregator.yaml').read_text())[
+        '/**']['ros__parameters']
+    assert groups.pop('path') and groups.pop('pub_rate')
+    prefixes = [prefix for group in groups.values() for key, values in group.items()
+                if key in ('startswith', 'find_and_remove_prefix') for prefix in values]
+    source = (ROOT / 'rt_robot_os' / 'ros' / 'diagnostics.py').read_text()
+    names = re.findall(r"f'\{self\._name\}: (\w+)", source)
+    assert {'core', 'device', 'task', 'topic', 'client', 'clock'} <= set(names)
+    for name in names:
+        matching = [prefix for prefix in prefixes if f'robot: {name} x'.startswith(prefix)
+                    or f'robot: {name}' == prefix]
+        assert len(matching) == 1, (name, matching)
+
+
+def test_the_launch_file_passes_on_what_it_takes() -> None:
+    text = (ROOT / 'launch' / 'robot.launch.xml').read_text()
+    launch = ElementTree.fromstring(text)
+    taken = [each.get('name') for each in launch.iter('arg')]
+    assert taken == ['params_file', 'name', 'namespace', 'log_level', 'respawn', 'respawn_delay']
+    assert set(re.findall(r'\$\(var (\w+)\)', text)) == set(taken)
+    node, = launch.iter('node')
+    assert node.get('name') == '$(var name)' and node.get('respawn') == '$(var respawn)'
+    assert all(each.get('description') for each in launch.iter('arg'))
+
+
+@pytest.mark.parametrize('name', ['robot', 'rover'])
+def test_the_default_configuration_is_for_a_node_of_any_name(name: str) -> None:
+    assert [device.name for device in load([CONFIG / 'robot.yaml'], node=name).devices] == [
+        'imu', 'gps']
