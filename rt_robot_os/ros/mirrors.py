@@ -151,7 +151,6 @@ class InwardMirror:
         except LinkError:
             self.dropped += 1
 
-
     def counters(self) -> dict[str, Any]:
         """Give what is shown of it."""
         counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}

@@ -22,17 +22,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.link.stamped import Header
-from rt_robot_os.link.stamped import STAMPED_BYTES
-from rt_robot_os.link.stamped import stamped_type
-from rt_robot_os.link.stamped import take_off
-from rt_robot_os.topics import Layout
-from rt_robot_os.topics.resolve import message_class
-
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 from rclpy.serialization import deserialize_message  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
+from rt_robot_os.link.stamped import Header  # noqa: E402
+from rt_robot_os.link.stamped import STAMPED_BYTES  # noqa: E402
+from rt_robot_os.link.stamped import stamped_type  # noqa: E402
+from rt_robot_os.link.stamped import take_off  # noqa: E402
+from rt_robot_os.topics import Layout  # noqa: E402
+from rt_robot_os.topics.resolve import message_class  # noqa: E402
 
 BODY = {'Accel': 'accel', 'Point': 'point', 'Pose': 'pose', 'Quaternion': 'quaternion',
         'Twist': 'twist', 'Vector3': 'vector', 'Wrench': 'wrench'}

@@ -159,8 +159,8 @@ def test_no_stamp_keeps_the_guard_from_stopping_the_robot(
     assert speeds == [0.0] * 3 + [0.5] * moving + [0.0] * (13 - moving)
 
 
-@pytest.mark.parametrize(('stamp_age_ns', 'moves'), [(0, True), (300 * MS, True), (2 * S, False),
-                                                      (-2 * S, True)])
+@pytest.mark.parametrize(('stamp_age_ns', 'moves'), [
+    (0, True), (300 * MS, True), (2 * S, False), (-2 * S, True)])
 def test_the_guard_goes_by_the_age_of_the_stamp_and_says_when_it_is_too_old(
         kernel: Kernel, stamp_age_ns: int, moves: bool) -> None:
     bus = Bus(kernel)
