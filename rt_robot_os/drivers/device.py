@@ -240,6 +240,10 @@ class Device(ABC):
         """
         return ''
 
+    def silence(self) -> str:
+        """Say what to check when nothing comes; asked once each time the device is given up."""
+        return self.IF_SILENT
+
     @abstractmethod
     def publications(self) -> tuple[Publication, ...]:
         """Say what the device publishes; does not change while the device lives."""

@@ -14,7 +14,9 @@
 
 
 """
-The serial device: everything between a serial port and the frames of a protocol.
+The serial device: everything between a port and the frames of a protocol.
+
+The port is a serial line, or what carries the same bytes over a network (``ports.py``).
 
 A driver for a serial device adds a decoder and says what a frame means; see ``witmotion.py``.
 """
@@ -33,8 +35,13 @@ from typing import TypeVar
 
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import DeviceStatistics
+from rt_robot_os.drivers.device import SamplePublisher
+from rt_robot_os.drivers.ports import address_of
+from rt_robot_os.drivers.ports import open_port
+from rt_robot_os.drivers.ports import Port
+from rt_robot_os.drivers.ports import prepare_port
+from rt_robot_os.drivers.ports import silence_of
 from rt_robot_os.drivers.recognise import recognised
-from rt_robot_os.drivers.transport import SerialPort
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
@@ -61,21 +68,6 @@ class Frame(Protocol):
 
 FrameT = TypeVar('FrameT', bound=Frame)
 FrameOutT = TypeVar('FrameOutT', bound=Frame, covariant=True)
-
-
-class Port(Protocol):
-    """What a serial device needs of :class:`SerialPort`; a replay puts recorded bytes in place."""
-
-    bytes_read: int
-    dropped_write_bytes: int
-
-    def fileno(self) -> int: ...
-
-    def read(self) -> bytes: ...
-
-    def write(self, data: bytes) -> None: ...
-
-    def close(self) -> None: ...
 
 
 class Decoder(Protocol[FrameOutT]):
@@ -117,9 +109,11 @@ def serial_settings(
     :param rates_hz: the only rates it can send at; empty allows all.
     """
     return (
-        Field('port', str, REQUIRED, 'Serial port, best one of /dev/serial/by-id; '
+        Field('port', str, REQUIRED, 'Serial port, best one of /dev/serial/by-id; or '
+              'tcp://host:port, udp://host:port, udp-listen://:port, gpsd://host; '
               'sim is a simulated device.'),
-        Field('baud', int, baud, 'Speed of the serial line; 0 for a pty.', unit='bit/s',
+        Field('baud', int, baud, 'Speed of the serial line; 0 for a pty. '
+              'Nothing on a network.', unit='bit/s',
               minimum=0, maximum=4_000_000),
         Field('frame_id', str, frame_id, 'Coordinate frame of the samples.'),
         Field('topic', str, topic, 'Topic of the samples.'),
@@ -141,7 +135,7 @@ class SerialDevice(Device, Generic[FrameT]):
     """
 
     TAPPED = True
-    make_port: Callable[[str, int], Port] = SerialPort
+    make_port: Callable[[str, int], Port] = staticmethod(open_port)
 
     def __init__(
         self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT],
@@ -150,9 +144,13 @@ class SerialDevice(Device, Generic[FrameT]):
         Keep settings and decoder; nothing is opened.
 
         :param decoder: what turns the bytes into frames.
+        :raises ConfigError: the port is neither a path nor an address.
         """
         super().__init__(name, settings)
-        baud: int = settings['baud']
+        # Bytes of a network do not come one by one, so their frames are not dated back.
+        networked = address_of(name, 'port', settings['port']) is not None
+        baud: int = 0 if networked else settings['baud']
+        self._baud = baud
         self._decoder = decoder
         self._byte_ns = BITS_PER_BYTE * NS_PER_S // baud if baud else 0
         self._port: Port | None = None
@@ -187,6 +185,16 @@ class SerialDevice(Device, Generic[FrameT]):
         :return: number of samples published.
         """
         return 0
+
+    def bind(self, publishers: Sequence[SamplePublisher]) -> None:
+        """
+        Take the publishers, and look up the host of the port, if it has one.
+
+        :raises TopicError: there are more or fewer of them than publications.
+        """
+        super().bind(publishers)
+        if self.make_port is open_port:
+            prepare_port(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
         """
@@ -260,7 +268,11 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def diagnosis(self) -> str:
         """Say whose bytes those are that came and made no frame."""
-        return recognised(self._strange, self.settings['baud'])
+        return recognised(self._strange, self._baud)
+
+    def silence(self) -> str:
+        """Say what to check when nothing comes."""
+        return silence_of(self._port) or self.IF_SILENT
 
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""

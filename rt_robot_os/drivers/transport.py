@@ -23,6 +23,8 @@ calls ``select`` before it reads, 4.3 us against 1.1 us for the same 55 bytes (m
 
 from __future__ import annotations
 
+from abc import ABC
+from abc import abstractmethod
 import errno
 import fcntl
 import os
@@ -44,43 +46,23 @@ _PTY_SLAVE_MAJORS: Final = range(136, 144)
 _UNPACED_BAUD: Final = 9600
 
 
-class SerialPort:
+class StreamPort(ABC):
     """
-    A serial port or a pty, raw, non-blocking and ours alone.
+    A stream of bytes in both directions on a file descriptor that never blocks.
 
-    Two locks keep others off. ``flock`` (what pyserial calls exclusive) is seen by programs that
-    ask for it, root included, and ends with the process. ``TIOCEXCL`` makes every later open fail,
-    but on a pty it outlives a killed process, so it is set on real ports only.
-
-    :ivar path: the port.
     :ivar bytes_read: bytes taken from the port since it was opened.
     :ivar dropped_write_bytes: bytes that found no room, since the port was opened.
     """
 
-    def __init__(self, path: str, baud: int | None) -> None:
-        """
-        Open the port and discard what had been received before.
-
-        :param path: such as ``/dev/ttyUSB0``; a symbolic link is followed.
-        :param baud: bits a second; None or 0 for a pty, which has no speed.
-        :raises DeviceError: the port cannot be opened; the message names cause and remedy.
-        """
-        self.path = path
+    def __init__(self) -> None:
         self.bytes_read = 0
         self.dropped_write_bytes = 0
         self._unsent = bytearray()
-        try:
-            self._serial: Any = serial.Serial(
-                path, baud or _UNPACED_BAUD, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, ValueError, OverflowError, termios.error) as error:
-            raise _open_error(path, baud, error) from error
-        self._fd: int = self._serial.fd
-        self._real = os.major(os.fstat(self._fd).st_rdev) not in _PTY_SLAVE_MAJORS
-        try:
-            self._prepare()
-        except (OSError, termios.error) as error:
-            self.close()
-            raise _open_error(path, baud, error) from error
+        self._fd = -1
+
+    def silence(self) -> str:
+        """Say what to check when nothing comes; empty when that is up to the device."""
+        return ''
 
     def fileno(self) -> int:
         """Give the file descriptor, for waiting until it is readable; -1 when closed."""
@@ -129,6 +111,62 @@ class SerialPort:
             raise self._gone(error) from error
         del self._unsent[:sent]
 
+    @abstractmethod
+    def close(self) -> None:
+        """Close the port; may be called twice and does not raise."""
+
+    def _read_on(self, data: bytes) -> bytes:
+        parts = [data]
+        for _ in range(_MAX_READS - 1):
+            try:
+                data = os.read(self._fd, _READ_SIZE)
+            except OSError:
+                break  # none left, or gone: then the next read says so, and these are not lost
+            if data:
+                parts.append(data)
+            if len(data) < _FULL_READ:
+                break
+        return b''.join(parts)
+
+    @abstractmethod
+    def _gone(self, error: OSError | None) -> DeviceError:
+        """Say that the port is gone; None is the end of the stream."""
+
+
+class SerialPort(StreamPort):
+    """
+    A serial port or a pty, raw, non-blocking and ours alone.
+
+    Two locks keep others off. ``flock`` (what pyserial calls exclusive) is seen by programs that
+    ask for it, root included, and ends with the process. ``TIOCEXCL`` makes every later open fail,
+    but on a pty it outlives a killed process, so it is set on real ports only.
+
+    :ivar path: the port.
+    """
+
+    def __init__(self, path: str, baud: int | None) -> None:
+        """
+        Open the port and discard what had been received before.
+
+        :param path: such as ``/dev/ttyUSB0``; a symbolic link is followed.
+        :param baud: bits a second; None or 0 for a pty, which has no speed.
+        :raises DeviceError: the port cannot be opened; the message names cause and remedy.
+        """
+        super().__init__()
+        self.path = path
+        try:
+            self._serial: Any = serial.Serial(
+                path, baud or _UNPACED_BAUD, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError, OverflowError, termios.error) as error:
+            raise _open_error(path, baud, error) from error
+        self._fd = self._serial.fd
+        self._real = os.major(os.fstat(self._fd).st_rdev) not in _PTY_SLAVE_MAJORS
+        try:
+            self._prepare()
+        except (OSError, termios.error) as error:
+            self.close()
+            raise _open_error(path, baud, error) from error
+
     def close(self) -> None:
         """Close the port; may be called twice and does not raise."""
         if self._fd < 0:
@@ -162,19 +200,6 @@ class SerialPort:
                     return
             except BlockingIOError:
                 return
-
-    def _read_on(self, data: bytes) -> bytes:
-        parts = [data]
-        for _ in range(_MAX_READS - 1):
-            try:
-                data = os.read(self._fd, _READ_SIZE)
-            except OSError:
-                break  # none left, or gone: then the next read says so, and these are not lost
-            if data:
-                parts.append(data)
-            if len(data) < _FULL_READ:
-                break
-        return b''.join(parts)
 
     def _gone(self, error: OSError | None) -> DeviceError:
         cause = os.strerror(error.errno) if error is not None and error.errno else 'end of file'

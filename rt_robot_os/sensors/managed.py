@@ -213,7 +213,7 @@ class ManagedDevice:
         if came:
             remedy = self.device.diagnosis() or self.device.IF_GARBAGE
             return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
-        return f'silent for {seconds:g} s: {self.device.IF_SILENT}'
+        return f'silent for {seconds:g} s: {self.device.silence()}'
 
     def _fault(self, reason: str, kind: str = '') -> None:
         """
