@@ -190,7 +190,7 @@ class UdpPort:
 
         :raises DeviceError: the device cannot be reached.
         """
-        parts = []
+        parts: list[bytes] = []
         size = 0
         while size < _MAX_READ:
             try:
