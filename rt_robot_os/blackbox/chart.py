@@ -115,8 +115,8 @@ class _Chart:
             row = self._rows[blocked.task]
             self._box(row.blocking, blocked.from_ns, blocked.at_ns)
             if self._inside(blocked.from_ns):
-                names = ', '.join(history.tasks[v].name for v in blocked.victims) or 'nobody'
-                row.notes.append((self._ms(blocked.from_ns), 'native call blocks ' + names + ' '
+                row.notes.append((self._ms(blocked.from_ns), 'native call blocks '
+                                  + history.held_up_by(blocked) + ' '
                                   + duration(blocked.at_ns - blocked.from_ns)))
         order = sorted(self._busy, key=lambda i: (-history.tasks[i].priority, i))
         if not order:

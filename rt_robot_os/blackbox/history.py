@@ -173,6 +173,11 @@ class History:
             task: time_ns for task, time_ns in self.who_ran(job.release_ns, job.start_ns).items()
             if self.tasks[task].priority < priority})
 
+    def held_up_by(self, blocked: Blocked) -> str:
+        """Name whom a native call held up."""
+        # It has a record because there was one; but a job has its own only when it ends.
+        return ', '.join(self.tasks[v].name for v in blocked.victims) or 'one that did not end yet'
+
     def between(self, from_ns: int, to_ns: int) -> tuple[Job, ...]:
         """Give the jobs that were released, waited or ran between two moments."""
         return tuple(j for j in self.jobs if j.end_ns >= from_ns and j.release_ns <= to_ns)

@@ -23,7 +23,6 @@ with the native calls that held up others.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Mapping
 from typing import Any
@@ -175,7 +174,7 @@ class _Document:
             tasks = self._history.tasks
             from_ns = max(blocked.from_ns, end_ns)
             end_ns = max(end_ns, blocked.at_ns)
-            victims = _listed(tasks[victim].name for victim in blocked.victims)
+            victims = self._history.held_up_by(blocked)
             time_us = (blocked.at_ns - blocked.from_ns) / NS_PER_US
             yield self._slice(
                 f'native call of {tasks[blocked.task].name} blocked {victims} for '
@@ -183,10 +182,6 @@ class _Document:
                 self._named(_BLOCKED, 'native calls that blocked'),
                 min(from_ns, blocked.at_ns), blocked.at_ns,
                 {'task': tasks[blocked.task].name, 'victims': victims, 'blocked_us': time_us})
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ', '.join(names) or 'nobody'
 
 
 def _moment(moment: Moment) -> tuple[str, dict[str, Any]]:

@@ -132,7 +132,7 @@ def _blockers(history: History) -> str:
         return ''
     lines = [f'native calls that held up others: {len(history.blocked)}, the longest:']
     for blocked in found:
-        victims = ', '.join(history.tasks[v].name for v in blocked.victims) or 'nobody released'
+        victims = history.held_up_by(blocked)
         lines.append(f'  {_at(history, blocked.at_ns)}  {history.tasks[blocked.task].name} for '
                      f'{duration(blocked.at_ns - blocked.from_ns)}: {victims}')
     return '\n'.join(lines)
@@ -164,7 +164,7 @@ def _lines(history: History, jobs: Iterable[Job], moments: Iterable[Moment],
                           f'{hold.resource} after {duration(hold.leave_ns - hold.enter_ns)}'))
     for blocked in history.blocked:
         if blocked.at_ns >= from_ns:
-            victims = ', '.join(history.tasks[v].name for v in blocked.victims) or 'nobody'
+            victims = history.held_up_by(blocked)
             found.append((blocked.at_ns, 500, f'    * native call of '
                           f'{history.tasks[blocked.task].name} blocked {victims} for '
                           f'{duration(blocked.at_ns - blocked.from_ns)}'))

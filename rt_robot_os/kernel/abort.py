@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+from rt_robot_os.units import NS_PER_US
+
 
 class TaskAborted(BaseException):
     """
@@ -31,5 +33,5 @@ class TaskAborted(BaseException):
 
     def __init__(self, task: str, used_ns: int, budget_ns: int) -> None:
         self.used_ns = used_ns
-        super().__init__(f'task {task!r} used {used_ns // 1000} us of its budget of '
-                         f'{budget_ns // 1000} us')
+        what = f'used {used_ns // NS_PER_US} us of its budget of {budget_ns // NS_PER_US} us'
+        super().__init__(f'task {task!r} {what}')

@@ -55,6 +55,12 @@ class Alarms(Consequences):
             self.clock.arm(alarm_ns)
         self._armed_ns = alarm_ns
 
+    def _look_at(self, at_ns: int) -> None:
+        """Let the alarm come no later than that."""
+        if at_ns < self._armed_ns:
+            self._arm(at_ns)
+            self._armed_due_ns = 0
+
     def _arm_ahead(self, level: int, look_ns: int) -> None:
         """
         Set the alarm, and the other one for what comes after, if that is cheap to say.

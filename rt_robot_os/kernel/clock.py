@@ -33,6 +33,7 @@ from typing import Any
 from typing import ClassVar
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.linux.recursion import with_room
 from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
@@ -129,6 +130,7 @@ class MonotonicClock(Clock):
             raise TaskError(
                 f'the kernel was started in thread {threading.current_thread().name!r}: '
                 'Python runs signal handlers in the main thread only; start it there')
+        on_tick, on_interrupt = with_room(on_tick), with_room(on_interrupt)
         handlers: dict[int, Handler] = {TICK_SIGNAL: on_tick, INTERRUPT_SIGNAL: on_interrupt}
         for signo in handlers:
             if signal.getsignal(signo) is not signal.SIG_DFL:

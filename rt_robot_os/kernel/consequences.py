@@ -21,8 +21,7 @@ from collections.abc import Callable
 import functools
 import heapq
 
-from rt_robot_os.kernel.abort import TaskAborted
-from rt_robot_os.kernel.black_box import ABORT
+from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
@@ -39,10 +38,7 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
 REMOVED = -1
-# Time for ``finally`` clauses between the first TaskAborted and the second, at least; after that
-# the task is known to resist, and a strike between two of its handlers is a matter of tries.
-GRACE_NS = NS_PER_MS
-STRIKE_AGAIN_NS = 20 * NS_PER_US
+BLOCKED_NS = 50 * NS_PER_US
 _SUSPECTS_EVERY_NS = 10 * NS_PER_MS
 
 
@@ -149,36 +145,18 @@ class Consequences(KernelState):
         task.miss = (task.runs, release_ns, late_ns)
         self.record((MISS, task, end_ns, late_ns))
 
-    # ---- budgets -----------------------------------------------------------------------------
+    # ---- blocking ----------------------------------------------------------------------------
 
-    def _police(self, task: Task, used_ns: int) -> int:
+    def _held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> None:
         """
-        Strike the interrupted task if it has used what it may.
+        Charge an alarm that came late to the job that ran; what it released is ready by now.
 
-        :param used_ns: its computing time.
-        :return: when to look again.
+        :param at_ns: when the job could be interrupted again.
         """
-        now_ns = self.now_ns()
-        if used_ns >= task.limit_ns:
-            if not task.struck:
-                task.struck = True
-                task.follow |= FOLLOW
-                task.strikes += 1
-                self.record((ABORT, task, now_ns, used_ns))
-            first = task.strikes == 1
-            task.limit_ns = used_ns + (
-                max(GRACE_NS, task.budget_ns) if first else STRIKE_AGAIN_NS)
-        return now_ns + task.limit_ns - used_ns
-
-    def _strike(self, task: Task) -> None:
-        """
-        Raise TaskAborted in the task on the top of the stack; not locked, nothing left to do.
-
-        :raises TaskAborted: always.
-        """
-        task.struck = False
-        used_ns = self.now_ns() - task.start_ns - self._stolen_ns
-        raise TaskAborted(task.name, used_ns, task.budget_ns)
+        if late_ns > task.blocked_maximum_ns:
+            task.blocked_maximum_ns = late_ns
+        if late_ns > BLOCKED_NS and self._ready >> level + 1:
+            self.record((BLOCKED, task, at_ns, late_ns))
 
     # ---- failures ----------------------------------------------------------------------------
 
@@ -190,6 +168,7 @@ class Consequences(KernelState):
         :param outcome: of the job, as its record has it.
         """
         task.failures += outcome == FAILED
+        task.limit_ns, task.over = 0, False
         policy, task.wanted = task.wanted, None
         held = task.follow & HELD
         task.follow = FOLLOW if task.successors else 0
@@ -202,8 +181,9 @@ class Consequences(KernelState):
             self._note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
         if task.strikes:
-            task.aborted += outcome != FAILED and task.strikes > task.struck
+            task.aborted += outcome != FAILED
             policy = self._after_strikes(task, policy, now_ns)
+        task.struck = False  # one that came too late
         if task.state is not TaskState.ACTIVE:  # its safe state was run
             self._withdraw(task)
             task.pending = True
@@ -219,10 +199,7 @@ class Consequences(KernelState):
 
     def _after_strikes(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
-        delivered = task.strikes - task.struck  # the last one may have come too late
-        task.strikes, task.struck = 0, False
-        if not delivered:
-            return policy
+        delivered, task.strikes = task.strikes, 0
         if delivered == 1:
             return policy or task.spec.failure
         self._note_failure(FailureReport(

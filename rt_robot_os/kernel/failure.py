@@ -21,6 +21,8 @@ from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
 
+from rt_robot_os.kernel.abort import TaskAborted
+
 _CALLS_KEPT = 8
 _TEXT_MAXIMUM = 1000
 
@@ -50,16 +52,22 @@ def describe(task: str, at_ns: int, error: BaseException) -> FailureReport:
     Make the report of an exception that came out of a job.
 
     Neither reads source files, which would be I/O in the loop, nor trusts the exception: its
-    ``__str__`` is code of the task's author, which may raise as well, or be endless.
+    ``__str__`` is code of the task's author, which may raise as well, or be endless: whoever calls
+    this bounds its time by a :class:`~rt_robot_os.kernel.TaskAborted`.
     """
-    name = type(error).__name__
+    # Past what the author's class may have put in their places.
+    name: str = type.__dict__['__name__'].__get__(type(error))
     try:
-        text = str(error)
+        text = str.__str__(str(error))
+    except TaskAborted:
+        text = '(its text cannot be had: to make it takes too long)'
     except BaseException as second:
-        text = f'(its text cannot be had: {type(second).__name__})'
-    if len(text) > _TEXT_MAXIMUM:
-        text = f'{text[:_TEXT_MAXIMUM]}... ({len(text)} characters)'
-    traceback = error.__traceback__
+        text = f"(its text cannot be had: {type.__dict__['__name__'].__get__(type(second))})"
+    length = str.__len__(text)
+    text = str.__getitem__(text, slice(0, _TEXT_MAXIMUM))
+    if length > _TEXT_MAXIMUM:
+        text = f'{text}... ({length} characters)'
+    traceback: TracebackType | None = BaseException.__dict__['__traceback__'].__get__(error)
     # The outermost call is the dispatcher's own.
     calls = _innermost_calls(traceback.tb_next if traceback is not None else None)
     return FailureReport(task, at_ns, f'{name}: {text}' if text else name, calls)

@@ -195,7 +195,7 @@ class Kernel(Declarations):
 
     def _on_interrupt(self, signum: int = 0, frame: object = None) -> None:
         self._interrupted = True
-        self._on_tick()
+        self._on_tick(signum)
 
     def _on_break(self, signum: int = 0, frame: object = None) -> None:
         """Stop on Ctrl-C; pressed again, it ends a job that does not end by itself."""

@@ -36,29 +36,26 @@ import heapq
 import sys
 
 from rt_robot_os.kernel.abort import TaskAborted
-from rt_robot_os.kernel.alarms import Alarms
 from rt_robot_os.kernel.black_box import ABORTED
-from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import OK
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.consequences import BLOCKED_NS
 from rt_robot_os.kernel.consequences import REMOVED
-from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.strikes import RECURSION_ROOM
+from rt_robot_os.kernel.strikes import Strikes
 from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.units import NS_PER_US
+from rt_robot_os.linux.recursion import force_recursion_limit
+from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 
-_BLOCKED_NS = 50 * NS_PER_US
-# Python frames that each level of nesting adds to the limit: a task that recursed to its own must
-# not leave too few for those that preempt it.
-_RECURSION_ROOM = 200
 _set_recursion_limit = sys.setrecursionlimit
 
 
-class Scheduler(Alarms):
+class Scheduler(Strikes):
     """Release and dispatch: what runs in every tick. :class:`Kernel` adds the rest."""
 
     __slots__ = ()
@@ -71,36 +68,45 @@ class Scheduler(Alarms):
 
         :raises TaskAborted: in the interrupted task, when it has used up its budget.
         """
-        if self.locked:
-            self.pending = True
+        limit = self._recursion_limit
+        if self.locked or not self.running:
+            self.pending = self.locked
+            if signum:
+                self._narrow(limit)
             return
         self.locked = True
-        if not self.running:
-            self.locked = self.pending = False
-            return
-        limit = self._recursion_limit
+        self._recursion_limit = limit + RECURSION_ROOM
         try:
-            _set_recursion_limit(limit + _RECURSION_ROOM)
+            _set_recursion_limit(limit + RECURSION_ROOM)
         except RecursionError:  # the interrupted task left no room even for this
+            self._recursion_limit = limit
             self.locked = False
             raise
-        self._recursion_limit = limit + _RECURSION_ROOM
         current, level = self._current, self._level
+        if signum and not SEPARATE_LIMITS and current is not None:
+            self._look_at_depth(current, limit)
         while True:
             self._tick(current, level)
             again = self.pending
             if not again:
                 break
+        strike: TaskAborted | None = None
+        if current is not None and current.struck and not current.follow & HELD:
+            strike = self._strike(current)
         self._recursion_limit = limit
+        # Written out: no call may follow where the stack is as deep as it may be.
         try:
             _set_recursion_limit(limit)
-        except RecursionError:  # the interrupted task is at its very limit: the next tick does it
-            pass
+        except RecursionError:
+            force_recursion_limit(limit)
         self.locked = False
+        if strike is not None:
+            raise strike
         if self.pending:
-            self.settle()
-        if current is not None and current.struck and not current.follow & HELD:
-            self._strike(current)
+            try:
+                self.settle()
+            except RecursionError:  # no room: the alarm comes again
+                pass
 
     settle = _on_tick
 
@@ -109,16 +115,17 @@ class Scheduler(Alarms):
         stolen_ns = self._stolen_ns
         self.pending = False
         entry_ns = now_ns = self.now_ns()
+        late_ns = 0
         if current is not None and not self._stopping:
-            late_ns = entry_ns - self._armed_ns
-            if late_ns > current.blocked_maximum_ns:
-                current.blocked_maximum_ns = late_ns
-            if late_ns > _BLOCKED_NS:
-                self.record((BLOCKED, current, entry_ns, late_ns))
+            late_ns = entry_ns - (
+                self._armed_ns if self._armed_ns > current.start_ns else current.start_ns)
         if self.spin_ns:
             now_ns = self._spin(now_ns, level)
         if self._timers[0][0] <= now_ns or self._interrupted:
             self._release_due(now_ns)
+        if current is not None and (
+                late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
+            self._held_up(current, level, entry_ns, late_ns)
         if self._ready.bit_length() - 1 > level:
             self._dispatch(level)
         if current is not None and current.limit_ns:
@@ -223,13 +230,14 @@ class Scheduler(Alarms):
                     self.locked = True
                 except BaseException as error:
                     task.limit_ns = 0  # what comes now is not its own
-                    outcome = ABORTED if isinstance(error, TaskAborted) else FAILED
-                    failure = describe(task.name, now_ns(), error)  # preemptible as well
-                    self.locked = True
+                    outcome = ABORTED if issubclass(type(error), TaskAborted) else FAILED
+                    failure = self._contain(task, error, self.settle)  # preemptible as well
+                # Only here is an exception gone, with code that its author may have for that.
+                self.locked = True
             except BaseException:
                 self.locked = True
                 outcome = outcome or FAILED
-                failure = FailureReport(
+                failure = failure or FailureReport(
                     task.name, 0, 'an exception that raised another when it was looked at', ())
             end_ns = now_ns()
             self.record((JOB, task, release_ns, start_ns, end_ns, outcome))
@@ -270,5 +278,9 @@ class Scheduler(Alarms):
             # The second condition finds an alarm whose handler had no room left on the stack.
             if self.pending or timers[0][0] <= end_ns:
                 self.pending = False
-                self._release_due(now_ns())
+                end_ns = now_ns()
+                late_ns = end_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
+                self._release_due(end_ns)
+                if late_ns > BLOCKED_NS:  # it ended in a native call
+                    self._held_up(task, level, end_ns, late_ns)
         self._current, self._level = None, floor

@@ -121,7 +121,8 @@ class Task:
         bits of ``HELD`` count the resources that it is inside of.
     :ivar aborts: a job that exceeds the budget is struck.
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
-    :ivar strikes: times that it was; the last one waits to be delivered while ``struck``.
+    :ivar strikes: times that it was; one more waits to be delivered while ``struck``.
+    :ivar over: its function has ended by an exception, which is being described and dropped.
     :ivar miss: job, release_ns and late_ns of ``last_miss``.
     :ivar suspects: its ``ran_instead``; looked for every 10 ms at most.
     :ivar skips: an overrun is counted, and nothing else.
@@ -134,7 +135,7 @@ class Task:
     __slots__ = (
         'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns',
         'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending',
-        'busy', 'follow', 'strikes', 'struck', 'backlog', 'rephasing', 'state', 'wanted',
+        'busy', 'follow', 'strikes', 'struck', 'over', 'backlog', 'rephasing', 'state', 'wanted',
         'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart', 'on_safe_state',
         'successors', 'logical', 'coroutine', 'release_ns', 'start_ns', 'releases',
         'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
@@ -184,6 +185,7 @@ class Task:
         self.limit_ns = 0
         self.strikes = 0
         self.struck = False
+        self.over = False
         self.backlog.clear()
         self.rephasing = False
         self.state = TaskState.ACTIVE

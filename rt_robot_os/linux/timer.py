@@ -26,10 +26,12 @@ import ctypes
 import threading
 
 from rt_robot_os.linux import _libc
+from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
-AGAIN_NS = 10 * NS_PER_MS
+# Before Python 3.12 a handler may find no room left on the stack: sooner again.
+AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
 
 
 class SignalTimer:

@@ -63,6 +63,13 @@ def test_victims_are_the_higher_tasks_released_meanwhile() -> None:
     assert [TASKS[v].name for v in blocked.victims] == ['imu', 'control']
 
 
+def test_who_was_held_up_and_has_not_ended_is_not_called_nobody() -> None:
+    history = _history([(BLOCKED, PLANNER, 14 * MS, 3 * MS)])
+    assert history.held_up_by(history.blocked[0]) == 'one that did not end yet'
+    assert 'planner for 3.0 ms: one that did not end yet' in show(history)
+    assert history.held_up_by(_blocking().blocked[0]) == 'imu, control'
+
+
 def test_only_lower_tasks_block() -> None:
     history = _blocking()
     waits = {TASKS[j.task].name: dict(history.blocked_by(j)) for j in history.jobs}

@@ -1,0 +1,329 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Nothing that a job does keeps it from being ended, and a job that ends is not taken for more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+import contextlib
+import gc
+import sys
+from types import FrameType
+from typing import Any
+
+from kernel_tools import balance
+from kernel_tools import MS
+from kernel_tools import run_program
+from kernel_tools import S
+from kernel_tools import StallingClock
+from kernel_tools import US
+import pytest
+
+from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import FailurePolicy
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import MonotonicClock
+from rt_robot_os.kernel import scheduler as scheduler_module
+from rt_robot_os.kernel import strikes as strikes_module
+from rt_robot_os.kernel import TaskState
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.black_box import BLOCKED
+from rt_robot_os.linux.recursion import SEPARATE_LIMITS
+
+ABORT = BudgetPolicy.ABORT
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
+@pytest.fixture
+def kernel(clock: VirtualClock) -> Kernel:
+    return Kernel(clock)
+
+
+# ---- recursion -------------------------------------------------------------------------------
+
+
+def ever_deeper() -> object:
+    """Recurse in a tree that is as high as the limit and would take for ever."""
+    try:
+        return ever_deeper()
+    except RecursionError:
+        return ever_deeper()
+
+
+def stays_at_the_limit() -> None:
+    with contextlib.suppress(RecursionError):
+        stays_at_the_limit()
+    while True:
+        with contextlib.suppress(RecursionError):
+            while True:
+                pass
+
+
+JAMS = [ever_deeper] + [stays_at_the_limit] * SEPARATE_LIMITS
+
+
+@pytest.mark.parametrize('job', JAMS)
+def test_a_job_at_its_recursion_limit_is_ended_by_its_budget(job: Callable[[], object]) -> None:
+    limit = sys.getrecursionlimit()
+    kernel = Kernel(MonotonicClock())
+    task = kernel.add_task('deep', job, priority=10, rate_hz=5.0, budget_ns=5 * MS,
+                           on_budget=ABORT)
+    kernel.add_task('last', lambda: kernel.stop('enough') if task.runs > 2 else None, priority=1,
+                    rate_hz=100.0)
+    gc.disable()
+    try:
+        assert kernel.run(60 * S) == 'enough'
+    finally:
+        gc.enable()
+    assert task.aborted == task.runs
+    assert sys.getrecursionlimit() == limit
+
+
+def test_a_job_at_its_recursion_limit_does_not_keep_out_those_above_it() -> None:
+    kernel = Kernel(MonotonicClock())
+    seen: list[int] = []
+
+    def high_job() -> None:
+        if deep.busy:
+            seen.append(high.runs)
+            if len(seen) > 20:
+                kernel.stop('enough')
+                raise_in_deep.append(True)
+
+    def deep_job() -> object:
+        if raise_in_deep:
+            raise SystemExit
+        try:
+            return deep_job()
+        except RecursionError:
+            return deep_job()
+
+    raise_in_deep: list[bool] = []
+    deep = kernel.add_task('deep', deep_job, priority=10, rate_hz=50.0)
+    high = kernel.add_task('high', high_job, priority=90, rate_hz=1000.0)
+    gc.disable()
+    try:
+        assert kernel.run(60 * S) == 'enough'
+    finally:
+        gc.enable()
+
+
+# ---- exceptions that resist being looked at ---------------------------------------------------
+
+
+def endless_text(clock: VirtualClock) -> Exception:
+    class Endless(Exception):
+
+        def __str__(self) -> str:
+            while True:
+                clock.spend(MS)
+
+    return Endless()
+
+
+def endless_argument(clock: VirtualClock) -> Exception:
+    class Argument:
+
+        def __repr__(self) -> str:
+            while True:
+                clock.spend(MS)
+
+    return ValueError(Argument(), 1)
+
+
+def endless_end(clock: VirtualClock) -> Exception:
+    class Lingering(Exception):
+
+        def __del__(self) -> None:
+            with contextlib.suppress(BaseException):
+                while True:
+                    clock.spend(MS)
+
+    return Lingering('stays')
+
+
+@pytest.mark.parametrize('make', [endless_text, endless_argument, endless_end])
+def test_an_exception_that_is_endless_when_it_is_looked_at_takes_ten_milliseconds(
+        kernel: Kernel, clock: VirtualClock, make: Callable[[VirtualClock], Exception]) -> None:
+    def job() -> None:
+        raise make(clock)
+
+    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
+    task = kernel.add_task('task', job, priority=50, rate_hz=20.0)
+    low = kernel.add_task('low', lambda: None, priority=10, rate_hz=20.0)
+    kernel.run(S)
+    assert (task.runs, task.failures, task.aborted) == (20, 20, 0)
+    assert task.state is TaskState.ACTIVE
+    assert task.execution.maximum_ns <= 11 * MS
+    assert (high.runs, high.missed, low.runs) == (1000, 0, 20)
+
+
+def test_the_text_of_an_exception_that_never_came_is_said_to_be_missing(
+        kernel: Kernel, clock: VirtualClock) -> None:
+    def job() -> None:
+        raise endless_text(clock)
+
+    kernel.add_task('task', job, priority=50, rate_hz=10.0)
+    kernel.run(50 * MS)
+    assert [f.error for f in kernel.failures] == [
+        'Endless: (its text cannot be had: to make it takes too long)']
+
+
+def test_a_class_that_lies_about_itself_is_still_described(kernel: Kernel) -> None:
+    lies = property(lambda self: 1 // 0)
+
+    class Text(str):
+
+        def __len__(self) -> int:
+            raise SystemExit
+
+        def __format__(self, spec: str) -> str:
+            raise SystemExit
+
+    meta: Any = type('Meta', (type,), {'__name__': lies})
+    liar = meta('Liar', (Exception,), {
+        '__traceback__': lies, '__class__': lies, '__str__': lambda self: Text('the text')})
+
+    def job() -> None:
+        raise liar
+
+    kernel.add_task('task', job, priority=50, rate_hz=10.0)
+    kernel.run(50 * MS)
+    report, = kernel.failures
+    assert report.error == 'Liar: the text'
+    assert [name for _, _, name in report.trace] == ['job']
+
+
+# ---- a strike is delivered once ---------------------------------------------------------------
+
+
+class StealAt:
+    """Let Linux take the CPU at the n-th line of the kernel from the first strike on."""
+
+    def __init__(self, clock: VirtualClock, step: int, begun: Callable[[], bool]) -> None:
+        self.seen = 0
+        self._clock, self._step, self._begun = clock, step, begun
+        self._files = (scheduler_module.__file__, strikes_module.__file__)
+
+    def __call__(self, frame: FrameType, event: str, arg: Any) -> StealAt | None:
+        if frame.f_code.co_filename not in self._files:
+            return None
+        if event == 'line' and self._begun():
+            self.seen += 1
+            if self.seen == self._step:
+                self._clock.spend(15 * MS)
+        return self
+
+
+@pytest.fixture
+def untraced() -> Iterator[None]:
+    before = sys.gettrace()
+    yield
+    sys.settrace(before)
+
+
+def aborted_while_stolen(step: int) -> int:
+    clock = VirtualClock()
+    kernel = Kernel(clock)
+
+    def job() -> None:
+        while True:
+            clock.spend(MS)
+
+    kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
+    task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=2 * MS,
+                           on_budget=ABORT, failure=FailurePolicy.CONTINUE)
+    tracer = StealAt(clock, step, lambda: task.struck or task.strikes > 0)
+    sys.settrace(tracer)
+    try:
+        kernel.run(50 * MS)
+    finally:
+        sys.settrace(None)
+    assert [f.error.partition(' us')[0] for f in kernel.failures][1:] == []
+    assert (task.runs, task.aborted, task.state) == (1, 1, TaskState.ACTIVE)
+    return tracer.seen
+
+
+def test_time_that_passes_while_a_strike_propagates_makes_no_second_one(untraced: None) -> None:
+    step, total = 1, 1
+    while step <= total:
+        try:
+            total = max(total, aborted_while_stolen(step))
+        except AssertionError as error:
+            raise AssertionError(f'at line {step}') from error
+        step += 1
+    assert step > 20
+
+
+# ---- blocking --------------------------------------------------------------------------------
+
+
+def test_a_native_call_at_the_end_of_a_job_is_charged_to_it() -> None:
+    clock = StallingClock()
+    kernel = Kernel(clock)
+
+    def calculate() -> None:
+        clock.spend(200 * US)
+        clock._now_ns += 3 * MS  # nothing follows in which the alarm could be noticed
+
+    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0, phase_ns=MS)
+    low = kernel.add_task('low', calculate, priority=10, rate_hz=100.0)
+    kernel.run(20 * MS)
+    assert low.blocked_maximum_ns == 2200 * US
+    assert high.blocked_maximum_ns == 0
+    assert [(r[1].name, r[3]) for r in kernel.black_box.records if r[0] == BLOCKED] == [
+        ('low', 2200 * US)] * 2
+    assert not any(map(balance, kernel.tasks))
+
+
+def test_a_native_call_that_holds_up_nobody_above_is_no_event() -> None:
+    clock = StallingClock()
+    kernel = Kernel(clock)
+    low = kernel.add_task('low', lambda: None, priority=10, rate_hz=1000.0)
+    high = kernel.add_task('high', lambda: clock.stall(3 * MS), priority=90, rate_hz=100.0)
+    kernel.run(20 * MS)
+    assert high.blocked_maximum_ns == 2 * MS  # it is measured all the same
+    assert low.missed
+    assert [r for r in kernel.black_box.records if r[0] == BLOCKED] == []
+
+
+def test_on_the_real_clock_a_job_that_ends_in_a_native_call_is_charged() -> None:
+    result = run_program("""
+from rt_robot_os.kernel import Kernel
+
+def job():
+    global size
+    size *= 2
+    if low.blocked_maximum_ns > 20_000_000 or size > 1 << 28:
+        kernel.stop()
+    [0] * size
+
+size = 1 << 16
+kernel = Kernel()
+high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
+low = kernel.add_task('low', job, priority=10, rate_hz=50.0)
+kernel.run(30_000_000_000)
+print(low.blocked_maximum_ns, high.latency.maximum_ns)
+""")
+    assert result.returncode == 0, result.stderr
+    charged_ns, latency_ns = map(int, result.stdout.split())
+    assert charged_ns > 20 * MS
+    assert latency_ns > 15 * MS
