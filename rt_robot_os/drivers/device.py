@@ -104,6 +104,7 @@ class DeviceStatistics:
     :ivar lost_samples: samples not published because a frame of theirs is missing.
     :ivar contradicted_samples: samples in which the device contradicted itself.
     :ivar dropped_write_bytes: bytes for the device that found no room.
+    :ivar deferred_bytes: bytes that waited for a later job, since one job handles only so many.
     """
 
     bytes_read: int = 0
@@ -116,6 +117,7 @@ class DeviceStatistics:
     lost_samples: int = 0
     contradicted_samples: int = 0
     dropped_write_bytes: int = 0
+    deferred_bytes: int = 0
 
 
 class Tap(Protocol):

@@ -85,9 +85,14 @@ class FrameDecoder(StreamDecoder[FrameT]):
     Find the frames in a stream of bytes; safe in the real-time loop, keeps less than ``LONGEST``.
 
     After what is no frame it goes on with the next byte, so that a beginning found by chance hides
-    nothing behind it.
+    nothing behind it. Such beginnings cost more than good frames: ``PATTERN`` passes over most of
+    them at once, and :class:`rt_robot_os.drivers.partial_sums.PartialSums` makes checksums of long
+    frames cheap.
 
     :cvar STARTS: the bytes with one of which every frame begins.
+    :cvar PATTERN: a regular expression of how a frame begins, where more than its first byte is
+        known; empty is one of ``STARTS``. It has to fit whatever ``end`` does not refuse, also
+        where the buffer ends in the middle of it. A dot is any byte.
     :cvar SHORTEST: bytes of the shortest frame.
     :cvar LONGEST: bytes of the longest frame; what would be longer is none.
     """
@@ -95,11 +100,13 @@ class FrameDecoder(StreamDecoder[FrameT]):
     STARTS: ClassVar[bytes]
     SHORTEST: ClassVar[int]
     LONGEST: ClassVar[int]
+    PATTERN: ClassVar[bytes] = b''
 
     def __init__(self) -> None:
         super().__init__()
         self._starts = frozenset(self.STARTS)
-        self._search = re.compile(b'[%s]' % re.escape(self.STARTS)).search
+        pattern = self.PATTERN or b'[%s]' % re.escape(self.STARTS)
+        self._search = re.compile(pattern, re.DOTALL).search
 
     @abstractmethod
     def end(self, buffer: bytes, at: int) -> int:
@@ -136,6 +143,7 @@ class FrameDecoder(StreamDecoder[FrameT]):
             if buffer[at] not in starts:
                 at = self._pass_over(buffer, at)
             if size - at < shortest:
+                at = self._pass_over(buffer, at)
                 break
             end = self.end(buffer, at)
             if at < end <= at + longest:
@@ -148,13 +156,13 @@ class FrameDecoder(StreamDecoder[FrameT]):
                     continue
                 self.rejected_frames += 1
             self.rejected_bytes += 1
-            at += 1
+            at = self._pass_over(buffer, at + 1)
         self._pending = buffer[at:]
         self.frames += len(frames)
         return frames
 
     def _pass_over(self, buffer: bytes, at: int) -> int:
-        """Reject what is before the next start; give its index."""
+        """Reject what is before the next beginning of a frame; give its index."""
         match = self._search(buffer, at)
         start = len(buffer) if match is None else match.start()
         self.rejected_bytes += start - at

@@ -57,6 +57,8 @@ from rt_robot_os.units import NS_PER_S
 # Distances below are codes of errors.
 _CODES_MM: Final = 20
 _NO_ECHO: Final = 0
+# Of the largest parameter there is.
+_DIGITS: Final = 9
 _METRES: Final = 0.001
 _REMEDY: Final = ('check its power and its cable; a URG-04LX that speaks SCIP 1.1 has to be '
                   "switched to SCIP 2.0 with the maker's tool")
@@ -184,9 +186,9 @@ class Hokuyo(SerialDevice[ScipFrame]):
         found = {line[:4]: line[5:].partition(b';')[0].strip() for line in lines}
         wrong = []
         for key, name, fits in _PARAMETERS:
-            value = found.get(key, b'')
-            if value.isdigit() and not fits(self.settings[name], int(value)):
-                wrong.append(f'{name}: {int(value)}')
+            value = _number(found.get(key, b''))
+            if value is not None and not fits(self.settings[name], value):
+                wrong.append(f'{name}: {value}')
         if wrong:
             model = found.get(b'MODL', b'').decode('ascii', 'replace') or 'another scanner'
             self._problem = f'the settings do not fit: it is {model}, so set {", ".join(wrong)}'
@@ -213,3 +215,8 @@ class Hokuyo(SerialDevice[ScipFrame]):
         ranges[distances_mm == _NO_ECHO] = math.inf
         publisher.publish(arrival_ns - self._latency_ns)
         return 1
+
+
+def _number(text: bytes) -> int | None:
+    """Read a parameter; None when it is no number of any scanner."""
+    return int(text) if text.isdigit() and len(text) <= _DIGITS else None

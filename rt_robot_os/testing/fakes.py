@@ -167,8 +167,14 @@ def scripted_settings(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_all(device: Device, chunks: int, now_ns: int = 1_000_000_000, step_ns: int = 0) -> int:
-    """Read as many times as there are chunks."""
-    return sum(device.read(now_ns + i * step_ns) for i in range(chunks))
+    """Read as many times as there are chunks, and on while bytes of them wait for a later job."""
+    serial: Any = device
+    samples = 0
+    for i in range(chunks):
+        samples += device.read(now_ns + i * step_ns)
+        while serial.waiting_bytes:
+            samples += device.read(now_ns + i * step_ns)
+    return samples
 
 
 def wait_readable(device: Device, seconds: float = 5.0) -> None:

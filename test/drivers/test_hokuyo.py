@@ -24,6 +24,7 @@ from driver_fakes import scripted
 from driver_fakes import settings_of
 import numpy as np
 import pytest
+from rt_robot_os.drivers.decoders.scip import checksum
 from rt_robot_os.drivers.decoders.scip import ScipDecoder
 from rt_robot_os.drivers.encoders import scip as encode
 from rt_robot_os.drivers.hokuyo import Hokuyo
@@ -149,3 +150,15 @@ def test_a_scanner_that_stops_is_told() -> None:
 def test_steps_that_cannot_be_are_refused(changes: Any) -> None:
     with pytest.raises(ConfigError, match='laser: first_step .* and last_step .*: the last must'):
         Hokuyo('laser', settings_of(Hokuyo, port='x', **changes))
+
+
+@pytest.mark.parametrize('digits', [10, 4301, 5000])
+def test_a_parameter_of_thousands_of_digits_is_none(digits: int) -> None:
+    # Python refuses to read a number of more than 4300 digits.
+    line = b'AMIN:' + b'9' * digits + b';'
+    line += bytes((checksum(line[:-1]),))
+    answer = b'PP\n00P\n' + line + b'\n\n'
+    with scripted(Hokuyo, [encode.answer(b'QT') + answer + encode.answer(ECHO) + scan(1)],
+                  **SMALL) as (device, (publisher,)):
+        assert device.read(1) == 1
+        assert device.statistics().frames == 4

@@ -76,6 +76,7 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
     STARTS = bytes((DATA, STATUS))
     SHORTEST = 2
     LONGEST = 2 + BLOCK_SIZE
+    PATTERN = rb'\xbb(?:[\x01\x2e]|\Z)|\xee(?:[\x01-\x0a]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where an answer ends, 0 when there is none of that kind."""

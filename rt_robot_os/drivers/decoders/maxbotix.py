@@ -35,6 +35,7 @@ UNITS: Final = {'mm': (0.001, 4, (5000, 9999)), 'cm': (0.01, 3, (765, 1068)),
 _LONGEST: Final = 10
 _LINE: Final = re.compile(rb'R(\d{3,4}) ?(P\d)? ?\r').fullmatch
 _CR: Final = b'\r'
+_DIGITS: Final = b'0123456789'
 
 
 class MaxBotixFrame(NamedTuple):
@@ -57,15 +58,18 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
     """
     Find the readings in a stream of bytes; safe in the loop, keeps less than 10 bytes.
 
-    A rejected frame is a line that begins with R and is no reading.
+    A rejected frame is a line that begins with R and a digit and is no reading.
     """
 
     STARTS = b'R'
     SHORTEST = 5
     LONGEST = _LONGEST
+    PATTERN = rb'R(?:[0-9]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where the line ends; where the next R stands, if the line was cut off there."""
+        if buffer[at + 1] not in _DIGITS:
+            return 0
         limit = at + _LONGEST
         end = buffer.find(_CR, at, limit) + 1 or limit
         again = buffer.find(b'R', at + 1, end)

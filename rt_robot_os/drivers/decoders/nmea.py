@@ -23,6 +23,8 @@ line.
 
 from __future__ import annotations
 
+from functools import reduce
+import operator
 import re
 from typing import Final
 from typing import NamedTuple
@@ -33,7 +35,11 @@ from rt_robot_os.drivers.framing import FrameDecoder
 MIN_SENTENCE: Final = 6
 MAX_SENTENCE: Final = 200
 
-_SENTENCE: Final = re.compile(rb'\$[ -#%-)+-~]+\*[0-9A-Fa-f]{2}\r{0,2}\n').fullmatch
+# A sentence, or what the end of the buffer has left of one.
+SENTENCE: Final = rb'\$(?:[ -#%-)+-~]+(?:\*(?:[0-9A-Fa-f]{2}(?:\r{0,2}(?:\n|\Z))|' \
+                  rb'[0-9A-Fa-f]?\Z)|\Z)|\Z)'
+_MATCH: Final = re.compile(SENTENCE).match
+_LINE_FEED: Final = 10
 
 
 class NmeaFrame(NamedTuple):
@@ -59,14 +65,16 @@ def sentence_end(buffer: bytes, at: int) -> int:
     """
     Say where the sentence that begins at an index ends.
 
-    :return: index just after its line end, one behind the buffer while it may go on, or 0.
+    :return: index just after its line end, one behind the buffer while it may go on, or 0 when
+        none begins here. Too long a sentence is for the caller to notice.
     """
-    limit = at + MAX_SENTENCE
-    end = buffer.find(b'\n', at, limit) + 1
-    if end:
-        return end if _SENTENCE(buffer, at, end) else 0
-    # A second `$` before the line end: the first sentence was cut off.
-    return limit if len(buffer) < limit and buffer.find(b'$', at + 1) < 0 else 0
+    match = _MATCH(buffer, at)
+    if match is None:
+        return 0
+    end = match.end()
+    if buffer[end - 1] == _LINE_FEED:
+        return end
+    return at + MAX_SENTENCE if len(buffer) - at < MAX_SENTENCE else 0
 
 
 def checked(sentence: bytes) -> bytes | None:
@@ -77,10 +85,7 @@ def checked(sentence: bytes) -> bytes | None:
 
 def xor(content: bytes) -> int:
     """Give the NMEA checksum of what stands between ``$`` and ``*``."""
-    result = 0
-    for byte in content:
-        result ^= byte
-    return result
+    return reduce(operator.xor, content, 0)
 
 
 class NmeaDecoder(FrameDecoder[NmeaFrame]):
@@ -89,6 +94,7 @@ class NmeaDecoder(FrameDecoder[NmeaFrame]):
     STARTS = b'$'
     SHORTEST = MIN_SENTENCE
     LONGEST = MAX_SENTENCE
+    PATTERN = SENTENCE
 
     end = staticmethod(sentence_end)
 

@@ -45,6 +45,9 @@ _BASE: Final = 0x30
 _BITS: Final = 0x3F
 # With sum and line end.
 _LINE: Final = LINE_CHARACTERS + 2
+# An echo of two letters, a status with its sum, and three line ends.
+_SHORTEST: Final = 8
+_NO_LINE_END: Final = re.compile(rb'[^\n]|\Z').search
 _ECHO: Final = re.compile(rb'(?:M[DS]\d{13}|[A-Z]{2}|SCIP2\.0)(?:;[ -~]{0,16})?$').search
 
 Steps = npt.NDArray[np.int32]
@@ -93,19 +96,21 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
         held = len(self._pending)
         buffer = self._pending + data
         frames: list[ScipFrame] = []
-        used = at = 0
+        used = 0
+        at = 0 if held else _past_line_ends(buffer, 0)
         # The end may be cut in two; what came before has been looked at.
-        look = max(held - 1, 0)
+        look = max(held - 1, at)
         while True:
             found = buffer.find(END, look)
             if found < 0:
                 break
             end = found + len(END)
-            frame = self._answer(buffer[max(at, end - MAX_ANSWER):end], end - held)
-            if frame is not None:
-                frames.append(frame)
-                used += frame.size
-            at = look = end
+            if end - at >= _SHORTEST:
+                frame = self._answer(buffer[max(at, end - MAX_ANSWER):end], end - held)
+                if frame is not None:
+                    frames.append(frame)
+                    used += frame.size
+            at = look = _past_line_ends(buffer, end)
         # Of more than an answer only the last part can still be one.
         start = max(at, len(buffer) - MAX_ANSWER)
         self._pending = buffer[start:]
@@ -148,6 +153,12 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
                 return ScipFrame(echo, number, (), distances, _number(rest[:4]), size, end)
         self.rejected_frames += 1
         return None
+
+
+def _past_line_ends(buffer: bytes, at: int) -> int:
+    """Pass over empty lines, which are no part of the answer behind them."""
+    match = _NO_LINE_END(buffer, at)
+    return match.start() if match else at
 
 
 def _sums_up(line: bytes) -> bool:

@@ -23,16 +23,18 @@ frames too, of class 0: they are no rubbish, even where nobody wants them.
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import Final
 from typing import NamedTuple
 
-import numpy as np
-
 from rt_robot_os.drivers.decoders.nmea import checked
+from rt_robot_os.drivers.decoders.nmea import MAX_SENTENCE
 from rt_robot_os.drivers.decoders.nmea import MIN_SENTENCE
+from rt_robot_os.drivers.decoders.nmea import SENTENCE
 from rt_robot_os.drivers.decoders.nmea import sentence_end
 from rt_robot_os.drivers.framing import FrameDecoder
+from rt_robot_os.drivers.partial_sums import PartialSums
 
 SYNC: Final = b'\xb5\x62'
 # A header found by chance holds up what follows until its length is there: keep that short.
@@ -47,11 +49,13 @@ PVT: Final = 0x07
 _FIRST, _SECOND = SYNC
 _HEADER: Final = 6
 _OVERHEAD: Final = 8
-_CLASSES: Final = frozenset((
-    NAV, 0x02, 0x04, ACK, CFG, 0x09, 0x0A, 0x0B, 0x0D, 0x10, 0x13, 0x21, 0x27, 0x28, 0x29))
-
-# ..., 3, 2, 1, modulo 256.
-_WEIGHTS: Final = np.arange(MAX_PAYLOAD + 4, 0, -1).astype(np.uint8)
+# All that receivers have been seen to send; 0x03 and 0x0C are for u-blox's own use.
+_CLASSES: Final = bytes((
+    NAV, 0x02, 0x03, 0x04, ACK, CFG, 0x09, 0x0A, 0x0B, 0x0C, 0x0D, 0x10, 0x13, 0x21, 0x27, 0x28,
+    0x29))
+# The header, or what the end of the buffer has left of it; no length is above MAX_PAYLOAD.
+_MESSAGE: Final = rb'\xb5(?:\x62(?:[%s](?:.(?:.(?:[\x00-\x0a]|\Z)|\Z)|\Z)|\Z)|\Z)' % (
+    re.escape(_CLASSES))
 
 # The first 84 bytes of NAV-PVT, which all generations have.
 _PVT: Final = struct.Struct('<IH6BIi4B4i2I5i2I2H4x')
@@ -138,13 +142,17 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
     STARTS = SYNC[:1] + b'$'
     SHORTEST = MIN_SENTENCE  # as long as the header of a message
     LONGEST = _OVERHEAD + MAX_PAYLOAD
+    PATTERN = _MESSAGE + b'|' + SENTENCE
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where a message or sentence ends, 0 when none begins here."""
         if buffer[at] != _FIRST:
             end = sentence_end(buffer, at)
-            # A message cuts off what has not ended.
-            return end if end <= len(buffer) or SYNC not in buffer[at:] else 0
+            return end if end <= at + MAX_SENTENCE else 0
         if buffer[at + 1] != _SECOND or buffer[at + 2] not in _CLASSES:
             return 0
         length = buffer[at + 4] | buffer[at + 5] << 8
@@ -157,19 +165,19 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
         if buffer[at] != _FIRST:
             sentence = buffer[at:end]
             return UbxFrame(NMEA, 0, sentence, end - at, arrived) if checked(sentence) else None
-        if buffer[end - 2:end] != fletcher(buffer[at + 2:end - 2]):
+        if self._sums.fletcher8(buffer, at + 2, end - 2) != (buffer[end - 2], buffer[end - 1]):
             return None
         return UbxFrame(buffer[at + 2], buffer[at + 3], buffer[at + _HEADER:end - 2], end - at,
                         arrived)
 
 
 def fletcher(content: bytes) -> bytes:
-    """Give the checksum of what stands between sync and checksum, 2564 bytes at most."""
-    # The second sum is that of the first n sums: each byte counts once for itself and once for
-    # each byte behind it, modulo 256, which is what 8-bit numbers do by themselves.
-    values = np.frombuffer(content, np.uint8)
-    second = int(np.dot(values, _WEIGHTS[_WEIGHTS.size - values.size:]))
-    return bytes((sum(content) & 0xFF, second))
+    """Give the checksum of what stands between sync and checksum."""
+    first = second = 0
+    for byte in content:
+        first += byte
+        second += first
+    return bytes((first & 0xFF, second & 0xFF))
 
 
 def nav_pvt(payload: bytes) -> NavPvt | None:

@@ -24,6 +24,7 @@ that test once in 256 headers; the format has nothing better to offer.
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import Final
 from typing import NamedTuple
@@ -47,7 +48,8 @@ ANGULAR_VELOCITY_RANGE_DEG_S: Final = 2000.0
 ANGLE_RANGE_DEG: Final = 180.0
 FULL_SCALE: Final = 32768.0
 
-_HEADER_BYTE: Final = bytes((HEADER,))
+# A header with a known ID, or what the end of the buffer has left of one.
+_START: Final = re.compile(rb'\x55(?:[\x50-\x5a]|\Z)').search
 _UNPACK: Final = struct.Struct('<4h').unpack_from
 
 
@@ -107,27 +109,15 @@ class WitMotionDecoder(StreamDecoder[WitMotionFrame]):
                     skipped = 0
                     continue
                 self.rejected_frames += 1
-            found = buffer.find(_HEADER_BYTE, at + 1)
-            slid = (size if found < 0 else found) - at
+            found = _START(buffer, at + 1)
+            slid = (size if found is None else found.start()) - at
             rejected += slid
             skipped += slid
             at += slid
-        start = _possible_start(buffer, at)
+        found = _START(buffer, at)
+        start = size if found is None else found.start()
         self.rejected_bytes += rejected + start - at
         self._skipped = skipped + start - at
         self._pending = buffer[start:]
         self.frames += len(frames)
         return frames
-
-
-def _possible_start(buffer: bytes, at: int) -> int:
-    """Find where in the rest a frame may have begun; its end when nowhere."""
-    size = len(buffer)
-    while at < size:
-        at = buffer.find(_HEADER_BYTE, at)
-        if at < 0:
-            return size
-        if at + 1 == size or TIME <= buffer[at + 1] <= LAST:
-            return at
-        at += 1
-    return size

@@ -27,6 +27,7 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.drivers.framing import FrameDecoder
+from rt_robot_os.drivers.partial_sums import PartialSums
 
 PREAMBLE: Final = b'\xfa\xff'
 EXTENDED: Final = 0xFF
@@ -36,6 +37,10 @@ MAX_PAYLOAD: Final = 2048
 _BUS: Final = PREAMBLE[1]
 _HEADER: Final = 4
 _LONG_HEADER: Final = 6
+_MOST_HIGH: Final = MAX_PAYLOAD >> 8
+# The header, or what the end of the buffer has left of it; no length is above MAX_PAYLOAD.
+_MESSAGE: Final = (
+    rb'\xfa(?:\xff(?:.(?:[\x00-\xfe]|\xff(?:[\x00-\x%02x]|\Z)|\Z)|\Z)|\Z)' % _MOST_HIGH)
 
 
 class XbusFrame(NamedTuple):
@@ -60,6 +65,11 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
     STARTS = PREAMBLE[:1]
     SHORTEST = _HEADER + 1
     LONGEST = _LONG_HEADER + MAX_PAYLOAD + 1
+    PATTERN = _MESSAGE
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
         """Say where a message ends, 0 when none begins here."""
@@ -68,13 +78,16 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
         length = buffer[at + 3]
         if length < EXTENDED:
             return at + _HEADER + length + 1
+        # SHORTEST bytes are there, and with them the high byte of the length.
+        if buffer[at + 4] > _MOST_HIGH:
+            return 0
         if len(buffer) - at < _LONG_HEADER:
             return at + _LONG_HEADER
         return at + _LONG_HEADER + (buffer[at + 4] << 8 | buffer[at + 5]) + 1
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> XbusFrame | None:
         """Read a message with a good sum."""
-        if sum(buffer[at + 1:end]) & 0xFF:
+        if self._sums.sum8(buffer, at + 1, end):
             return None
         begin = at + (_HEADER if buffer[at + 3] < EXTENDED else _LONG_HEADER)
         return XbusFrame(buffer[at + 2], buffer[begin:end - 1], end - at, arrived)
