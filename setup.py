@@ -25,7 +25,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={package_name: ['py.typed', 'plan/typical.json']},
+    package_data={package_name: ['py.typed', 'plan/typical.json', 'cli/templates/*.in']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -55,6 +55,7 @@ setup(
             'doctor = rt_robot_os.cli.doctor:main',
             'echo = rt_robot_os.cli.echo:main',
             'i2c_bridge = rt_robot_os.cli.i2c_bridge:main',
+            'new = rt_robot_os.cli.new:main',
             'parameters = rt_robot_os.cli.parameters:main',
             'plan = rt_robot_os.cli.plan:main',
             'player = rt_robot_os.sim.main:player',
