@@ -22,6 +22,7 @@ The one error tree.
     |- LayoutError (ValueError)      a message type or its shape cannot be laid out
     |- TopicError (ValueError)       misuse of a topic: unknown name, too many subscribers, ...
     |- TaskError (ValueError)        misuse of the kernel: priority 0, a name taken, ...
+    |- StartError (OSError)          this machine does not let it start; trying again is no use
     |- DeviceError (OSError)         the outside world: a port that is missing, unplugged, silent
     |- LinkError (OSError)           the other side of the link is gone or talks nonsense
     |- BlackBoxError (OSError)       a dump of the black box cannot be written or read
@@ -62,6 +63,10 @@ class TopicError(RtRobotError, ValueError):
 
 class TaskError(RtRobotError, ValueError):
     """A task was declared or used in a way that the kernel cannot honour."""
+
+
+class StartError(RtRobotError, OSError):
+    """It cannot start here as things are: its name is taken, a folder or a limit forbids it."""
 
 
 class DeviceError(RtRobotError, OSError):

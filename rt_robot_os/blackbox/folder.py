@@ -23,12 +23,12 @@ from datetime import timedelta
 import os
 from pathlib import Path
 import re
-import tempfile
 
 from rt_robot_os.blackbox.dump_file import SUFFIX
 from rt_robot_os.blackbox.dump_file import write_parts
 from rt_robot_os.blackbox.parts import Part
 from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.linux.folders import ros_home
 
 KEPT = 20
 PREFIX = 'black_box_'
@@ -40,13 +40,13 @@ def default_folder() -> Path:
     """
     Give ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``.
 
-    A user without a home, as in some containers, has the folder for temporary files.
+    :raises StartError: a user without a home has none, see
+        :func:`rt_robot_os.linux.folders.ros_home`.
     """
     explicit = os.environ.get('ROS_LOG_DIR')
     if explicit:
         return expanded(explicit)
-    home = expanded(os.environ.get('ROS_HOME') or '~/.ros')
-    return home / 'log' if home.parts[:1] != ('~',) else Path(tempfile.gettempdir())
+    return ros_home() / 'log'
 
 
 def expanded(folder: str) -> Path:

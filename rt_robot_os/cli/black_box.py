@@ -178,8 +178,8 @@ _COMMANDS = {'dump': _dump, 'list': _list, 'show': _show, 'export': _export, 'pl
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code is 1 when it failed, and the message says why."""
-    arguments = _parser().parse_args(argv)
     try:
+        arguments = _parser().parse_args(argv)
         _COMMANDS[arguments.command](arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # `black_box show | head`

@@ -19,7 +19,7 @@ from __future__ import annotations
 import os
 import sys
 
-from rt_robot_os.core.main import main as core_main
+from rt_robot_os.cli.interrupt import end_quietly
 
 
 def main() -> int:
@@ -27,5 +27,11 @@ def main() -> int:
     if 'OPENBLAS_NUM_THREADS' not in os.environ:
         # NumPy starts threads when it is imported, and the core has one: begin again without.
         os.environ['OPENBLAS_NUM_THREADS'] = '1'
-        os.execv(sys.executable, [sys.executable, '-m', 'rt_robot_os.core.main', *sys.argv[1:]])
+        os.execv(sys.executable, [sys.executable, '-m', 'rt_robot_os.cli.core', *sys.argv[1:]])
+    end_quietly()  # until it listens to signals
+    from rt_robot_os.core.main import main as core_main
     return core_main()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

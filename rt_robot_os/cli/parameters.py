@@ -60,10 +60,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _parameters(client: LinkClient) -> tuple[str, dict[str, Facts]]:
-    """Give the configured file, and the parameters by name."""
+def _parameters(client: LinkClient) -> tuple[Facts, dict[str, Facts]]:
+    """Give what concerns them all, and the parameters by name."""
     first, *rest = client.request_all('parameters')
-    return str(first['file']), {each['name']: each for each in rest}
+    return first, {each['name']: each for each in rest}
 
 
 def _found(parameters: dict[str, Facts], name: str) -> Facts:
@@ -103,12 +103,12 @@ def _set(client: LinkClient, arguments: argparse.Namespace) -> None:
 
 
 def _save(client: LinkClient, arguments: argparse.Namespace) -> None:
-    file, parameters = _parameters(client)
-    path = arguments.file or saved_path(file, arguments.robot)
+    of_all, parameters = _parameters(client)
+    path = arguments.file or saved_path(str(of_all['file']), arguments.robot)
     values = save(path, arguments.robot,
                   {name: each['loaded'] for name, each in parameters.items()},
                   {name: each['value'] for name, each in parameters.items()},
-                  complete=False)  # mirrors are the node's
+                  files=of_all['files'], complete=False)  # mirrors are the node's
     print(told_saved(path, values))
 
 

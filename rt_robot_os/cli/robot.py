@@ -16,25 +16,66 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 import sys
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.settings.arguments import load_from_arguments
+from rt_robot_os.cli.interrupt import end_quietly
 
 OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
+_EPILOG = """
+Without a parameter file the shipped robot runs, and its sensors are simulated.
+
+  robot --simulate                                   the shipped robot, on purpose
+  robot --ros-args --params-file my_robot.yaml       yours
+  robot --simulate --ros-args --params-file my_robot.yaml    yours, on your desk
+  robot --ros-args --params-file my_robot.yaml -p gps.enabled:=false
+
+One robot of a name runs on a machine; another one needs -r __node:=NAME or -r __ns:=/NAMESPACE.
+Exit code: 0 after Ctrl-C or SIGTERM, 2 when it cannot start as it is configured, 1 otherwise.
+"""
 
 
 def main() -> int:
     """Run the robot until Ctrl-C or SIGTERM; the exit code is 2 for a bad configuration."""
+    end_quietly()  # until the node listens to signals: nothing has begun yet
+    from rt_robot_os.errors import RtRobotError
+    from rt_robot_os.link.paths import robot_name
+    from rt_robot_os.link.paths import socket_path
+    from rt_robot_os.link.robots import hold_core
+    from rt_robot_os.link.robots import hold_robot
+    from rt_robot_os.settings.arguments import load_from_arguments
+    from rt_robot_os.settings.command_line import tell
+    from rt_robot_os.settings.command_line import told_simulated
+    arguments = _arguments(sys.argv[1:])
     try:
-        settings, _ = load_from_arguments(sys.argv[1:])
-    except ConfigError as error:
-        count = len(error.problems)
-        print(f'robot: {count} problem{"s" if count > 1 else ""} in the configuration, '
-              'nothing was started:', file=sys.stderr)
-        for problem in error.problems:
-            print(f'  {problem}', file=sys.stderr)
+        settings, ros = load_from_arguments(sys.argv[1:], simulate=arguments.simulate)
+        robot = robot_name(ros.node_name, ros.namespace)
+        path = socket_path(robot)
+        lock = hold_robot(robot)
+        if settings.core.spawn:
+            hold_core(path).release()  # the core itself will hold it
+    except RtRobotError as error:
+        tell('robot', error)
         return BAD_CONFIGURATION
-    # Everything of ROS 2 comes after the check: it takes a second, and a typing mistake does not.
-    from rt_robot_os.ros.program import spin
-    return spin(settings)
+    if settings.simulated:
+        print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
+    try:
+        # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
+        from rt_robot_os.ros.program import spin
+        return spin(settings)
+    finally:
+        lock.release()
+
+
+def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+    from rt_robot_os.settings.command_line import add_simulate
+    from rt_robot_os.settings.command_line import parse_own
+    from rt_robot_os.settings.command_line import ROS_ARGS_HELP
+    parser = argparse.ArgumentParser(
+        prog='robot', description='Run a robot: its real-time core and the ROS 2 node beside it.',
+        usage='robot [--help] [--simulate] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        epilog=ROS_ARGS_HELP + _EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False)
+    add_simulate(parser)
+    return parse_own(parser, argv)

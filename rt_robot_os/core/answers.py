@@ -240,7 +240,8 @@ class Answers:
         def post(content: Arguments) -> None:
             session.post(encode_json(Kind.REPLY, content, seq=number, more=True))
 
-        post({'file': self._core.settings.parameters_file})
+        settings = self._core.settings
+        post({'file': settings.parameters_file, 'files': settings.files})
         for facts in self._core.parameters.facts():
             post(facts)
         session.post(encode_json(Kind.REPLY, {}, seq=number))

@@ -71,6 +71,7 @@ class Core:
     :param writer: of the black box; None saves it nowhere.
     :param loaded: what the files said, when something was changed since.
     :param captures: socket of what starts the processes of cameras and microphones.
+    :param cpu: the one to be pinned to; None for that of the settings.
     :param make_bus: a replay has one of its own.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
@@ -79,10 +80,11 @@ class Core:
                  ports: Mapping[str, str] | None = None, clock: Clock | None = None,
                  writer: BlackBoxWriter | None = None,
                  loaded: RobotSettings | None = None,
-                 captures: Path | None = None,
+                 captures: Path | None = None, cpu: int | None = None,
                  make_bus: Callable[[Kernel], Bus] = Bus) -> None:
         self.settings = settings
         self.parameters = LiveParameters(self, loaded or settings)
+        self._cpu = settings.core.cpu if cpu is None else cpu
         core = settings.core
         if clock is None and core.dispatcher == 'cooperative':
             clock = CooperativeClock()
@@ -165,8 +167,8 @@ class Core:
         """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
         wanted = self.settings.core
         results = [realtime.set_timer_slack()]
-        if wanted.cpu != UNPINNED:
-            results.append(realtime.set_affinity(wanted.cpu))
+        if self._cpu != UNPINNED:
+            results.append(realtime.set_affinity(self._cpu))
         if wanted.lock_memory:
             results.append(realtime.lock_memory())
         if wanted.cpu_latency_us >= 0:

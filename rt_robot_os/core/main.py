@@ -32,15 +32,23 @@ from typing import Any
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.captures import Captures
+from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.simulators import Simulators
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.errors import StartError
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.robots import hold_core
+from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings.command_line import add_simulate
+from rt_robot_os.settings.command_line import parse_own
+from rt_robot_os.settings.command_line import tell
+from rt_robot_os.settings.command_line import told_simulated
 from rt_robot_os.units import NS_PER_S
 
 OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
@@ -52,70 +60,102 @@ _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='core', description='Run the real-time core of a robot by itself; '
-        'a robot node with core.spawn: false attaches to it.')
-    parser.add_argument('--settings', metavar='FILE',
-                        help='checked settings as JSON, - for standard input')
+        'a robot node with core.spawn: false attaches to it.',
+        usage='core [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        allow_abbrev=False)
+    add_simulate(parser)
+    parser.add_argument('--settings', metavar='FILE', help='checked settings as JSON, - for '
+                        'standard input: how a node starts it')
     parser.add_argument('--socket', metavar='PATH', type=Path, help='where to listen')
     parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
     parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
-    return parser.parse_args(argv)
+    return parse_own(parser, argv)
 
 
 def _settings(arguments: argparse.Namespace, argv: Sequence[str]
               ) -> tuple[RobotSettings, RobotSettings, Path]:
     if arguments.settings:
-        text = (sys.stdin.read() if arguments.settings == '-'
-                else Path(arguments.settings).read_text())
         # A second line: as it was loaded, before something was changed while a core ran.
-        now, _, loaded = text.strip().partition('\n')
+        now, _, loaded = _text(arguments.settings).strip().partition('\n')
         return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
     # Reading YAML takes memory that a spawned core does not need.
     from rt_robot_os.settings.arguments import load_from_arguments
-    settings, ros = load_from_arguments(argv)
+    settings, ros = load_from_arguments(argv, simulate=arguments.simulate)
     path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
     return settings, settings, path
 
 
+def _text(file: str) -> str:
+    if file == '-':
+        return sys.stdin.read()
+    try:
+        return Path(file).read_text()
+    except OSError as error:
+        raise ConfigError([f'--settings {file}: cannot be read: {error.strerror}']) from error
+    except UnicodeDecodeError:
+        raise ConfigError([f'--settings {file}: not JSON: no text']) from None
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the core until it is told to stop; the exit code is 2 for a bad configuration."""
+    """Run the core until it is told to stop; the exit code is 2 when it cannot start as it is."""
     given = list(sys.argv[1:] if argv is None else argv)
-    own = given[:given.index('--ros-args')] if '--ros-args' in given else given
-    arguments = _arguments(own)
+    arguments = _arguments(given)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
+    try:
+        settings, loaded, path = _settings(arguments, given)
+        lock = hold_core(path, arguments.parent or 0)
+    except RtRobotError as error:
+        tell('core', error)
+        return BAD_CONFIGURATION
+    by_hand = arguments.settings is None
+    if by_hand and settings.simulated:
+        print(f'core: {told_simulated(settings)}', file=sys.stderr)
+    try:
+        return _run(settings, loaded, path, lock, arguments.duration, by_hand)
+    finally:
+        lock.release()
+
+
+def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
+         duration_s: float | None, by_hand: bool) -> int:
     simulators, captures = Simulators(), Captures()
     writer: BlackBoxWriter | None = None
     try:
-        settings, loaded, path = _settings(arguments, given)
-        ports = simulators.start(settings, runtime_folder() / path.stem)
-        host = captures.start(settings, runtime_folder() / f'{path.stem}.captures')
+        ports = simulators.start(settings, _device_folder(path))
+        host = captures.start(settings, path.with_suffix('.captures'))
         signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
-                    captures=host)
+                    captures=host, cpu=choose_cpu(settings.core.cpu, lock))
         previous = _handle_signals(core)
         # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()
-        if arguments.settings is None:
+        if by_hand:
             core.write_reports_to(sys.stderr.fileno())
         try:
-            core.run(None if arguments.duration is None else round(arguments.duration * NS_PER_S))
+            core.run(None if duration_s is None else round(duration_s * NS_PER_S))
         finally:
             for signo, handler in previous.items():
                 signal.signal(signo, handler)
         if core.tripped:
             return settings.watchdog.exit_code
     except (RtRobotError, OSError) as error:
-        print(error, file=sys.stderr)
-        return BAD_CONFIGURATION if isinstance(error, ValueError) else FAILED
+        tell('core', error)
+        return BAD_CONFIGURATION if isinstance(error, ValueError | StartError) else FAILED
     finally:
         if writer is not None:
             writer.close()
         simulators.stop()
         captures.stop()
     return OK
+
+
+def _device_folder(path: Path) -> Path:
+    """Give the folder of the simulated devices, beside the socket."""
+    return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
 
 
 def _handle_signals(core: Core) -> dict[int, Any]:

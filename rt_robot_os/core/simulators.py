@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -38,19 +39,23 @@ class Simulators:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
+        self._folder = Path()
 
     def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
         """
         Start what the settings ask for and wait until the ports are there.
 
-        :param folder: where the ports get their stable paths.
+        :param folder: where the ports get their stable paths; the caller holds the robot's name,
+            so what lies there was left behind.
         :return: the path of the port of each simulated device, by device.
         :raises DeviceError: the simulator ended or hangs.
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
+        clear(folder)
         if not devices:
             return {}
+        self._folder = folder
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'rt_robot_os.core.simulator_process', str(os.getpid()),
              str(folder)], stdin=subprocess.PIPE)
@@ -78,6 +83,18 @@ class Simulators:
             self._process.kill()
             self._process.wait()
         self._process = None
+        clear(self._folder)  # it may have been killed
+
+
+def clear(folder: Path) -> None:
+    """Remove the links and sockets of simulated devices that are no more, and their folder."""
+    if folder.is_symlink() or not folder.is_dir():
+        return
+    for path in folder.iterdir():
+        if path.is_symlink() or path.is_socket():
+            path.unlink(missing_ok=True)
+    with suppress(OSError):  # it holds something of somebody else
+        folder.rmdir()
 
 
 def _plain(value: Any) -> Any:

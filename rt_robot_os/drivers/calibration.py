@@ -31,6 +31,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.linux.files import read_file
 from rt_robot_os.schema import Field
 
 Vector = tuple[float, float, float]
@@ -220,7 +221,7 @@ def load(path: Path, device: str, vectors: Sequence[str]) -> dict[str, Calibrati
     """
     import yaml
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = yaml.safe_load(read_file(path).decode('utf-8'))
         section = content['/**']['ros__parameters'][device]
         return {vector: from_settings(device, section, vector) for vector in vectors}
     except ConfigError as error:

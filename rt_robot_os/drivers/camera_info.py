@@ -24,6 +24,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.linux.files import read_file
 
 _REMEDY: Final = 'use a file of camera_calibration, or delete camera_info'
 _LARGEST: Final = 1e12  # also an integer may be too large for a float; NaN is not below it
@@ -98,7 +99,7 @@ def load_calibration(url: str, width: int, height: int) -> CameraCalibration:
     import yaml
     path = path_of(url)
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = yaml.safe_load(read_file(path).decode('utf-8'))
     except OSError as error:
         raise ConfigError([f'camera_info {path}: {error.strerror}: {_REMEDY}']) from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -16,35 +16,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import os
 from pathlib import Path
 import stat
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import StartError
+from rt_robot_os.linux.folders import RUNTIME_VARIABLE
 from rt_robot_os.linux.folders import runtime_path
+
+# sockaddr_un has 108 bytes, the last of them zero.
+SOCKET_PATH_BYTES_MAXIMUM = 107
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def runtime_folder() -> Path:
     """
     Give the private runtime folder, made if need be; :mod:`rt_robot_os.linux.folders` says where.
 
-    :raises LinkError: the folder belongs to another user or cannot be made.
+    :raises StartError: it or a folder above it belongs to another user or can be written by one,
+        or it cannot be made.
     """
     folder = runtime_path(os.environ, os.getuid())
+    remedy = f'set {RUNTIME_VARIABLE} to a folder of your own'
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.lstat()
         if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-            raise LinkError(f'{folder} is not a folder of this user; remove it, or set '
-                            'RT_ROBOT_OS_RUNTIME_DIR')
-        if stat.S_IMODE(status.st_mode) & 0o077:
+            raise StartError(f'{folder} is not a folder of this user; remove it, or {remedy}')
+        if status.st_mode & _WRITABLE_BY_OTHERS:
+            raise StartError(f'{folder} can be written by other users; {remedy}, or chmod 700 it '
+                             'when nobody else has put anything there')
+        for above, problem in _exposed(folder):
+            raise StartError(f'{folder} is not private: {above} {problem}; {remedy}')
+        if status.st_mode & 0o077 and not _is_used_by_others(folder):
             folder.chmod(0o700)
     except OSError as error:
-        if isinstance(error, LinkError):
+        if isinstance(error, StartError):
             raise
-        raise LinkError(f'{folder} cannot be used: {error.strerror}; set '
-                        'RT_ROBOT_OS_RUNTIME_DIR to a folder of your own') from error
+        raise StartError(f'{folder} cannot be used: {error.strerror}; {remedy}') from error
     return folder
+
+
+def _is_used_by_others(folder: Path) -> bool:
+    """Tell what must not be closed to others, though it is ours: /run and the like, and a home."""
+    real = folder.resolve()
+    return len(real.parts) < 3 or real == Path(os.path.expanduser('~')).resolve()
+
+
+def _exposed(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Find the folders and links on the way in which others could put another one there."""
+    absolute, mine = Path(os.path.abspath(folder)), (0, os.getuid())
+    for above in dict.fromkeys((*absolute.parents, *absolute.resolve().parents)):
+        status = above.lstat()
+        if status.st_uid not in mine:
+            yield above, 'belongs to another user'
+        elif (status.st_mode & _WRITABLE_BY_OTHERS and stat.S_ISDIR(status.st_mode)
+              and not status.st_mode & stat.S_ISVTX):
+            yield above, 'can be written by other users'
 
 
 def robot_name(node: str = 'robot', namespace: str = '/') -> str:
@@ -52,11 +81,27 @@ def robot_name(node: str = 'robot', namespace: str = '/') -> str:
     return '.'.join([*(part for part in namespace.split('/') if part), node])
 
 
+def robot_of(text: str) -> str:
+    """Give the name of a robot's files from what a user writes: its node, ``/arm/robot``."""
+    return '.'.join(part for part in text.replace('.', '/').split('/') if part) or 'robot'
+
+
+def node_of(robot: str) -> str:
+    """Give the full name of a robot's node from the name of its files."""
+    return '/' + robot.replace('.', '/')
+
+
 def socket_path(name: str = 'robot') -> Path:
     """
     Give the path of a core's socket.
 
     :param name: from :func:`robot_name`.
-    :raises LinkError: the runtime folder cannot be used.
+    :raises StartError: the runtime folder cannot be used, or the path is too long for a socket.
     """
-    return runtime_folder() / f'{name}.sock'
+    path = runtime_folder() / f'{name}.sock'
+    size = len(os.fsencode(path))
+    if size > SOCKET_PATH_BYTES_MAXIMUM:
+        raise StartError(f'the path of the socket, {path}, has {size} bytes, and Linux allows '
+                         f'{SOCKET_PATH_BYTES_MAXIMUM}: set {RUNTIME_VARIABLE} to a folder with '
+                         'a shorter path, or give the robot a shorter name')
+    return path

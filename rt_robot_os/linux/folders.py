@@ -17,11 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import errno
 import os
 from pathlib import Path
+import stat
 import tempfile
 
+from rt_robot_os.errors import StartError
+
 RUNTIME_VARIABLE = 'RT_ROBOT_OS_RUNTIME_DIR'
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def runtime_path(environ: Mapping[str, str], uid: int) -> Path:
@@ -37,4 +42,54 @@ def runtime_path(environ: Mapping[str, str], uid: int) -> Path:
         return Path(explicit)
     if session and os.access(session, os.W_OK):
         return Path(session) / 'rt_robot_os'
+    return _temporary_path(uid)
+
+
+def _temporary_path(uid: int) -> Path:
     return Path(tempfile.gettempdir()) / f'rt_robot_os-{uid}'
+
+
+def ros_home() -> Path:
+    """
+    Give the folder of ROS 2's files: ``$ROS_HOME`` or ``~/.ros``.
+
+    A user without a home, as in some containers, has a private one among the temporary files.
+
+    :raises StartError: that one is somebody else's.
+    """
+    home = os.path.expanduser(os.environ.get('ROS_HOME') or '~/.ros')
+    if not home.startswith('~'):
+        return Path(home)
+    folder = _temporary_path(os.getuid())
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+    except OSError as error:
+        raise StartError(f'{folder} cannot be used: {error.strerror}; set ROS_HOME') from error
+    if (not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid()
+            or status.st_mode & _WRITABLE_BY_OTHERS):
+        raise StartError(f'{folder} is not a folder of this user alone; remove it, or set '
+                         'ROS_HOME')
+    return folder
+
+
+def open_to_append(path: Path) -> int:
+    """
+    Open a file under a fixed name for appending.
+
+    In a folder that others can write, they cannot make us write somewhere else.
+
+    :return: its file descriptor.
+    :raises OSError: it cannot be opened, or is not ours in such a folder.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+    shared = path.parent.stat().st_mode & _WRITABLE_BY_OTHERS
+    if not shared:
+        return os.open(path, flags, 0o644)
+    fd = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
+    status = os.fstat(fd)
+    if (not stat.S_ISREG(status.st_mode) or status.st_uid != os.getuid()
+            or status.st_nlink != 1):
+        os.close(fd)
+        raise OSError(errno.EPERM, 'it is no file of this user')
+    return fd

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import signal
 
 from rt_robot_os.linux import _libc
@@ -32,3 +33,11 @@ def die_with_parent(parent_pid: int | None = None, signo: int = signal.SIGTERM) 
     """
     _libc.prctl(_libc.PR_SET_PDEATHSIG, int(signo), 0, 0, 0)
     return parent_pid is None or os.getppid() == parent_pid
+
+
+def parent_of(pid: int) -> int:
+    """Give the parent of a process; 0 when it has ended or is not ours to see."""
+    try:
+        return int(Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0

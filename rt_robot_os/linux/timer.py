@@ -23,8 +23,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 import ctypes
+import resource
 import threading
 
+from rt_robot_os.errors import StartError
 from rt_robot_os.linux import _libc
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
@@ -32,6 +34,22 @@ from rt_robot_os.units import NS_PER_S
 
 # Before Python 3.12 a handler may find no room left on the stack: sooner again.
 AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
+
+
+def make_timer(event: _libc.SigEvent, timer: ctypes.c_void_p) -> None:
+    """
+    Make a timer on CLOCK_MONOTONIC.
+
+    :raises StartError: this user may have no more of them (RLIMIT_SIGPENDING).
+    """
+    try:
+        _libc.timer_create(_libc.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer))
+    except BlockingIOError as error:  # EAGAIN
+        limit, _ = resource.getrlimit(resource.RLIMIT_SIGPENDING)
+        raise StartError('Linux allows this user no further timer: pending signals are limited '
+                         f'to {limit}; raise that: `ulimit -i 4096`, LimitSIGPENDING=4096 in a '
+                         "unit of systemd, or '@realtime - sigpending 4096' in "
+                         '/etc/security/limits.conf') from error
 
 
 class SignalTimer:
@@ -42,14 +60,14 @@ class SignalTimer:
     left on the stack of a task that recursed too deeply must not stop the clock for ever.
 
     :param signo: the signal to send; its handler must be installed before :meth:`arm`.
-    :raises OSError: the system has no timer left (RLIMIT_SIGPENDING).
+    :raises StartError: this user may have no more timers (RLIMIT_SIGPENDING).
     """
 
     def __init__(self, signo: int) -> None:
         event = _libc.SigEvent(signo=signo, notify=_libc.SIGEV_THREAD_ID,
                                thread_id=threading.get_native_id())
         self._timer = ctypes.c_void_p()
-        _libc.timer_create(_libc.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer))
+        make_timer(event, self._timer)
         self._spec_storage = (ctypes.c_int64 * 4)()
         self._spec = memoryview(self._spec_storage).cast('B').cast('q')
         self._spec[1] = AGAIN_NS

@@ -25,6 +25,8 @@ import subprocess
 import sys
 import time
 
+from rt_robot_os.link.robots import remove_leftovers
+
 CONFIGURATION_EXIT_CODE = 2
 _STOP_TIMEOUT_S = 3.0
 # One BLAS thread: the others would only take memory, and there is one thread in the core.
@@ -97,7 +99,7 @@ class CoreProcess:
         self.exit_code = code
         self._process = None
         with suppress(OSError):  # somebody put a folder there: the next core says so
-            self._path.unlink(missing_ok=True)
+            remove_leftovers(self._path)
         return False
 
     def ended_within(self, timeout_s: float) -> bool:

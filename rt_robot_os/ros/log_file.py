@@ -30,6 +30,8 @@ import queue
 import threading
 import time
 
+from rt_robot_os.linux.folders import open_to_append
+
 WAITING_MAXIMUM = 4096
 RETRY_S = 5.0
 _END_PATIENCE_S = 2.0
@@ -136,7 +138,7 @@ class LogFile:
 
     def _open(self) -> int:
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        fd = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        fd = open_to_append(self.path)
         self._fd = fd
         self._size = os.fstat(fd).st_size
         return fd

@@ -28,8 +28,8 @@ from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
@@ -271,10 +271,11 @@ class RobotNode(LifecycleNode):
     def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Write what was changed since the start."""
         self._adopt()
-        path = saved_path(self.settings.parameters_file, self.robot)
         try:
-            values = save(path, self.robot, live_values(self._loaded), live_values(self.settings))
-        except ConfigError as error:
+            path = saved_path(self.settings.parameters_file, self.robot)
+            values = save(path, self.robot, live_values(self._loaded), live_values(self.settings),
+                          files=self.settings.files)
+        except RtRobotError as error:
             response.message = str(error)
             return response
         response.success = True

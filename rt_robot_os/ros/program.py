@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from types import FrameType
@@ -27,7 +28,9 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.errors import StartError
 from rt_robot_os.ros.announcements import frequent_announcements
+from rt_robot_os.ros.logging_set_up import logging_arguments
 from rt_robot_os.ros.node import RobotNode
 from rt_robot_os.settings import RobotSettings
 
@@ -55,6 +58,27 @@ class _StopOnSignal:
         self.signo = signum
 
 
+class _NotStarted(Exception):
+    """ROS 2 refuses the node."""
+
+
+def _make_node(settings: RobotSettings) -> RobotNode:
+    try:
+        return RobotNode(settings)
+    except RtRobotError:
+        raise
+    except Exception as error:
+        raise _NotStarted(f'{type(error).__name__}: {error}') from error
+
+
+def _refused(error: Exception) -> int:
+    """Say in one line what ROS 2 has against the start, without the places in its source code."""
+    text = ' '.join(str(error).split()) or type(error).__name__
+    text = re.sub(r',? at (?:\./)?[\w./+-]+\.(?:c|cpp|hpp):\d+', '', text)
+    print(f'robot: ROS 2 does not start: {text}', file=sys.stderr)
+    return BAD_CONFIGURATION
+
+
 def spin(settings: RobotSettings) -> int:
     """
     Run the robot: configure, activate, spin, and leave nothing behind.
@@ -62,18 +86,25 @@ def spin(settings: RobotSettings) -> int:
     :return: the exit code.
     """
     stop = _StopOnSignal()
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=[*sys.argv, *logging_arguments()],
+                   signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy has an error class for each kind of nonsense
+        return _refused(error)
     node = None
     executor = SingleThreadedExecutor()
     code = FAILED
     try:
         with frequent_announcements():
-            node = RobotNode(settings)
+            node = _make_node(settings)
         code = _run(node, executor, stop)
     except KeyboardInterrupt:
         code = OK
+    except _NotStarted as error:
+        code = _refused(error)
     except RtRobotError as error:
         print(f'robot: {error}', file=sys.stderr)
+        code = BAD_CONFIGURATION if isinstance(error, StartError) else FAILED
     finally:
         if node is not None:
             # The executor lets go of the node before it is destroyed under it.

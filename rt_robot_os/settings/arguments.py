@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+import os
 
 from rt_robot_os.settings.load import load
 from rt_robot_os.settings.model import RobotSettings
@@ -25,19 +27,22 @@ from rt_robot_os.settings.ros_args import parse_ros_args
 from rt_robot_os.settings.ros_args import RosArguments
 
 
-def load_from_arguments(argv: Sequence[str]) -> tuple[RobotSettings, RosArguments]:
+def load_from_arguments(argv: Sequence[str], simulate: bool = False
+                        ) -> tuple[RobotSettings, RosArguments]:
     """
     Read the parameter files and overrides of a command line.
 
-    Without a parameter file the package's own ``robot.yaml`` counts: simulated devices.
+    Without a parameter file, or with the package's own ``robot.yaml``, these are simulated devices.
 
     :param argv: without the program's name.
+    :param simulate: all devices are to be simulated.
     :raises ConfigError: with one line for each problem.
     """
     ros = parse_ros_args(argv)
-    if ros.params_files:
-        settings = load(ros.params_files, ros.overrides, ros.node_name, ros.namespace)
-    else:
-        # The shipped file is written for the node's usual name, wherever it runs.
-        settings = load([default_path()], ros.overrides)
-    return settings, ros
+    # The shipped file is written for the node's usual name, wherever it runs.
+    node, namespace = ((ros.node_name, ros.namespace) if ros.params_files else ('robot', '/'))
+    settings = load(ros.params_files or [default_path()], ros.overrides, node, namespace,
+                    simulate=simulate)
+    # A launch file names the shipped one when its user names none.
+    shipped = settings.files == (os.path.realpath(default_path()),)
+    return replace(settings, simulation_asked=simulate or not shipped), ros

@@ -140,8 +140,12 @@ TASK: Final = (
 _LOG_LEVEL: Final = Field(
     'log_level', str, 'info', 'the least severity that it logs', choices=LEVELS, live=True)
 
+_ENABLED: Final = Field(
+    'enabled', bool, True, 'false: it is left out, and its topics are silent')
+
 DEVICE: Final = (
     Field('type', str, REQUIRED, "the driver's name"),
+    _ENABLED,
     _rate(100.0, 'how often the device is polled'),
     _priority(60, 'priority of its task; higher runs first'),
     Field('read', str, 'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too '
@@ -159,6 +163,7 @@ DEVICE: Final = (
 
 MODULE: Final = (
     Field('type', str, REQUIRED, "the module's name, or package.module:Class"),
+    _ENABLED,
     Field('rate_hz', float, 50.0, 'how often the module steps; 0: only when an input wakes it',
           'Hz', 0.0, FASTEST_HZ, live=True),
     _priority(40, 'priority of its task; higher runs first'),

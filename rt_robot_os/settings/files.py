@@ -21,9 +21,9 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 import math
 from pathlib import Path
-import stat
 from typing import Any
 
+from rt_robot_os.linux.files import read_file
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.nodes import expand
 from rt_robot_os.settings.nodes import NodeParameters
@@ -40,8 +40,6 @@ from rt_robot_os.settings.tree import RawMap
 from rt_robot_os.settings.yaml_text import DEEPEST
 from rt_robot_os.settings.yaml_text import parse
 from rt_robot_os.settings.yaml_text import YamlProblem
-
-LARGEST_BYTES = 1 << 20
 
 _INT64 = 2 ** 63
 
@@ -113,16 +111,11 @@ def _text(path: Path) -> str:
     if '\0' in str(path):
         raise YamlProblem('cannot be read: no path has a null character')
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise YamlProblem('cannot be read: it is no file')
-        with path.open('rb') as file:
-            data = file.read(LARGEST_BYTES + 1)
+        data = read_file(path)
     except OSError as error:
         raise YamlProblem(f'cannot be read: {error.strerror}') from None
     except UnicodeEncodeError:
         raise YamlProblem('cannot be read: its path is no text') from None
-    if len(data) > LARGEST_BYTES:
-        raise YamlProblem(f'is longer than {LARGEST_BYTES} bytes: no parameter file is')
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError as error:

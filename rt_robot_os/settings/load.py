@@ -19,6 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence
+from dataclasses import replace
+import os
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -28,15 +30,17 @@ from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.files import read_overrides
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.overlay import lay_over
+from rt_robot_os.settings.overlay import simulate_all
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.robot import read_robot
 from rt_robot_os.settings.tree import COMMAND_LINE
-from rt_robot_os.settings.tree import merge
 
 
 def load(
     paths: Sequence[Path], overrides: Mapping[str, Any] = MappingProxyType({}),
     node: str = 'robot', namespace: str = '/', catalogue: Catalogue | None = None,
+    simulate: bool = False,
 ) -> RobotSettings:
     """
     Read ROS 2 parameter files and check them against everything that they name; opens no device.
@@ -46,9 +50,14 @@ def load(
     :param node: the node's name; only its sections and wildcards count.
     :param namespace: the node's namespace.
     :param catalogue: what may be named; what is installed when None.
+    :param simulate: every device is a simulated one, whatever its port.
     :raises ConfigError: with one line for each problem.
     """
     problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
     tree = read_files([Path(path) for path in paths], namespace, node, problems)
-    tree = merge(tree, read_overrides(overrides, problems))
-    return read_robot(tree, namespace, node, catalogue or installed(), problems)
+    tree = lay_over(tree, read_overrides(overrides, problems))
+    known = catalogue or installed()
+    if simulate:
+        tree = simulate_all(tree, known)
+    settings = read_robot(tree, namespace, node, known, problems)
+    return replace(settings, files=tuple(os.path.realpath(path) for path in paths))

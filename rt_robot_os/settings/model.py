@@ -264,6 +264,9 @@ class RobotSettings:
     The whole robot, checked.
 
     :ivar parameters_file: where what was changed while it ran is saved; empty: ROS's folder.
+    :ivar files: real paths of the parameter files that it was read from.
+    :ivar simulation_asked: somebody wanted the devices simulated; False when it is only for want
+        of another configuration.
     """
 
     autostart: bool
@@ -276,6 +279,13 @@ class RobotSettings:
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
     parameters_file: str = ''
+    files: tuple[str, ...] = field(default=(), compare=False)
+    simulation_asked: bool = field(default=True, compare=False)
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """Give the names of the devices that are simulated."""
+        return tuple(device.name for device in self.devices if device.port == SIM_PORT)
 
 
 def frozen(value: Any) -> Any:

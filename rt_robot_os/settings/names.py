@@ -25,6 +25,9 @@ TOKEN_RULE: Final = "letters, digits and '_', not beginning with a digit"
 # What rmw allows a whole topic name: 255 less the prefix that DDS gets.
 LONGEST_TOPIC: Final = 247
 
+# What rmw allows.
+LONGEST_NODE: Final = 255
+
 _TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*', re.ASCII)
 _MESSAGE = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 

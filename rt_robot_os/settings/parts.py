@@ -68,6 +68,11 @@ class Part:
         """Give the name of its section."""
         return self.section.name
 
+    @property
+    def enabled(self) -> bool:
+        """Say whether it is to run."""
+        return self.section.values.get('enabled', True) is not False
+
     def own(self) -> Mapping[str, Any]:
         """Give the values of the class's own settings."""
         return self.section.pick(self.kind.fields if self.kind else ())

@@ -18,7 +18,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Sequence
 import difflib
+import itertools
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
@@ -30,6 +33,10 @@ from rt_robot_os.settings.tree import show
 MOST_LINES = 500
 
 _LONGEST_GUESS = 64
+_ALIKE = 0.6
+# Of so many names each is compared with each.
+_FEW = 100
+_MOST_SHOWN = 100
 
 
 class Problems:
@@ -108,18 +115,73 @@ def description_of(field: Field) -> str:
     return text[:1].upper() + text[1:]
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Guess which of the known names was meant."""
-    if len(name) > _LONGEST_GUESS:
-        return None
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+class Names:
+    """
+    Names that there are, to guess which of them was meant.
+
+    A guess costs the same however many there are: of more than a few only those are found that
+    are a letter away. Each is filed under what is left of it without one of its letters.
+    """
+
+    def __init__(self, known: Iterable[str] = ()) -> None:
+        self._known: dict[str, None] = {}
+        self._filed: dict[str, list[str]] = {}
+        for name in known:
+            self.add(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def add(self, name: str) -> None:
+        """Know one more."""
+        if name in self._known:
+            return
+        self._known[name] = None
+        if len(name) <= _LONGEST_GUESS:
+            for rest in _shortened(name):
+                filed = self._filed.setdefault(rest, [])
+                if len(filed) < _FEW:
+                    filed.append(name)
+
+    def nearest(self, name: str, but: str | None = None) -> str | None:
+        """
+        Guess which one was meant.
+
+        :param but: one that was not.
+        """
+        if len(name) > _LONGEST_GUESS:
+            return None
+        if len(self._known) <= _FEW:
+            near: Iterable[str] = self._known
+        else:
+            near = dict.fromkeys(other for rest in _shortened(name)
+                                 for other in self._filed.get(rest, ()))
+        return _closest(name, [each for each in near if each != but])
+
+
+def _shortened(name: str) -> set[str]:
+    return {name, *(name[:index] + name[index + 1:] for index in range(len(name)))}
+
+
+def _closest(name: str, known: Sequence[str]) -> str | None:
+    close = difflib.get_close_matches(name, known, n=1, cutoff=_ALIKE)
     return close[0] if close else None
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Guess which of the known names was meant; for many guesses make :class:`Names` of them."""
+    return None if len(name) > _LONGEST_GUESS else _closest(name, list(known))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Say which known name is nearest, or which names there are."""
-    names = sorted(set(known))
-    guess = nearest(name, names)
+    names = known if isinstance(known, Names) else sorted(set(known))
+    guess = names.nearest(name) if isinstance(names, Names) else nearest(name, names)
     if guess:
         return f'did you mean {guess!r}?'
-    return f"known: {', '.join(names)}" if names else 'there are none'
+    shown = sorted(itertools.islice(names, _MOST_SHOWN))
+    more = f' and {len(names) - len(shown)} more' if len(names) > len(shown) else ''
+    return f"known: {', '.join(shown)}{more}" if shown else 'there are none'

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
@@ -78,19 +79,22 @@ def read_robot(
     topics = [_read_topic(branch, name, problems) for name, branch in named.topics.items()]
     mirrors = [read_section(branch, name, MIRROR, problems)
                for name, branch in named.mirrors.items()]
-    check_ports(devices, problems)
+    at_work = [part for part in devices if part.enabled]
+    modules_at_work = [part for part in modules if part.enabled]
+    check_ports(at_work, problems)
     table = TopicTable(loose=named.loose, complete=not named.loose)
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
     check_mirrors(mirrors, table, namespace, node, problems)
-    check_tasks([*devices, *modules], uses, core, watchdog, problems)
+    check_tasks([*at_work, *modules_at_work], uses, core, watchdog, problems)
     problems.raise_any()
     return RobotSettings(
         autostart=top.values['autostart'], diagnostics_rate_hz=top.values['diagnostics_rate_hz'],
         core=CoreSettings(**core.values),
-        devices=tuple(build_device(part) for part in devices),
-        modules=tuple(build_module(part) for part in modules),
-        topics=tuple(_build_topic(section) for section in topics),
+        devices=tuple(build_device(part) for part in at_work),
+        modules=tuple(build_module(part) for part in modules_at_work),
+        topics=(*(_build_topic(section) for section in topics),
+                *_silent_topics([*devices, *modules], topics, uses)),
         mirrors=tuple(_build_mirror(section, table) for section in mirrors),
         watchdog=WatchdogSettings(**watchdog.values), log=LogSettings(**log.values),
         parameters_file=top.values['parameters_file'])
@@ -150,6 +154,23 @@ def _build_topic(section: Section) -> TopicSettings:
         name=section.name, topic=values['topic'] or section.name, message=values['message'],
         depth=values['depth'], rate_hz=values['rate_hz'], fixed=frozen(values['fixed']),
         tail=values['tail'] or None, max_subscribers=values['max_subscribers'])
+
+
+def _silent_topics(
+    parts: Sequence[Part], topics: Sequence[Section],
+    uses: Mapping[str, Sequence[TopicUse] | None],
+) -> Iterator[TopicSettings]:
+    """Give the topics of what is not enabled: who reads or mirrors them waits, and that is all."""
+    published = {section.values['topic'] or section.name for section in topics}
+    for part in parts:
+        if part.enabled:
+            published.update(use.topic for use in uses[part.name] or () if use.publishes)
+    for part in parts:
+        for use in uses[part.name] or ():
+            if not part.enabled and use.publishes and use.topic not in published:
+                published.add(use.topic)
+                yield TopicSettings(f'{part.name}_off_{len(published)}', use.topic, use.message,
+                                    1, 0.0, frozen(use.fixed), use.tail)
 
 
 def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:

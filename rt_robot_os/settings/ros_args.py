@@ -22,12 +22,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.names import is_token
+from rt_robot_os.settings.names import LONGEST_NODE
 from rt_robot_os.settings.names import namespace_problem
 from rt_robot_os.settings.names import TOKEN_RULE
+from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.tree import COMMAND_LINE
 from rt_robot_os.settings.tree import Leaf
@@ -36,7 +38,13 @@ from rt_robot_os.settings.yaml_text import parse
 from rt_robot_os.settings.yaml_text import YamlProblem
 
 _ORIGIN = Origin(COMMAND_LINE)
-_VALUED = ('-e', '--enclave', '--log-level', '--log-config-file', '--log-file-name')
+# The arguments of ROS 2 behind --ros-args, and whether a value follows.
+ROS_FLAGS: Final = MappingProxyType({
+    **dict.fromkeys(('-p', '--param', '--params-file', '-r', '--remap', '-e', '--enclave',
+                     '--log-level', '--log-config-file', '--log-file-name'), True),
+    **{f'--{what}-{logs}-logs': False for what in ('enable', 'disable')
+       for logs in ('rosout', 'stdout', 'external-lib')}})
+_LEVELS: Final = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +68,14 @@ def parse_ros_args(argv: Sequence[str], node: str = 'robot') -> RosArguments:
     """
     Read ``--ros-args --params-file F -p name:=value -r __node:=x -r __ns:=/y --``.
 
-    Remappings of topics, log options and what is unknown are left to rclpy, which gets the same
-    command line.
+    Remappings of topics and log options are left to rclpy, which gets the same command line.
 
     :param argv: without the program's name.
     :param node: the node's name unless remapped.
     :raises ConfigError: with one line for each argument that cannot be understood.
     """
     problems = Problems()
-    ours, rest = _split(argv)
+    ours, rest = split(argv)
     files, parameters, remaps = _sort(ours, problems)
     name, namespace = _node_of(remaps, node, problems)
     overrides: dict[str, Any] = {}
@@ -78,7 +85,8 @@ def parse_ros_args(argv: Sequence[str], node: str = 'robot') -> RosArguments:
     return RosArguments(tuple(files), MappingProxyType(overrides), name, namespace, rest)
 
 
-def _split(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+def split(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Part what stands in ``--ros-args ... --`` from the rest."""
     ours: list[str] = []
     rest: list[str] = []
     inside = False
@@ -100,7 +108,10 @@ def _sort(
     remaps: list[str] = []
     waiting = iter(arguments)
     for flag in waiting:
-        if flag not in ('--params-file', '-p', '--param', '-r', '--remap', *_VALUED):
+        if flag not in ROS_FLAGS:
+            _unknown(flag, problems)
+            continue
+        if not ROS_FLAGS[flag]:
             continue
         value = next(waiting, None)
         if value is None:
@@ -111,7 +122,35 @@ def _sort(
             parameters.append(value)
         elif flag in ('-r', '--remap'):
             remaps.append(value)
+            _check_remap(value, problems)
+        elif flag == '--log-level':
+            _check_level(value, problems)
     return files, parameters, remaps
+
+
+def _unknown(word: str, problems: Problems) -> None:
+    if word.endswith(('.yaml', '.yml')) and not word.startswith('-'):
+        hint = f'write --params-file {word}'
+    elif ':=' in word:
+        hint = f'write -p {word} for a parameter, -r {word} for another name'
+    else:
+        guess = nearest(word, ROS_FLAGS)
+        hint = (f'did you mean {guess}?' if guess
+                else "the program's own arguments stand before --ros-args")
+    problems.add(_ORIGIN, f'{word}: is no argument of ROS 2: {hint}')
+
+
+def _check_remap(rule: str, problems: Problems) -> None:
+    match, separator, replacement = rule.partition(':=')
+    if not separator or not match or not replacement:
+        problems.add(_ORIGIN, f'-r {rule}: must be FROM:=TO, such as imu/data:=/head/imu or '
+                     '__node:=arm')
+
+
+def _check_level(text: str, problems: Problems) -> None:
+    level = text.rpartition(':=')[2]
+    if level.lower() not in _LEVELS:
+        problems.value(_ORIGIN, '--log-level', level, f'must be one of {", ".join(_LEVELS)}')
 
 
 def _node_of(remaps: Sequence[str], node: str, problems: Problems) -> tuple[str, str]:
@@ -126,6 +165,9 @@ def _node_of(remaps: Sequence[str], node: str, problems: Problems) -> tuple[str,
             name = value
             if not is_token(value):
                 problems.value(_ORIGIN, f'-r {what}', value, f'must be {TOKEN_RULE}')
+            elif len(value) > LONGEST_NODE:
+                problems.value(_ORIGIN, f'-r {what}', value,
+                               f'must be at most {LONGEST_NODE} characters')
         elif what == '__ns' and not namespace:
             namespace = value
             wrong = namespace_problem(value)

@@ -22,14 +22,18 @@ already, what it says is kept up to date too: it may be part of that configurati
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 from contextlib import suppress
+import json
 import os
 from pathlib import Path
-import tempfile
 from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.link.paths import node_of
+from rt_robot_os.linux.files import read_file
+from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.parameters import parameters
@@ -38,6 +42,9 @@ from rt_robot_os.settings.tree import flatten
 import yaml
 
 MARK: Final = '# Parameters that were changed while the robot ran, saved by rt_robot_os.'
+_CONFIGURATION: Final = '# Its parameter files: '
+# What a launch file says in place is in a file of each start.
+_TEMPORARY: Final = 'launch_params_'
 _REMEDY: Final = 'give a file in a folder that can be written'
 
 
@@ -47,16 +54,14 @@ def saved_path(file: str, robot: str) -> Path:
 
     :param file: the setting ``parameters_file``.
     :param robot: name of the robot's files, as from ``link.paths.robot_name``.
+    :raises StartError: a user without a home has no folder, see
+        :func:`rt_robot_os.linux.folders.ros_home`.
     """
     if file:
         with suppress(RuntimeError):  # no home
             return Path(file).expanduser()
         return Path(file)
-    try:
-        home = Path(os.environ.get('ROS_HOME') or '~/.ros').expanduser()
-    except RuntimeError:
-        home = Path(tempfile.gettempdir())
-    return home / f'{robot}.saved.yaml'
+    return ros_home() / f'{robot}.saved.yaml'
 
 
 def live_values(settings: RobotSettings) -> dict[str, Any]:
@@ -65,7 +70,7 @@ def live_values(settings: RobotSettings) -> dict[str, Any]:
 
 
 def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, Any], *,
-         complete: bool = True) -> dict[str, Any]:
+         complete: bool = True, files: Sequence[str] = ()) -> dict[str, Any]:
     """
     Write the parameters that were changed; the file is there whole, or as it was.
 
@@ -73,10 +78,13 @@ def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, An
     :param loaded: live parameters as the configuration had them, by dotted name.
     :param now: as they are.
     :param complete: these are all; what else the file says is taken out.
+    :param files: the parameter files of the robot: a file that another robot of the same name has
+        saved is not overwritten.
     :return: what the file holds; empty when nothing was changed, and no file was written.
-    :raises ConfigError: the file cannot be written, or was not written by us.
+    :raises ConfigError: the file cannot be written, was not written by us, or is another robot's.
     """
-    values = {name: now.get(name, value) for name, value in _kept(path, robot).items()
+    mine = _configuration(files, path)
+    values = {name: now.get(name, value) for name, value in _kept(path, robot, mine).items()
               if name in now or not complete}
     values.update({name: value for name, value in now.items()
                    if name not in loaded or loaded[name] != value})
@@ -89,10 +97,17 @@ def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, An
         for section in sections:
             branch = branch.setdefault(section, {})
         branch[key] = value
-    body = yaml.safe_dump({_node(robot): {'ros__parameters': tree}}, sort_keys=False)
-    _replace(path, f'{MARK}\n# It comes after the file that it was loaded with:\n'
+    body = yaml.safe_dump({node_of(robot): {'ros__parameters': tree}}, sort_keys=False)
+    whose = f'{_CONFIGURATION}{json.dumps(mine)}\n' if mine else ''
+    _replace(path, f'{MARK}\n{whose}# It comes after the file that it was loaded with:\n'
              f'#   --params-file ... --params-file {path.name}\n{body}')
     return values
+
+
+def _configuration(files: Sequence[str], path: Path) -> list[str]:
+    """Give the files that tell one robot from another of its name."""
+    return [file for file in files if file != os.path.realpath(path)
+            and not os.path.basename(file).startswith(_TEMPORARY)]
 
 
 def told_saved(path: Path, values: Mapping[str, Any]) -> str:
@@ -102,15 +117,10 @@ def told_saved(path: Path, values: Mapping[str, Any]) -> str:
     return f'{path}: {", ".join(f"{name} = {value!r}" for name, value in sorted(values.items()))}'
 
 
-def _node(robot: str) -> str:
-    return '/' + robot.replace('.', '/')
-
-
-def _kept(path: Path, robot: str) -> dict[str, Any]:
+def _kept(path: Path, robot: str, mine: Sequence[str]) -> dict[str, Any]:
     """Read a file that we have written before."""
     try:
-        with path.open(encoding='utf-8', errors='replace') as file:
-            first = file.readline().rstrip('\n')
+        first, *more = read_file(path).decode(errors='replace').split('\n', 2)
     except FileNotFoundError:
         return {}
     except OSError as error:
@@ -118,16 +128,32 @@ def _kept(path: Path, robot: str) -> dict[str, Any]:
     if first != MARK:
         raise ConfigError([f'{path} is no file of saved parameters, and is not overwritten: give '
                            'another file, or move it away'])
-    namespace, _, name = _node(robot).rpartition('/')
+    theirs = _configuration_of(more[0]) if more else []
+    if mine and not set(mine) & set(theirs) and any(map(os.path.exists, theirs)):
+        raise ConfigError([f'{path} was saved by another robot of this name, which was configured '
+                           f'by {", ".join(theirs)}, and is not overwritten: give this one '
+                           'another name or a parameters_file, or move that file away'])
+    namespace, _, name = node_of(robot).rpartition('/')
     tree = read_files([path], namespace or '/', name, Problems())
     return {name: leaf.value for name, leaf in flatten(tree).items()}
+
+
+def _configuration_of(line: str) -> list[str]:
+    if not line.startswith(_CONFIGURATION):
+        return []  # of an earlier release
+    try:
+        files = json.loads(line.removeprefix(_CONFIGURATION))
+    except (ValueError, RecursionError):
+        return []
+    return [file for file in files if isinstance(file, str)] if isinstance(files, list) else []
 
 
 def _replace(path: Path, text: str) -> None:
     temporary = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open('w', encoding='utf-8') as file:
+        temporary.unlink(missing_ok=True)
+        with temporary.open('x', encoding='utf-8') as file:  # what lies there is not followed
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

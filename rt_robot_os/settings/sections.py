@@ -29,6 +29,7 @@ from rt_robot_os.settings.fields import ROS_OWN
 from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE
 from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.tree import Branch
@@ -63,14 +64,17 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
     Names without section, sections without name and names in two lists are problems.
     """
     sections = Sections()
+    known = Names(key for key, node in tree.children.items()
+                  if isinstance(node, Branch) and key not in _TOP)
     owners: dict[str, str] = {}
-    broken = {name for name in LISTS if not _read_list(name, tree, owners, sections, problems)}
+    broken = {name for name in LISTS if not _read_list(name, tree, owners, sections, known, problems)}
+    keys = Names([*sorted(_TOP), *owners])
     for key, node in tree.children.items():
         if key in owners or key in _TOP or key in ROS_OWN:
             continue
         if not isinstance(node, Branch):
             problems.value(node.origin, key, node.value,
-                           f'unknown key, {did_you_mean(key, {*_TOP, *owners})}')
+                           f'unknown key, {did_you_mean(key, keys)}')
             continue
         sections.loose.update((key, *texts(node)))
         probable = _probable_lists(node, catalogue)
@@ -89,11 +93,13 @@ def texts(section: Branch) -> Iterable[str]:
 
 
 def _read_list(
-    list_name: str, tree: Branch, owners: dict[str, str], sections: Sections, problems: Problems,
+    list_name: str, tree: Branch, owners: dict[str, str], sections: Sections, known: Names,
+    problems: Problems,
 ) -> bool:
     """
     Find the sections of one list.
 
+    :param known: all sections that may be in a list.
     :return: False when it is no list of names; that is reported where its type is checked.
     """
     node = tree.children.get(list_name, Leaf(tree.origin, ()))
@@ -115,7 +121,7 @@ def _read_list(
             continue
         sections.loose.add(name)
         if section is None:
-            problems.value(origin, list_name, name, f'has no section{_section_hint(name, tree)}')
+            problems.value(origin, list_name, name, f'has no section{_section_hint(name, known)}')
         elif not section.fault:
             problems.value(section.origin, name, section.value, 'must be a section')
     return True
@@ -132,10 +138,8 @@ def _name_problem(name: str, list_name: str, owners: Mapping[str, str]) -> str |
     return owner and f"is in '{owner}' already: each section is in one list"
 
 
-def _section_hint(name: str, tree: Branch) -> str:
-    others = [key for key, each in tree.children.items()
-              if isinstance(each, Branch) and key not in _TOP]
-    guess = nearest(name, others)
+def _section_hint(name: str, known: Names) -> str:
+    guess = known.nearest(name)
     return f', did you mean {guess!r}?' if guess else f': write {name}: {{...}}'
 
 

@@ -29,7 +29,7 @@ from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE
 from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.parts import task_of
-from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import Section
 from rt_robot_os.units import NS_PER_US
@@ -190,12 +190,13 @@ def _check_resources(parts: Sequence[Part], problems: Problems) -> None:
         elif len(set(names)) < len(names):
             _reject(part.section, 'resources', 'a name is twice in this list: delete one',
                     problems)
+    known, places = Names(users), {name: place for place, name in enumerate(users)}
     for name, (first, *others) in users.items():
-        guess = nearest(name, [other for other in users if other != name])
-        # Of two near names that are used once each, the later one is told.
-        if others or guess is None or not is_token(name):
+        if others or not is_token(name):
             continue
-        if len(users[guess]) > 1 or list(users).index(guess) < list(users).index(name):
+        guess = known.nearest(name, but=name)
+        # Of two near names that are used once each, the later one is told.
+        if guess is not None and (len(users[guess]) > 1 or places[guess] < places[name]):
             other = users[guess][0]
             _reject(first.section, 'resources', f'only {first.name} names {name!r}, so it would '
                     f'exclude nobody: did you mean {guess!r}, as in {other.name}?', problems)
@@ -203,23 +204,43 @@ def _check_resources(parts: Sequence[Part], problems: Problems) -> None:
 
 def _check_circles(parts: Sequence[Part], uses: Uses, problems: Problems) -> None:
     """Find modules that release each other in a circle: they would never come to rest."""
-    by_name = {part.name: part for part in parts}
-    followers: dict[str, dict[str, str]] = {name: {} for name in by_name}
-    for name in by_name:
-        written = {use.topic for use in uses.get(name) or () if use.publishes}
-        for other in by_name:
-            for use in uses.get(other) or ():
-                if use.wakes and not use.seldom and use.topic in written:
-                    followers[name].setdefault(other, use.topic)
+    readers: dict[str, list[str]] = {}
+    for part in parts:
+        for use in uses.get(part.name) or ():
+            if use.wakes and not use.seldom:
+                readers.setdefault(use.topic, []).append(part.name)
+    followers: dict[str, dict[str, str]] = {part.name: {} for part in parts}
+    for part in parts:
+        for use in uses.get(part.name) or ():
+            for reader in readers.get(use.topic, ()) if use.publishes else ():
+                followers[part.name].setdefault(reader, use.topic)
+    _keep_circles(followers)
     told: set[str] = set()
-    for name, part in by_name.items():
-        circle = () if name in told else _circle(name, followers)
+    for part in parts:
+        name = part.name
+        circle = () if name in told or name not in followers else _circle(name, followers)
         if circle:
             told.update(circle)
             text = ''.join(f'{at} -> topic {followers[at][then]} -> '
                            for at, then in zip(circle, (*circle[1:], name)))
             problems.add(part.section.origin, f'{name}: these modules release each other without '
                          f'end: {text}{name}. Let one of them read without wake, at its rate')
+
+
+def _keep_circles(followers: dict[str, dict[str, str]]) -> None:
+    """Take away who releases nobody that is left, again and again: no circle goes through it."""
+    releasing: dict[str, list[str]] = {}
+    for name, then in followers.items():
+        for other in then:
+            releasing.setdefault(other, []).append(name)
+    waiting = [name for name, then in followers.items() if not then]
+    while waiting:
+        name = waiting.pop()
+        del followers[name]
+        for other in releasing.get(name, ()):
+            del followers[other][name]
+            if not followers[other]:
+                waiting.append(other)
 
 
 def _circle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ from rt_robot_os.settings.names import ros_topic_problem
 from rt_robot_os.settings.names import topic_problem
 from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.problems import did_you_mean
-from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.tree import Origin
@@ -67,14 +67,15 @@ class TopicTable:
     limits: dict[str, tuple[int, str, Origin]] = field(default_factory=dict)
     complete: bool = True
     loose: set[str] = field(default_factory=set)
+    names: Names = field(default_factory=Names)
 
     def missing(self, topic: str) -> str | None:
         """Say that nobody declares a topic; None when one does, or may do when all is right."""
         if topic in self.declared or topic in self.loose:
             return None
-        if not self.complete and nearest(topic, self.declared) is None:
+        if not self.complete and self.names.nearest(topic) is None:
             return None
-        return f'nobody declares this topic, {did_you_mean(topic, self.declared)}'
+        return f'nobody declares this topic, {did_you_mean(topic, self.names)}'
 
     def message(self, topic: str) -> str:
         """Give the type of a declared topic."""
@@ -138,6 +139,7 @@ class TopicTable:
             problems.value(message_origin, f'{name}.message', use.message, wrong)
         elif wrong:
             problems.add(origin, f'{by} declares {use.topic!r} as {use.message!r}: {wrong}')
+        self.names.add(use.topic)
         old = self.declared.setdefault(use.topic, _Declared(use, by, origin, shape))
         if shape is not None and old.shape is not None and shape != old.shape:
             difference = f'{old.use.message} ({old.by}, {old.origin})'

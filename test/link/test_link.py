@@ -355,7 +355,7 @@ def test_a_leftover_socket_is_replaced_and_a_client_finds_the_new_core(
 def test_a_second_core_on_the_same_path_is_refused(core: Any) -> None:
     client = core.client()
     second = core.spawn()
-    assert second.wait(30) == 1
+    assert second.wait(30) == 2
     assert client.request('reset_statistics') == {}
 
 

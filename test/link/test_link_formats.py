@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import StartError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
@@ -163,11 +164,11 @@ def test_a_session_folder_comes_before_that_for_temporary_files(
 def test_a_link_or_file_in_the_place_of_the_folder_is_refused(
         folder: Path, tmp_path: Path) -> None:
     folder.symlink_to(tmp_path)
-    with pytest.raises(LinkError, match='not a folder of this user; remove it, or set RT_ROBOT'):
+    with pytest.raises(StartError, match='not a folder of this user; remove it, or set RT_ROBOT'):
         runtime_folder()
     folder.unlink()
     folder.write_text('')
-    with pytest.raises(LinkError, match='set RT_ROBOT_OS_RUNTIME_DIR'):
+    with pytest.raises(StartError, match='set RT_ROBOT_OS_RUNTIME_DIR'):
         runtime_folder()
 
 
@@ -176,7 +177,7 @@ def test_a_folder_of_another_user_is_refused(folder: Path) -> None:
         pytest.skip('not root: cannot give a folder away')
     folder.mkdir()
     os.chown(folder, 65534, 65534)
-    with pytest.raises(LinkError, match='not a folder of this user'):
+    with pytest.raises(StartError, match='not a folder of this user'):
         runtime_folder()
 
 

@@ -59,8 +59,8 @@ def test_the_first_remapping_of_a_name_counts_as_in_rcl() -> None:
     assert found.node_name == 'a'
 
 
-def test_a_value_of_log_level_is_no_flag() -> None:
-    assert not parse_ros_args(['--ros-args', '--log-level', '-p']).overrides
+def test_a_value_of_a_flag_is_no_flag() -> None:
+    assert not parse_ros_args(['--ros-args', '--log-file-name', '-p']).overrides
 
 
 @pytest.mark.parametrize(('arguments', 'problem'), [
@@ -82,6 +82,19 @@ def test_a_value_of_log_level_is_no_flag() -> None:
      'not beginning with a digit'),
     (['-r', '__ns:=lab'], "command line: -r __ns = 'lab': must be '/' or begin with '/', in names "
      "of letters, digits and '_', not beginning with a digit, such as /lab"),
+    (['-r', '__node:=' + 300 * 'a'], f"command line: -r __node = '{96 * 'a'}...: must be at most "
+     '255 characters'),
+    (['-r', 'imu/data'], 'command line: -r imu/data: must be FROM:=TO, such as '
+     'imu/data:=/head/imu or __node:=arm'),
+    (['--log-level', 'loud'], "command line: --log-level = 'loud': must be one of debug, info, "
+     'warn, error, fatal'),
+    (['--parms-file'], 'command line: --parms-file: is no argument of ROS 2: did you mean '
+     '--params-file?'),
+    (['my.yaml'], 'command line: my.yaml: is no argument of ROS 2: write --params-file my.yaml'),
+    (['imu.rate_hz:=1'], 'command line: imu.rate_hz:=1: is no argument of ROS 2: write -p '
+     'imu.rate_hz:=1 for a parameter, -r imu.rate_hz:=1 for another name'),
+    (['--simulate'], "command line: --simulate: is no argument of ROS 2: the program's own "
+     'arguments stand before --ros-args'),
 ])
 def test_arguments_that_cannot_be_understood(arguments: list[str], problem: str) -> None:
     with pytest.raises(ConfigError) as caught:

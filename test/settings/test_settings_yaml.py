@@ -133,7 +133,7 @@ def test_files_that_cannot_be_read(
         'none.yaml: cannot be read: No such file or directory',
         '.: cannot be read: it is no file',
         'latin.yaml:2: column 9: not UTF-8: byte 0xe9',
-        'long.yaml: is longer than 1048576 bytes: no parameter file is',
+        'long.yaml: cannot be read: it is longer than 1048576 bytes',
         'a\\x00b: cannot be read: no path has a null character',
     )
 

@@ -1,0 +1,127 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which robots run on this machine, as far as this user is concerned: one of a name.
+
+A node holds ``NAME.lock`` in the runtime folder for its life, a core ``NAME-core.lock``: two, as a
+core that was started by hand and the node that attaches to it share their name. Both are flock(2)
+locks: what the kill of a process leaves behind holds up nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+import os
+from pathlib import Path
+import time
+from typing import Any, Final
+
+from rt_robot_os.errors import StartError
+from rt_robot_os.link.paths import node_of
+from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.linux.lock_file import holder
+from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.linux.process import parent_of
+
+_CORE_SUFFIX: Final = '-core.lock'
+# A core whose node was killed brings its outputs to rest before it ends.
+_ENDING_S = 10.0
+_LOOK_S = 0.02
+
+
+def hold_robot(robot: str) -> LockFile:
+    """
+    Take the name of a node until :meth:`LockFile.release` or the end of the process.
+
+    :param robot: from :func:`rt_robot_os.link.paths.robot_name`.
+    :raises StartError: it runs already; the message says who and what to do.
+    """
+    lock = LockFile(runtime_folder() / f'{robot}.lock')
+    if not _take(lock):
+        raise StartError(f'the robot {node_of(robot)} runs here already'
+                         f'{_who(holder(lock.path))}: stop that one, or give this one another '
+                         'name: --ros-args -r __node:=other')
+    lock.note(pid=os.getpid(), since=_now())
+    return lock
+
+
+def hold_core(path: Path, parent: int = 0) -> LockFile:
+    """
+    Take the name of a core; waits for one to end whose node is dead.
+
+    :param path: of its socket.
+    :param parent: process that the core ends with; 0 for none.
+    :raises StartError: it runs already; the message says who and what to do.
+    """
+    lock = LockFile(core_lock_path(path))
+    deadline_s = time.monotonic() + _ENDING_S
+    while not _take(lock):
+        there = holder(lock.path)
+        if there is not None and (not _is_orphan(there) or time.monotonic() > deadline_s):
+            raise StartError(f'the core {path.stem} runs here already{_who(there)}: stop that '
+                             'one, attach a node to it (-p core.spawn:=false), or give this one '
+                             'another name: --ros-args -r __node:=other')
+        time.sleep(_LOOK_S)
+    lock.note(pid=os.getpid(), since=_now(), parent=parent)
+    return lock
+
+
+def core_lock_path(path: Path) -> Path:
+    """Give the lock that belongs to a core's socket."""
+    return path.with_name(path.stem + _CORE_SUFFIX)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove the socket of a core that was killed; one that is served stays."""
+    lock = LockFile(core_lock_path(path))
+    if path.exists() and _take(lock):
+        path.unlink(missing_ok=True)
+        lock.release()
+
+
+def running_cores() -> dict[str, Mapping[str, Any]]:
+    """
+    Give the cores that run, by the name of their robot, with what their locks say.
+
+    :raises StartError: the runtime folder cannot be used.
+    """
+    found = {}
+    for path in sorted(runtime_folder().glob(f'*{_CORE_SUFFIX}')):
+        facts = holder(path)
+        if facts is not None:
+            found[path.name.removesuffix(_CORE_SUFFIX)] = facts
+    return found
+
+
+def _take(lock: LockFile) -> bool:
+    try:
+        return lock.acquire()
+    except OSError as error:
+        raise StartError(f'{lock.path} cannot be made: {error.strerror}; set '
+                         'RT_ROBOT_OS_RUNTIME_DIR to a folder of your own') from error
+
+
+def _now() -> str:
+    return datetime.now().isoformat(' ', 'seconds')
+
+
+def _who(there: Mapping[str, Any] | None) -> str:
+    return f' (pid {there["pid"]}, since {there["since"]})' if there else ''
+
+
+def _is_orphan(there: Mapping[str, Any]) -> bool:
+    parent = there.get('parent', 0)
+    return bool(parent) and parent_of(int(there['pid'])) != parent

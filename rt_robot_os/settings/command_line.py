@@ -1,0 +1,124 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the programs that take a robot's configuration have in common on their command lines."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import shlex
+import sys
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.problems import nearest
+from rt_robot_os.settings.ros_args import ROS_FLAGS
+from rt_robot_os.settings.ros_args import split
+
+BAD_USE: Final = 2
+ROS_ARGS_HELP: Final = """
+ROS 2 arguments stand behind --ros-args, as for any node:
+  --params-file FILE        the robot; may be repeated, later files win
+  -p NAME:=VALUE            one parameter, such as imu.rate_hz:=100.0 or gps.enabled:=false
+  -r __node:=NAME           another name; -r __ns:=/NAMESPACE, -r FROM:=TO
+  --log-level LEVEL         debug, info, warn, error or fatal
+"""
+_YAML: Final = ('.yaml', '.yml')
+
+
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    """Add the option ``--simulate``."""
+    parser.add_argument(
+        '--simulate', action='store_true', help='simulate the devices, whatever their ports: the '
+        'shipped robot, or the one of --params-file on your desk')
+
+
+def parse_own(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
+    """
+    Read the arguments outside of ``--ros-args ... --``.
+
+    What is not understood ends the program with code 2, and the command line that was probably
+    meant.
+
+    :param argv: without the program's name.
+    """
+    ros, own = split(argv)
+    arguments, rest = parser.parse_known_args(own)
+    if rest:
+        print(f'{parser.prog}: {_refusal(parser, list(rest), list(own), ros)}', file=sys.stderr)
+        parser.exit(BAD_USE)
+    return arguments
+
+
+def _refusal(parser: argparse.ArgumentParser, rest: list[str], own: list[str],
+             ros: Sequence[str]) -> str:
+    kept = list(own)
+    moved: list[str] = []
+    waiting = list(rest)
+    while waiting:
+        word = waiting.pop(0)
+        flag, equals, value = word.partition('=') if word.startswith('--') else (word, '', '')
+        if flag in ROS_FLAGS:
+            moved.append(flag)
+            kept.remove(word)
+            if ROS_FLAGS[flag] and equals:
+                moved.append(value)
+            elif ROS_FLAGS[flag] and waiting:
+                moved.append(waiting[0])
+                kept.remove(waiting.pop(0))
+        elif ':=' in word and not word.startswith('-'):
+            moved += ['-p', word]
+            kept.remove(word)
+        elif word.endswith(_YAML) and not word.startswith('-'):
+            moved += ['--params-file', word]
+            kept.remove(word)
+        else:
+            return _unknown(parser, word)
+    line = shlex.join([parser.prog, *kept, '--ros-args', *moved, *ros])
+    return f'ROS 2 arguments stand behind --ros-args. Write: {line}'
+
+
+def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
+    options = [option for action in parser._actions for option in action.option_strings]
+    guess = nearest(word.partition('=')[0], [*options, *ROS_FLAGS]) if word[:1] == '-' else None
+    if guess is None and Path(word).is_file():
+        return (f'{word!r} is not understood: is it a parameter file? '
+                f'{shlex.join([parser.prog, "--ros-args", "--params-file", word])}')
+    hint = f'did you mean {guess}? ' if guess else ''
+    return f'{word!r} is not understood: {hint}{parser.prog} --help shows what there is'
+
+
+def tell(program: str, error: Exception) -> None:
+    """Say on standard error why nothing was started, a line for each problem."""
+    problems = error.problems if isinstance(error, ConfigError) else ()
+    if not problems:
+        print(f'{program}: {error}', file=sys.stderr)
+        return
+    count = len(problems)
+    print(f'{program}: {count} problem{"s" if count > 1 else ""} in the configuration, '
+          'nothing was started:', file=sys.stderr)
+    for problem in problems:
+        print(f'  {problem}', file=sys.stderr)
+
+
+def told_simulated(settings: RobotSettings) -> str:
+    """Say which devices are simulated, and how to have real ones when nobody asked for that."""
+    text = f'simulated: {", ".join(settings.simulated)}'
+    if settings.simulation_asked:
+        return text
+    return (f'WARNING: {text}; no sensor is real, as no parameter file was given. Your robot: '
+            '--ros-args --params-file my_robot.yaml. This one on purpose: --simulate')
