@@ -42,8 +42,8 @@ from rt_robot_os.blackbox import window
 from rt_robot_os.blackbox import write_parts
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link import LinkClient
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.client import connect
+from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -62,8 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser('dump', help='ask a running core for a dump and save it')
     one.add_argument('output', type=Path, nargs='?', metavar='FILE',
                      help='where to; without it a new file in the folder')
-    one.add_argument('--robot', default='robot', metavar='NAME',
-                     help='name of its node, with namespace: arm.robot (default %(default)s)')
+    add_robot_option(one)
     one.add_argument('--reason', default='asked for by black_box dump', help='kept in the dump')
 
     commands.add_parser('list', help='list the dumps, the oldest first')
@@ -90,8 +89,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _dump(arguments: argparse.Namespace) -> None:
-    robot = arguments.robot.strip('/').replace('/', '.')
-    with LinkClient(socket_path(robot), 'black_box') as client:
+    robot = arguments.robot
+    with connect(robot, 'black_box') as client:
         parts = client.request_all('black_box', reason=arguments.reason)
     dump = join(parts)
     path = arguments.output

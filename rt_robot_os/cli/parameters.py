@@ -26,7 +26,8 @@ from typing import Any
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.client import connect
+from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
@@ -44,8 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='parameters', description='The parameters of a running core that may change: those '
         'of devices and modules. A node beside the core takes over what is changed here.')
-    parser.add_argument('--robot', default='robot', metavar='NAME',
-                        help='name of its node, with namespace: arm.robot (default %(default)s)')
+    add_robot_option(parser)
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     commands.add_parser('list', help='show them all; * marks what was changed')
     one = commands.add_parser('get', help='print a value')
@@ -118,9 +118,8 @@ _COMMANDS = {'list': _list, 'get': _get, 'set': _set, 'save': _save}
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code is 1 when it failed, and the message says why."""
     arguments = _parser().parse_args(argv)
-    arguments.robot = arguments.robot.strip('/').replace('/', '.')
     try:
-        with LinkClient(socket_path(arguments.robot), 'parameters') as client:
+        with connect(arguments.robot, 'parameters') as client:
             _COMMANDS[arguments.command](client, arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # `parameters list | head`

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.recording.library import need_mcap
 from rt_robot_os.units import NS_PER_S
 
@@ -71,8 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('topics', nargs='*', metavar='TOPIC', help='such as imu/data; all if none')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER',
                         help='where to; it must not exist (default: robot_ and the time)')
-    parser.add_argument('--robot', default='robot', metavar='NAME',
-                        help='name of its node, with namespace: arm.robot (default %(default)s)')
+    add_robot_option(parser)
     parser.add_argument('--duration', type=_positive, metavar='S', help='end after this long')
     parser.add_argument('--max-bytes', type=_bytes, default=0, metavar='N',
                         help='begin a new file when one has N bytes: 500M, 2G')
@@ -110,7 +110,7 @@ def _record(arguments: argparse.Namespace) -> None:
     from rt_robot_os.recording.bag import Limits
     from rt_robot_os.recording.recorder import Recorder
     from rt_robot_os.recording.recorder import Wanted
-    robot = arguments.robot.strip('/').replace('/', '.')
+    robot = arguments.robot
     folder = arguments.output or Path(f'{robot}_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     bag = Bag(folder, arguments.compression, Limits(arguments.max_bytes, arguments.max_files))
     topics = tuple(topic.strip('/') for topic in arguments.topics)

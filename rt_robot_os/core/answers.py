@@ -330,4 +330,6 @@ class Answers:
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,
             'accepted': core.link.accepted, 'refused': core.link.refused,
+            'simulated': core.settings.simulated,
+            'simulation_asked': core.settings.simulation_asked,
             'realtime': [asdict(result) for result in core.realtime]}

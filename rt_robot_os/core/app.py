@@ -180,8 +180,16 @@ class Core:
         if wanted.scheduler_priority:
             results.append(realtime.set_fifo(wanted.scheduler_priority))
         self.realtime = tuple(results)
+        self._tell_simulated()
         for result in results:
             self.note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
+
+    def _tell_simulated(self) -> None:
+        names = self.settings.simulated
+        if names:
+            asked = self.settings.simulation_asked
+            self.note(Severity.INFO if asked else Severity.WARN, 'core', 'simulated: '
+                      f'{", ".join(names)}{"" if asked else "; no parameter file was given"}')
 
     def run(self, duration_ns: int | None = None) -> str:
         """

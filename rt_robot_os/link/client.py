@@ -34,6 +34,7 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.link.facts import collect
 from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
 from rt_robot_os.link.facts import TopicInfo as TopicInfo
+from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
@@ -41,6 +42,7 @@ from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.reader import parted
 from rt_robot_os.link.reader import Reader
+from rt_robot_os.link.robots import others_than
 from rt_robot_os.text import safe_line
 
 RECEIVE_BUFFER_BYTES = 1 << 20
@@ -262,3 +264,18 @@ class LinkClient(Reader):
                     raise LinkSilent('the core does not read what it is sent') from None
             except OSError as error:
                 raise parted(error) from error
+
+
+def connect(robot: str, name: str) -> LinkClient:
+    """
+    Connect to the core of a robot, as the programs do.
+
+    :param robot: name of its files.
+    :param name: what the core calls this client.
+    :raises LinkError: it does not answer; the message names the robots that run.
+    :raises StartError: the runtime folder cannot be used.
+    """
+    try:
+        return LinkClient(socket_path(robot), name)
+    except LinkError as error:
+        raise LinkError(f'{error}{others_than(robot)}') from error

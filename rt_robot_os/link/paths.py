@@ -22,8 +22,8 @@ from pathlib import Path
 import stat
 
 from rt_robot_os.errors import StartError
-from rt_robot_os.linux.folders import RUNTIME_VARIABLE
 from rt_robot_os.linux.folders import runtime_path
+from rt_robot_os.linux.folders import RUNTIME_VARIABLE
 
 # sockaddr_un has 108 bytes, the last of them zero.
 SOCKET_PATH_BYTES_MAXIMUM = 107

@@ -22,6 +22,7 @@ locks: what the kill of a process leaves behind holds up nobody.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping
 from datetime import datetime
 import os
@@ -31,6 +32,7 @@ from typing import Any, Final
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.link.paths import node_of
+from rt_robot_os.link.paths import robot_of
 from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
@@ -125,3 +127,18 @@ def _who(there: Mapping[str, Any] | None) -> str:
 def _is_orphan(there: Mapping[str, Any]) -> bool:
     parent = there.get('parent', 0)
     return bool(parent) and parent_of(int(there['pid'])) != parent
+
+
+def add_robot_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option ``--robot``, the same in every program; its value names the files."""
+    parser.add_argument(
+        '--robot', default='robot', metavar='NODE', type=robot_of,
+        help='its node, as `ros2 node list` prints it: /arm/robot (default: /robot)')
+
+
+def others_than(robot: str) -> str:
+    """Name the robots that run when one does not, as a sentence to follow that."""
+    names = [name for name in running_cores() if name != robot]
+    if not names:
+        return ' No robot of this user runs here.'
+    return f' These run: {", ".join(f"--robot {node_of(name)}" for name in names)}'

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Iterator
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -96,7 +97,7 @@ class Diagnostics:
             self._recent.clear()
         self._recent.begin(now.core['now_ns'] / NS_PER_S, now.core['elapsed_ns'] / NS_PER_S)
         return [
-            *(self._device(d) for d in now.devices),
+            *self._simulation(now), *(self._device(d) for d in now.devices),
             *(self._task(t) for t in now.tasks),
             *(self._resource(r) for r in now.resources),
             *(self._module(m) for m in now.modules if m['values']),
@@ -130,6 +131,15 @@ class Diagnostics:
                    'watchdog': watchdog,
                    **{f'black_box_{key}': n for key, n in now.core['black_box'].items()}}
         return _status(f'{self._name}: core', level, message, values)
+
+    def _simulation(self, now: CoreStatistics) -> Iterator[DiagnosticStatus]:
+        """Say which devices are simulated; nobody shall take their samples for real ones."""
+        names = ', '.join(now.core.get('simulated', ()))
+        if names:
+            asked = now.core['simulation_asked']
+            yield _status(f'{self._name}: simulation', OK if asked else WARN,
+                          f'simulated: {names}', {'asked for': 'yes' if asked else
+                                                  'no: no parameter file was given'})
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
         state = device['state']

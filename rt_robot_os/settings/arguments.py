@@ -32,7 +32,7 @@ def load_from_arguments(argv: Sequence[str], simulate: bool = False
     """
     Read the parameter files and overrides of a command line.
 
-    Without a parameter file, or with the package's own ``robot.yaml``, these are simulated devices.
+    Without a parameter file, as with the package's own ``robot.yaml``, devices are simulated.
 
     :param argv: without the program's name.
     :param simulate: all devices are to be simulated.

@@ -67,7 +67,8 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
     known = Names(key for key, node in tree.children.items()
                   if isinstance(node, Branch) and key not in _TOP)
     owners: dict[str, str] = {}
-    broken = {name for name in LISTS if not _read_list(name, tree, owners, sections, known, problems)}
+    broken = {name for name in LISTS
+              if not _read_list(name, tree, owners, sections, known, problems)}
     keys = Names([*sorted(_TOP), *owners])
     for key, node in tree.children.items():
         if key in owners or key in _TOP or key in ROS_OWN:

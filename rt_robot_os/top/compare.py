@@ -197,7 +197,8 @@ class _Interval:
             core['pid'], core['elapsed_ns'] / NS_PER_S, sum(shares) if shares else None, used,
             now.memory_bytes / _BYTES_PER_MB if now.memory_bytes is not None else None,
             self._rate(core['wakeups'], old['wakeups'] if old else None), core['failures_total'],
-            core['refused'], core['watchdog'], core['black_box'], tuple(core['realtime']))
+            core['refused'], core['watchdog'], core['black_box'], tuple(core['realtime']),
+            tuple(core.get('simulated', ())), bool(core.get('simulation_asked', True)))
 
 
 def _percentiles(summary: Summary) -> tuple[float | None, float | None]:

@@ -83,7 +83,7 @@ def head(snapshot: Snapshot, choices: Choices, width: int) -> list[Line]:
         first.append((f'  only {choices.pattern!r}', 'warn'))
     if choices.paused:
         first.append(('  PAUSED', 'warn'))
-    lines = [first, _load(kernel), _health(kernel), _blame(snapshot)]
+    lines = [first, _simulation(kernel), _load(kernel), _health(kernel), _blame(snapshot)]
     return [cut(tuple(line), width) for line in lines if line]
 
 
@@ -107,6 +107,13 @@ def _blame(snapshot: Snapshot) -> list[Span]:
     if worst is not None and worst.blocked_us:
         spans.append((f'longest native call: {worst.name} {microseconds(worst.blocked_us)}', ''))
     return spans
+
+
+def _simulation(kernel: KernelRow) -> list[Span]:
+    if not kernel.simulated:
+        return []
+    why = '' if kernel.simulation_asked else ': no parameter file was given'
+    return [(f'simulated: {", ".join(kernel.simulated)}{why}', '' if not why else 'warn')]
 
 
 def _load(kernel: KernelRow) -> list[Span]:

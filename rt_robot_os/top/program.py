@@ -28,8 +28,9 @@ import time
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.robots import add_robot_option
+from rt_robot_os.link.robots import others_than
 from rt_robot_os.top.columns import check_sort
 from rt_robot_os.top.columns import TABLES
 from rt_robot_os.top.compare import compare
@@ -61,9 +62,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='top', description='Look at a running robot: tasks, topics, devices, clients.',
         epilog=_EPILOG)
-    parser.add_argument('--robot', metavar='NAME', default='robot',
-                        help='node name of the robot, /ns/name in a namespace '
-                        '(default: %(default)s)')
+    add_robot_option(parser)
     parser.add_argument('--interval', metavar='S', type=float, default=1.0,
                         help='seconds between two looks (default: %(default)g)')
     parser.add_argument('--once', action='store_true', help='two looks, one answer, and end')
@@ -94,7 +93,7 @@ def run(argv: Sequence[str]) -> int:
             raise ConfigError([f'--interval {arguments.interval:g}: must be from {shortest_s:g} '
                                f'to {longest_s:g} s'])
         check_sort(arguments.sort)
-        robot = '.'.join(part for part in arguments.robot.split('/') if part)
+        robot = arguments.robot
         source = Source(socket_path(robot))
     except RtRobotError as error:
         print(f'top: {error}', file=sys.stderr)
@@ -127,15 +126,9 @@ def _first(source: Source, robot: str, wait_s: float) -> Sample | None:
             return source.look()
         except LinkError as error:
             if time.monotonic() >= deadline_s:
-                print(f'top: {error}{_others(robot)}', file=sys.stderr)
+                print(f'top: {error}{others_than(robot)}', file=sys.stderr)
                 return None
         time.sleep(_TRY_S)
-
-
-def _others(robot: str) -> str:
-    """Name the robots that there are."""
-    names = sorted(path.stem for path in runtime_folder().glob('*.sock') if path.stem != robot)
-    return f' There are others: --robot {", ".join(names)}' if names else ''
 
 
 def _once(robot: str, source: Source, choices: Choices, arguments: argparse.Namespace) -> int:

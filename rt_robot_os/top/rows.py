@@ -146,6 +146,8 @@ class KernelRow(Row):
     :ivar cpu_percent: of one CPU, by the tasks; the kernel's own work is not in it.
     :ivar process_cpu_percent: of one CPU, by the process, as Linux counts it.
     :ivar realtime: the real-time steps: step, ok, reason.
+    :ivar simulated: devices that are.
+    :ivar simulation_asked: somebody wanted that; False for want of a configuration.
     """
 
     pid: int
@@ -159,6 +161,8 @@ class KernelRow(Row):
     watchdog: str
     black_box: dict[str, int]
     realtime: tuple[dict[str, Any], ...]
+    simulated: tuple[str, ...]
+    simulation_asked: bool
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from rt_robot_os.blackbox import parts
 from rt_robot_os.blackbox import read_dump
 from rt_robot_os.blackbox.folder import keep
 from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.errors import StartError
 
 MOMENT = datetime(2026, 3, 4, 5, 6, 7, 89_000)
 
@@ -69,11 +70,18 @@ def test_the_folder_is_that_of_ros(monkeypatch: pytest.MonkeyPatch) -> None:
     assert default_folder() == Path('/logs')
 
 
-def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_user_without_a_home_has_a_private_folder(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for variable in ('ROS_LOG_DIR', 'ROS_HOME', 'HOME'):
         monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setattr(os, 'getuid', lambda: 123_456_789)
-    assert default_folder() == Path(tempfile.gettempdir())
+    monkeypatch.setattr(os.path, 'expanduser', lambda path: path)
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    private = tmp_path / f'rt_robot_os-{os.getuid()}'
+    assert default_folder() == private / 'log'
+    assert private.stat().st_mode & 0o777 == 0o700
+    private.chmod(0o777)  # somebody was there first
+    with pytest.raises(StartError, match='not a folder of this user alone.*ROS_HOME'):
+        default_folder()
 
 
 def test_the_oldest_dumps_of_a_robot_give_way(tmp_path: Path) -> None:

@@ -97,10 +97,10 @@ def test_the_command_line_has_no_line(good: str, problems_of: Judge) -> None:
         'devices, diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, '
         'parameters_file, topics, watchdog',
         'command line: imu.x: unknown key, known: baud, budget_us, catch_up, critical, '
-        'deadline_us, enabled, execution_us, failure, frame_id, gains, log_level, logical_execution, '
-        'mag_topic, max_subscribers, on_budget, overrun, overrun_leak, overrun_limit, '
-        'phase_us, port, priority, range_g, rate_hz, read, resources, restart_max_s, restart_s, '
-        'retry_max_s, retry_s, sim, timeout_s, topic, type',
+        'deadline_us, enabled, execution_us, failure, frame_id, gains, log_level, '
+        'logical_execution, mag_topic, max_subscribers, on_budget, overrun, overrun_leak, '
+        'overrun_limit, phase_us, port, priority, range_g, rate_hz, read, resources, '
+        'restart_max_s, restart_s, retry_max_s, retry_s, sim, timeout_s, topic, type',
         'command line: imu.rate_hz = 0: must be a number from 0.1 to 10000 (Hz)',
     )
 

@@ -22,6 +22,7 @@ import signal
 from typing import Any
 
 import pytest
+from rt_robot_os.link.robots import hold_core
 
 TASK_KEYS = {
     'name', 'new', 'priority', 'state', 'rate_hz', 'declared_hz', 'latency_p50_us',
@@ -56,10 +57,13 @@ def test_a_filter_and_a_part_leave_out_the_rest(world: Any) -> None:
 
 
 def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:
-    (world.folder / 'other.sock').touch()
+    (world.folder / 'leftover.sock').touch()
+    there = hold_core(world.folder / 'arm.robot.sock')
     nobody = world.top('--once')
+    there.release()
     assert nobody.returncode == 1
-    assert 'no core answers' in nobody.stderr and '--robot other' in nobody.stderr
+    assert 'no core answers' in nobody.stderr
+    assert 'These run: --robot /arm/robot' in nobody.stderr and 'leftover' not in nobody.stderr
     for arguments, what in ((['--sort', 'colour'], 'no such column'),
                             (['--interval', '0'], 'from 0.2 to 60'),
                             ([], 'no terminal')):
