@@ -34,6 +34,7 @@ setup(
     ],
     install_requires=['setuptools'],
     extras_require={'attitude': ['vqf'], 'camera': ['opencv-python-headless', 'pillow'],
+                    'docs': ['sphinx>=7.2'],
                     'i2c': ['smbus2'], 'peers': ['horus-robotics'],
                     'plot': ['matplotlib'], 'record': ['mcap>=1.3'], 'sound': ['sounddevice'],
                     'top': ['rich'],
