@@ -136,6 +136,7 @@ class DriverContract(DecoderContract):
         check()
 
     def check_any_bytes(self, chunks: list[bytes]) -> None:
+        """Feed chunks, and see that every byte is in a frame, rejected or pending."""
         decoder = self.decoder()
         framed = 0
         for chunk in chunks:
@@ -184,6 +185,7 @@ class DriverContract(DecoderContract):
     # --- the contract with the SensorManager ----------------------------------------------------
 
     def make(self, port: str | os.PathLike[str]) -> tuple[Device, list[Any]]:
+        """Make the driver on a port, and what it publishes to."""
         device = self.driver('dut', settings_of(
             self.driver, **{**self.changes, 'port': str(port), 'baud': 0}))
         return device, self.publishers(device)
