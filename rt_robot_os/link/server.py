@@ -229,6 +229,7 @@ class LinkServer:
 
     def _live(self) -> None:
         now_ns = self._kernel.now_ns()
+        self._served_ns = self._served_ns or now_ns
         starved = now_ns - self._served_ns > _STARVED_NS
         self._page.write(now_ns, self._served_ns, self._running_task() if starved else '')
 

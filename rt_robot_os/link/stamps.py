@@ -59,7 +59,6 @@ class StampMapper:
         self.follows = False
         self._recent: dict[int, int] = {}
         self.error_ns = 0
-        self._latest_ns = 0
         self._compared_ns = monotonic_ns()
         self.offset_ns = wall_ns() - self._compared_ns
 
@@ -67,16 +66,17 @@ class StampMapper:
         """Look at the system clock and correct the mapping; call it a few times a second."""
         now_ns = self._monotonic_ns()
         error_ns = self._wall_ns() - now_ns - self.offset_ns
-        allowed_ns = int((now_ns - self._compared_ns) * SLEW)
+        elapsed_ns = now_ns - self._compared_ns
+        allowed_ns = int(elapsed_ns * SLEW)
         self._compared_ns = now_ns
         self.error_ns = error_ns
         if self.follows:
             self.error_ns = 0
-            self._recent.clear()
+            if abs(error_ns) > STEP_NS:
+                self._recent.clear()
+            # One that stands still falls behind by what has passed, and by no more.
+            self.resets += error_ns < -elapsed_ns - STEP_NS
             self.offset_ns += error_ns
-            wall_ns = now_ns + self.offset_ns
-            self.resets += wall_ns < self._latest_ns - STEP_NS
-            self._latest_ns = wall_ns
         elif error_ns > STEP_NS:
             self.forward_steps += 1
             self._recent.clear()

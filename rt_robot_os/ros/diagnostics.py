@@ -251,8 +251,10 @@ class Diagnostics:
     def _log(self, log: Mapping[str, Any]) -> DiagnosticStatus:
         lost = self._recent.gained('log lost', int(log.get('lost', 0)))
         untold = self._recent.gained('log untold', int(log.get('untold', 0)))
+        unread = self._recent.gained('log unread', int(log.get('unread', 0)))
         said = [f'{count} lines {what}{self._lately}' for count, what in (
-            (lost, 'are not in the file'), (untold, 'were not told: they came too fast')) if count]
+            (lost, 'are not in the file'),
+            (unread, 'were not read on the console'), (untold, 'were not told: they came too fast')) if count]
         return _status(f'{self._name}: log', WARN if said else OK, '; '.join(said) or 'carried',
                        dict(log))
 

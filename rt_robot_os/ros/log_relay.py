@@ -34,6 +34,7 @@ from rt_robot_os.blackbox.folder import default_folder
 from rt_robot_os.blackbox.folder import expanded
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
+from rt_robot_os.ros.console import Console
 from rt_robot_os.ros.log_file import line_of
 from rt_robot_os.ros.log_file import LogFile
 from rt_robot_os.ros.teller import Line
@@ -89,9 +90,12 @@ class LogRelay:
     arrival. No caller waits for the console or the disk.
 
     :param robot: gives the file its name.
+    :param console: what counts the lines that nobody reads.
     """
 
-    def __init__(self, node: Node, mapper: StampMapper, settings: LogSettings, robot: str) -> None:
+    def __init__(self, node: Node, mapper: StampMapper, settings: LogSettings, robot: str,
+                 console: Console | None = None) -> None:
+        self._console = console
         self.lines = 0
         self._name = node.get_logger().name
         self._own = node.get_logger()
@@ -160,7 +164,8 @@ class LogRelay:
         file = self.file
         return {'lines': self.lines, 'file': str(file.path) if file else 'off',
                 'written': file.written if file else 0, 'lost': file.lost if file else 0,
-                'untold': self._teller.untold}
+                'untold': self._teller.untold,
+                'unread': self._console.dropped if self._console is not None else 0}
 
     def close(self) -> bool:
         """

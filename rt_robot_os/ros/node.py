@@ -35,6 +35,7 @@ from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
+from rt_robot_os.ros.console import Console
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.diagnostics import Diagnostics
 from rt_robot_os.ros.log_relay import LogRelay
@@ -66,10 +67,12 @@ class RobotNode(LifecycleNode):
 
     :param settings: checked already.
     :param name: of the node, before remapping.
+    :param console: what counts the lines that nobody reads; None counts none.
     :ivar held_up: somebody who does not read the console holds up a thread at the end.
     """
 
-    def __init__(self, settings: RobotSettings, name: str = 'robot') -> None:
+    def __init__(self, settings: RobotSettings, name: str = 'robot',
+                 console: Console | None = None) -> None:
         super().__init__(name)
         self.settings = settings
         self._loaded = settings
@@ -80,7 +83,7 @@ class RobotNode(LifecycleNode):
         self._time = RosTime(self.get_clock(), lambda text: self._log.note(
             int(Severity.WARN), text))
         self._mapper = StampMapper(wall_ns=self._time.now_ns)
-        self._log = LogRelay(self, self._mapper, settings.log, self.robot)
+        self._log = LogRelay(self, self._mapper, settings.log, self.robot, console)
         self.held_up = False
         self._mirrors: Mirrors | None = None
         self._supervisor: Supervisor | None = None

@@ -30,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import StartError
 from rt_robot_os.ros.announcements import frequent_announcements
+from rt_robot_os.ros.console import Console
 from rt_robot_os.ros.logging_set_up import logging_arguments
 from rt_robot_os.ros.node import RobotNode
 from rt_robot_os.settings import RobotSettings
@@ -62,9 +63,9 @@ class _NotStarted(Exception):
     """ROS 2 refuses the node."""
 
 
-def _make_node(settings: RobotSettings) -> RobotNode:
+def _make_node(settings: RobotSettings, console: Console) -> RobotNode:
     try:
-        return RobotNode(settings)
+        return RobotNode(settings, console=console)
     except RtRobotError:
         raise
     except Exception as error:
@@ -86,6 +87,15 @@ def spin(settings: RobotSettings) -> int:
     :return: the exit code.
     """
     stop = _StopOnSignal()
+    console = Console()
+    console.open()
+    try:
+        return _spin(settings, stop, console)
+    finally:
+        console.close()
+
+
+def _spin(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> int:
     try:
         rclpy.init(args=[*sys.argv, *logging_arguments()],
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -96,7 +106,7 @@ def spin(settings: RobotSettings) -> int:
     code = FAILED
     try:
         with frequent_announcements():
-            node = _make_node(settings)
+            node = _make_node(settings, console)
         code = _run(node, executor, stop)
     except KeyboardInterrupt:
         code = OK
