@@ -31,6 +31,7 @@ from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.lifecycle import ModuleLifecycle
 from rt_robot_os.core.parameters import LiveParameters
 from rt_robot_os.core.process_guard import ProcessGuard
+from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.watchdog import Watchdog
@@ -99,6 +100,7 @@ class Core:
         self.realtime: tuple[RtResult, ...] = ()
         self.sensors = SensorManager(self.kernel, self.bus, self.reports)
         self.loggers: dict[str, Logger] = {}
+        self.simulators: Simulators | None = None
         self._output: int | None = None
         self._written = 0
         self._cpu_latency: HeldCpuLatency | None = None
@@ -259,6 +261,8 @@ class Core:
         self._failures.watch()
         self.black_box.watch()
         self.guard.ready()
+        for text in self.simulators.news() if self.simulators is not None else ():
+            self.note(Severity.WARN, 'simulator', text)
         now_ns = self.kernel.now_ns()
         for log in self.loggers.values():
             log.sweep(now_ns)

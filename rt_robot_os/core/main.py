@@ -130,6 +130,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
                     captures=host, cpu=choose_cpu(settings.core.cpu, lock))
+        core.simulators = simulators
         previous = _handle_signals(core)
         # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()

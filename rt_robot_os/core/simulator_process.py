@@ -16,8 +16,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import json
+import os
 from pathlib import Path
+import select
 import signal
 import sys
 from types import FrameType
@@ -41,7 +44,16 @@ def build(devices: dict[str, Any], folder: Path) -> SimServer:
             for name, d in devices.items()]
     for device in made:
         device.port.plug()
-    return SimServer(made, report=lambda text: print(f'simulator: {text}', file=sys.stderr))
+    return SimServer(made, report=tell)
+
+
+def tell(text: str) -> None:
+    """Write a line to standard error, unless nobody reads there: the devices do not wait."""
+    room = select.poll()
+    room.register(2, select.POLLOUT)
+    with suppress(OSError):
+        if any(events & select.POLLOUT for _, events in room.poll(0)):
+            os.write(2, f'simulator: {text}\n'.encode(errors='backslashreplace'))
 
 
 def main() -> int:
@@ -62,7 +74,7 @@ def main() -> int:
             signal.signal(signo, stop)
         server.run()
     except RtRobotError as error:
-        print(f'simulator: {error}', file=sys.stderr)
+        tell(str(error))
         return 1
     finally:
         try:

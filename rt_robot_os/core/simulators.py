@@ -26,20 +26,30 @@ import sys
 import time
 from typing import Any
 
+from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 
 _READY_TIMEOUT_S = 10.0
 _STOP_TIMEOUT_S = 3.0
+_NEWS_BYTES = 4096
 
 
 class Simulators:
-    """The child process with the simulated devices; it ends with this process."""
+    """
+    The child process with the simulated devices; it ends with this process.
+
+    Another child keeps it running, see :mod:`rt_robot_os.core.keeper`.
+
+    :ivar restarts: how often it was started again.
+    """
 
     def __init__(self) -> None:
+        self.restarts = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = Path()
+        self._news = b''
 
     def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
         """
@@ -57,8 +67,10 @@ class Simulators:
             return {}
         self._folder = folder
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.simulator_process', str(os.getpid()),
-             str(folder)], stdin=subprocess.PIPE)
+            [sys.executable, '-m', 'rt_robot_os.core.keeper', str(os.getpid()),
+             str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        if self._process.stdout is not None:
+            os.set_blocking(self._process.stdout.fileno(), False)
         pipe = self._process.stdin
         if pipe is not None:
             pipe.write(json.dumps(devices, default=_plain).encode())
@@ -72,10 +84,35 @@ class Simulators:
             time.sleep(0.01)
         return {name: str(path) for name, path in ports.items()}
 
+    def news(self) -> list[str]:
+        """
+        Give what is new of the simulated devices; never waits.
+
+        Two system calls: for the lowest task, a few times a second.
+        """
+        process = self._process
+        if process is None or process.stdout is None:
+            return []
+        try:
+            self._news += os.read(process.stdout.fileno(), _NEWS_BYTES)
+        except OSError:
+            pass  # nothing new
+        *lines, self._news = self._news[-_NEWS_BYTES:].split(b'\n')
+        told = [line.decode(errors='replace') for line in lines]
+        self.restarts += sum(RESTARTED in line for line in told)
+        if process.poll() is not None:
+            process.stdout.close()
+            self._process = None
+            told.append('what keeps the simulated devices running was ended '
+                        f'({process.returncode}): they stay away until the core is started again')
+        return told
+
     def stop(self) -> None:
         """End the simulator; may be called twice."""
         if self._process is None:
             return
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         self._process.terminate()
         try:
             self._process.wait(_STOP_TIMEOUT_S)

@@ -127,6 +127,7 @@ class Diagnostics:
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
                    'clients_accepted': now.core['accepted'],
+                   'simulators_restarted': now.core.get('simulators_restarted', 0),
                    'clients_refused': now.core['refused'], 'pid': now.core['pid'],
                    'watchdog': watchdog,
                    **{f'black_box_{key}': n for key, n in now.core['black_box'].items()}}

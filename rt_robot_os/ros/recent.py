@@ -51,8 +51,7 @@ class Recent:
         :param now_s: the core's time.
         :param age_s: how long the core has run: all that a young one has counted is new.
         """
-        if self._seen:
-            self._counters = {k: c for k, c in self._counters.items() if k in self._seen}
+        self._counters = {k: c for k, c in self._counters.items() if k in self._seen}
         self._seen = set()
         self._now_s = now_s
         self._young = age_s < self.hold_s

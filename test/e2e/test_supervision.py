@@ -31,6 +31,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from geometry_msgs.msg import Twist  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
 
 Until = Callable[..., Any]
 
@@ -163,3 +164,46 @@ def test_what_a_module_and_a_client_say_does_not_stop_the_node(
     names = {v.key for m in diagnostics for s in m.status if s.name == 'robot: module planner'
              for v in s.values}
     assert 'value 249 \\ud800' in names
+
+
+SIMULATED = """
+robot:
+  ros__parameters:
+    core: {cpu: -2, scheduler_priority: 0}
+    devices: [imu]
+    imu: {type: witmotion, port: sim, rate_hz: 100.0, timeout_s: 0.3, retry_s: 0.1,
+          retry_max_s: 0.2}
+    mirrors: [imu_data]
+    imu_data: {topic: imu/data}
+"""
+
+
+def simulators_of(world: Any) -> list[int]:
+    found = []
+    for entry in Path('/proc').iterdir():
+        try:
+            if (entry.name.isdigit() and b'simulator_process' in (entry / 'cmdline').read_bytes()
+                    and str(world.folder).encode() in (entry / 'environ').read_bytes()):
+                found.append(int(entry.name))
+        except OSError:
+            continue
+    return found
+
+
+def test_a_simulator_that_was_killed_is_started_again_counted_and_told(
+        world: Any, until: Until) -> None:
+    imu = world.listen(Imu, '/imu/data')
+    diagnostics = world.listen(DiagnosticArray, '/diagnostics')
+    robot = world.robot(SIMULATED)
+    until(lambda: len(imu) > 20, 'samples')
+    simulator, = simulators_of(world)
+    os.kill(simulator, signal.SIGKILL)
+    robot.wait_for_line('was ended by SIGKILL; started again')
+    robot.wait_for_line('imu]: active again')
+    seen = len(imu)
+    until(lambda: len(imu) > seen + 20, 'samples again')
+    until(lambda: any(v.key == 'simulators_restarted' and v.value == '1'
+                      for m in list(diagnostics)[-1:] for s in m.status for v in s.values),
+          'the count in /diagnostics')
+    assert robot.end() == 0
+    assert world.leftovers() == []

@@ -85,3 +85,25 @@ def test_no_step_of_the_clock_makes_a_topic_run_backwards(
         wall = line.wall_ns(last_stamp)
         assert wall > last_wall
         last_wall = wall
+
+
+def test_a_clock_that_runs_as_it_likes_is_followed_as_it_is() -> None:
+    clocks = Clocks()
+    mapper = clocks.mapper()
+    line = mapper.line()
+    real = line.wall_ns(clocks.monotonic)
+    mapper.follows = True
+    clocks.offset = -clocks.monotonic + 1000 * S  # simulated time, at 1000 s
+    mapper.compare()
+    assert line.wall_ns(clocks.monotonic) == 1000 * S < real
+    for _ in range(20):  # it stands still
+        clocks.monotonic += S // 20
+        clocks.offset -= S // 20
+        mapper.compare()
+        stamp = line.wall_ns(clocks.monotonic)
+    assert 1000 * S < stamp < 1000 * S + 100
+    assert mapper.resets == 1
+    clocks.offset -= 500 * S  # begun anew
+    mapper.compare()
+    assert line.wall_ns(clocks.monotonic) == 500 * S
+    assert mapper.resets == 2
