@@ -81,7 +81,7 @@ class Keeper:
             except OSError as error:  # no memory, no descriptors: they may come back
                 _tell(f'the simulated devices cannot be started: {error.strerror or error}')
                 code = -1
-            if self.stopping:
+            if self._is_stopping():
                 break
             if code > 0 and not self.restarts:
                 return code
@@ -92,6 +92,9 @@ class Keeper:
             self.restarts += 1
             _tell(f'the process of the simulated devices {_ended(code)}; {RESTARTED}')
         return 0
+
+    def _is_stopping(self) -> bool:
+        return self.stopping  # a signal sets it at any time
 
     def _once(self) -> int:
         # Not this one's standard output: that is for the core.

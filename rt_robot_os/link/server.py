@@ -56,12 +56,16 @@ from rt_robot_os.text import safe_line
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
 CLIENTS_MAXIMUM = 16
 BEAT_RATE_HZ = 50.0
 BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
+LIFE = 'link/life'
 LIFE_PRIORITY = 99
+# Of one of its jobs, for planning.
+LIFE_EXECUTION_NS = 20 * NS_PER_US
 LIFE_RATE_HZ = 10.0
 # So long the link may not come to run before it is looked at what runs instead.
 _STARVED_NS = 500 * NS_PER_MS
@@ -117,7 +121,7 @@ class LinkServer:
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         self._listening = kernel.timer(self._commands)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
-        self._life = kernel.add_task('link/life', self._live, priority=LIFE_PRIORITY,
+        self._life = kernel.add_task(LIFE, self._live, priority=LIFE_PRIORITY,
                                      rate_hz=LIFE_RATE_HZ)
 
     # ---- life --------------------------------------------------------------------------------

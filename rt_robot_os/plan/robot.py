@@ -20,6 +20,10 @@ from dataclasses import replace
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.server import BEAT_RATE_HZ
+from rt_robot_os.link.server import LIFE
+from rt_robot_os.link.server import LIFE_EXECUTION_NS
+from rt_robot_os.link.server import LIFE_PRIORITY
+from rt_robot_os.link.server import LIFE_RATE_HZ
 from rt_robot_os.plan.given import Given
 from rt_robot_os.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.plan.given import RobotTasks
@@ -163,6 +167,7 @@ class _Builder:
         events, unknown = self._outside('link/accept', 'how often clients connect is not known')
         self._add_service('link/accept', core.link_priority, 0.0, events, unknown)
         self._add_service('link/beat', core.link_priority, BEAT_RATE_HZ)
+        self._add_service(LIFE, LIFE_PRIORITY, LIFE_RATE_HZ)
         self._add_service('core/watch', _WATCH_PRIORITY, _WATCH_RATE_HZ)
         timeout_ns = round(self._settings.watchdog.timeout_s * NS_PER_S)
         if timeout_ns:
@@ -229,6 +234,8 @@ class _Builder:
             return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
         if name in self._typical.execution_ns:
             return self._typical.execution_ns[name], 'typical'
+        if name == LIFE:  # above all others: unknown, it would make every other unknown as well
+            return LIFE_EXECUTION_NS, 'declared'
         return None, 'unknown'
 
     def _section(self, resource: str, execution_ns: int | None) -> int | None:

@@ -255,7 +255,8 @@ class Diagnostics:
         unread = self._recent.gained('log unread', int(log.get('unread', 0)))
         said = [f'{count} lines {what}{self._lately}' for count, what in (
             (lost, 'are not in the file'),
-            (unread, 'were not read on the console'), (untold, 'were not told: they came too fast')) if count]
+            (unread, 'were not read on the console'),
+            (untold, 'were not told: they came too fast')) if count]
         return _status(f'{self._name}: log', WARN if said else OK, '; '.join(said) or 'carried',
                        dict(log))
 

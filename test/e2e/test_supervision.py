@@ -88,7 +88,7 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
         world: Any, until: Until) -> None:
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = start(world)
-    robot.wait_for_line("its link has not come to run")
+    robot.wait_for_line('its link has not come to run')
     assert robot.said("'planner' runs")
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
     until(lambda: 'link has not come to run' in core_of(diagnostics)[1], 'the reason told')

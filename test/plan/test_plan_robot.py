@@ -83,6 +83,8 @@ def assert_the_core_has_the_same_tasks(settings: RobotSettings, tmp_path: Path) 
 
 def test_nothing_is_judged_before_execution_times_are_known() -> None:
     robot = robot_tasks(settings_of())
+    # The sign of life is above all others: unknown, it would make all of them unknown for ever.
+    assert robot.origins.pop('link/life') == 'declared'
     assert set(robot.origins.values()) == {'unknown'}
     found = analyse(robot.tasks, robot.overhead)
     assert [r.task.name for r in found.unjudged] == ['imu', 'gps', 'guard']
@@ -94,7 +96,7 @@ def test_execution_times_in_the_order_option_declared_measured_budget() -> None:
                            guard__budget_us=200.0)
     robot = robot_tasks(settings, None, Given(execution_ns={'core/watch': 7000}))
     assert {k: v for k, v in robot.origins.items() if v != 'unknown'} == {
-        'imu': 'declared', 'gps': 'budget', 'core/watch': 'option'}
+        'imu': 'declared', 'gps': 'budget', 'core/watch': 'option', 'link/life': 'declared'}
     again = robot_tasks(settings, measured(robot))
     times = {task.name: task.execution_ns for task in again.tasks}
     assert (times['imu'], times['gps'], times['guard']) == (300_000, 120_000, 120_000)
@@ -174,7 +176,7 @@ def test_names_that_do_not_exist_are_refused_all_at_once() -> None:
     assert caught.value.problems == (
         "--execution gpss: no such task, did you mean 'gps'?",
         '--rate nobody: no such task, known: core/watch, gps, guard, imu, link/accept, '
-        'link/beat, link/commands, link/service, sensors/recovery',
+        'link/beat, link/commands, link/life, link/service, sensors/recovery',
         '--rate imu: it is not released from outside; what is: link/accept, link/commands',
         "measurement: task 'imuu' is not in this configuration: measure again")
 

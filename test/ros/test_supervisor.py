@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Supervision goes on whatever goes wrong; the limit for a start grows; silence is judged fairly."""
+"""Supervision goes on whatever goes wrong, gives slow cores more time, and judges fairly."""
 
 from __future__ import annotations
 
