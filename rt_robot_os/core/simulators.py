@@ -103,6 +103,7 @@ class Simulators:
         if process.poll() is not None:
             process.stdout.close()
             self._process = None
+            clear(self._folder)
             told.append('what keeps the simulated devices running was ended '
                         f'({process.returncode}): they stay away until the core is started again')
         return told
