@@ -264,7 +264,7 @@ class Answers:
         return {}
 
     def _stop(self, session: Session, arguments: Arguments) -> Arguments:
-        self._core.kernel.stop(
+        self._core.stop(
             safe_line(str(arguments.get('reason', f'asked by {session.name}'))))
         return {}
 

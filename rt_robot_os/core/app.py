@@ -59,6 +59,8 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
 UNPINNED = -2
+# From the order to stop until jobs that have not ended are ended.
+STOP_GRACE_NS = 500 * NS_PER_MS
 
 
 class Core:
@@ -91,6 +93,7 @@ class Core:
             clock = CooperativeClock()
         self.kernel = Kernel(clock, spin_ns=round(core.spin_us * NS_PER_US),
                              black_box_records=core.black_box_records)
+        self.kernel.stop_grace_ns = STOP_GRACE_NS
         self.bus = make_bus(self.kernel)
         self.reports = Reports()
         self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
@@ -226,13 +229,29 @@ class Core:
         """
         self._lifecycle.prepare()
 
+    def stop(self, reason: str) -> None:
+        """
+        End :meth:`run`, in order or by force; safe in the real-time loop.
+
+        Jobs have a while to end, then TaskAborted ends them; modules that do not let themselves be
+        deactivated are stopped as well, and what is left then ends with the process.
+        """
+        self.guard.begin_end()
+        self.kernel.stop(reason)
+
+    @property
+    def forced(self) -> list[str]:
+        """The names of tasks and modules that did not end by themselves."""
+        return [*self.kernel.ended, *self._lifecycle.forced]
+
     def close(self) -> None:
         """Leave a safe state and close everything; may be called twice."""
+        self.guard.begin_end()
         if self.watchdog is not None:
             self.watchdog.leave()
         self.guard.leave()
         self._lifecycle.end()
-        self.sensors.close()
+        self.sensors.close(self._lifecycle.call)
         self.guard.release()
         self._watch()
         self.link.close()

@@ -20,16 +20,21 @@ from collections.abc import Callable
 from collections.abc import Sequence
 import functools
 
+from rt_robot_os.core.bounded import call_within
 from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import TaskAborted
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_MS
+
+END_NS = 250 * NS_PER_MS
 
 
 class ModuleLifecycle:
@@ -38,10 +43,12 @@ class ModuleLifecycle:
 
     :param note: tells people something: how severe, of which module, what.
     :ivar modules: all of them.
+    :ivar forced: the names of those, and of devices, whose last steps had to be ended.
     """
 
     def __init__(self, note: Callable[[Severity, str, str], None]) -> None:
         self.modules: list[Module] = []
+        self.forced: list[str] = []
         self._active: list[Module] = []
         self._note = note
 
@@ -93,10 +100,29 @@ class ModuleLifecycle:
         self._note(Severity.INFO, module.name, 'restarted')
 
     def end(self) -> None:
-        """Deactivate what was activated, the last one first; may be called twice."""
+        """
+        Deactivate what was activated, the last one first; may be called twice.
+
+        One that fails, or takes too long, goes to its safe state instead, if it has one.
+        """
         while self._active:
             module = self._active.pop()
-            try:
-                module.deactivate()
-            except Exception as error:
-                self._note(Severity.ERROR, module.name, f'deactivate failed: {error}')
+            if not self.call(module.name, module.deactivate, 'deactivate'):
+                safe_state = getattr(module, 'safe_state', None)
+                if safe_state is not None:
+                    self.call(module.name, functools.partial(at_once, module.task, safe_state),
+                              'safe_state')
+
+    def call(self, name: str, function: Callable[[], object], step: str = 'close') -> bool:
+        """
+        Call a last step of a module or a device, within bounds.
+
+        :return: whether it ended well; otherwise that is told.
+        """
+        error = call_within(name, function, END_NS)
+        if error is None:
+            return True
+        if isinstance(error, TaskAborted):
+            self.forced.append(name)
+        self._note(Severity.ERROR, name, f'{step} failed: {type(error).__name__}: {error}')
+        return False

@@ -51,7 +51,7 @@ from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
 from rt_robot_os.units import NS_PER_S
 
-OK, FAILED, BAD_CONFIGURATION = 0, 1, 2
+OK, FAILED, BAD_CONFIGURATION, ENDED_BY_FORCE = 0, 1, 2, 3
 # Saves the black box, see rt_robot_os.core.black_box.
 DUMP_SIGNAL = signal.SIGUSR1
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
@@ -97,7 +97,12 @@ def _text(file: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the core until it is told to stop; the exit code is 2 when it cannot start as it is."""
+    """
+    Run the core until it is told to stop.
+
+    :return: the exit code: 2 when it cannot start as it is, 3 when a job had to be ended at the
+        stop.
+    """
     given = list(sys.argv[1:] if argv is None else argv)
     arguments = _arguments(given)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
@@ -143,6 +148,8 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
                 signal.signal(signo, handler)
         if core.tripped:
             return settings.watchdog.exit_code
+        if core.forced:
+            return ENDED_BY_FORCE
     except (RtRobotError, OSError) as error:
         tell('core', error)
         return BAD_CONFIGURATION if isinstance(error, ValueError | StartError) else FAILED
@@ -161,7 +168,7 @@ def _device_folder(path: Path) -> Path:
 
 def _handle_signals(core: Core) -> dict[int, Any]:
     def stop(signum: int, frame: FrameType | None) -> None:
-        core.kernel.stop(signal.Signals(signum).name)
+        core.stop(signal.Signals(signum).name)
 
     def dump(signum: int, frame: FrameType | None) -> None:
         core.black_box.ask(signal.Signals(signum).name)

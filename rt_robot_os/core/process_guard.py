@@ -22,6 +22,7 @@ import faulthandler
 import math
 import os
 from pathlib import Path
+import time
 
 from rt_robot_os.core.watchdog import TIMEOUTS_UNTIL_DEATH
 from rt_robot_os.core.watchdog import Watchdog
@@ -31,6 +32,10 @@ from rt_robot_os.linux.machine_watchdog import open_machine_watchdog
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.linux.service_manager import ServiceManager
 from rt_robot_os.settings import WatchdogSettings
+from rt_robot_os.units import NS_PER_MS
+
+# From the order to stop; the node waits for 3 s before it kills.
+END_NS = 2500 * NS_PER_MS
 
 
 class ProcessGuard:
@@ -46,6 +51,8 @@ class ProcessGuard:
         self.machine: MachineWatchdog | None = None
         self._settings = settings
         self._handle: DeadMan | None = None
+        self._end: DeadMan | None = None
+        self._ending = False
         self._told = False
 
     def equip(self, watchdog: Watchdog | None) -> list[RtResult]:
@@ -54,13 +61,15 @@ class ProcessGuard:
 
         :return: what became of each step.
         """
+        results = self._take_end()
         if watchdog is None:
             if not self.manager.watchdog_ns:
-                return []
+                return results
             seconds = self.manager.watchdog_ns / 1e9
-            return [RtResult(False, 'food for the service manager', 'it waits for a sign of life '
-                             f'every {seconds:g} s. Remedy: set watchdog.timeout_s')]
-        results = [self._take_handle(watchdog)]
+            return [*results, RtResult(
+                False, 'food for the service manager', 'it waits for a sign of life '
+                f'every {seconds:g} s. Remedy: set watchdog.timeout_s')]
+        results.append(self._take_handle(watchdog))
         if self._settings.device:
             result, self.machine = open_machine_watchdog(
                 Path(self._settings.device),
@@ -72,6 +81,26 @@ class ProcessGuard:
             watchdog.feeders.append(self._feed_manager)
         return results
 
+    def _take_end(self) -> list[RtResult]:
+        """Prepare what ends a process that does not end; a word of it only when it is refused."""
+        faulthandler.enable()  # in C: where the hanging call was is written to standard error
+        try:
+            self._end = DeadMan()
+        except OSError as error:
+            return [RtResult(False, 'limit for the end of the process', f'{error.strerror}. '
+                             'Remedy: raise the limit of pending signals (ulimit -i)')]
+        return []
+
+    def begin_end(self) -> None:
+        """
+        Give the process a last deadline, once; safe in the real-time loop.
+
+        Whatever it does then, in a native call that does not return as well, it is ended.
+        """
+        if self._end is not None and not self._ending:
+            self._ending = True
+            self._end.push(time.monotonic_ns() + END_NS)
+
     def _take_handle(self, watchdog: Watchdog) -> RtResult:
         step = 'end of a process that hangs'
         try:
@@ -79,8 +108,6 @@ class ProcessGuard:
         except OSError as error:
             return RtResult(False, step, f'{error.strerror}. Remedy: raise the limit of pending '
                             'signals (ulimit -i)')
-        # Where the hanging call was is written to standard error by a handler in C.
-        faulthandler.enable()
         return RtResult(True, step)
 
     def _feed_manager(self) -> None:
@@ -108,8 +135,9 @@ class ProcessGuard:
         :param stop: stop the machine's watchdog; otherwise the machine starts anew unless the next
             core opens it in time.
         """
-        if self._handle is not None:
-            self._handle.close()
+        for handle in (self._handle, self._end):
+            if handle is not None:
+                handle.close()
         if self.machine is not None:
             self.machine.close(stop)
         self.manager.close()

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The exception that ends a job which used up its budget."""
+"""The exception that ends a job which used up its budget, or does not end when all shall."""
 
 from __future__ import annotations
 
@@ -22,16 +22,19 @@ from rt_robot_os.units import NS_PER_US
 
 class TaskAborted(BaseException):
     """
-    The job has used up its budget; raised inside it, at its next preemption point.
+    The job has used up its budget, or goes on while the kernel stops; raised inside it, at its
+    next preemption point.
 
     It is no :class:`Exception`, so that ``except Exception`` lets it through, as it does with
     KeyboardInterrupt. A job may clean up in ``finally``; one that goes on computing is struck
     again, and its task is stopped.
 
+    :param why: when it is not the budget.
     :ivar used_ns: computing time of the job until then, what preempted it taken off.
     """
 
-    def __init__(self, task: str, used_ns: int, budget_ns: int) -> None:
+    def __init__(self, task: str, used_ns: int, budget_ns: int, why: str = '') -> None:
         self.used_ns = used_ns
-        what = f'used {used_ns // NS_PER_US} us of its budget of {budget_ns // NS_PER_US} us'
+        what = why or (f'used {used_ns // NS_PER_US} us of its budget of '
+                       f'{budget_ns // NS_PER_US} us')
         super().__init__(f'task {task!r} {what}')

@@ -57,7 +57,7 @@ class Alarms(Consequences):
 
     def _look_at(self, at_ns: int) -> None:
         """Let the alarm come no later than that."""
-        if at_ns < self._armed_ns:
+        if not self.now_ns() < self._armed_ns <= at_ns:
             self._arm(at_ns)
             self._armed_due_ns = 0
 
@@ -69,9 +69,9 @@ class Alarms(Consequences):
         :param look_ns: when its budget may end.
         """
         first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
-        alarm_ns = due_ns = first[0]
+        alarm_ns = due_ns = first[0] if not self._stopping else NEVER_NS
         spin_ns = self.spin_ns
-        if spin_ns:
+        if spin_ns and not self._stopping:
             alarm_ns = self._early_ns(level)
         if look_ns < alarm_ns:
             alarm_ns = look_ns

@@ -36,6 +36,7 @@ from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.declarations import Declarations
 from rt_robot_os.kernel.declare import check_chains
 from rt_robot_os.kernel.failure import describe
+from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.state import IDLE_LEVEL
 from rt_robot_os.kernel.state import Timer
 from rt_robot_os.kernel.statistics import KernelStatistics
@@ -43,6 +44,7 @@ from rt_robot_os.units import NS_PER_MS
 
 _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
+_CLOSE_NS = 100 * NS_PER_MS
 SPIN_MAXIMUM_NS = NS_PER_MS
 
 
@@ -97,17 +99,19 @@ class Kernel(Declarations):
             self._prepare(duration_ns)
             self._loop()
         finally:
-            self.locked = True
+            self.locked = self._stopping = True
             self._interrupts.disarm()
+            if self.running:
+                self._close_coroutines()
             self.clock.detach()
             self.running = False
             self._abandon()
-            self._close_coroutines()
             self.locked = self.pending = False
             self._level, self._current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
             reason, broken = self._stop_reason, self._broken
             self._stopping, self._stop_reason, self._broken = False, '', False
+            self._stop_ns = NEVER_NS
         if broken:
             raise KeyboardInterrupt
         return reason
@@ -115,6 +119,7 @@ class Kernel(Declarations):
     def _prepare(self, duration_ns: int | None) -> None:
         self._interrupted = True  # something may be readable already
         self.pending, self._ready = False, 0
+        self.ended = []
         self._armed_ns = self._armed_due_ns = self._spare_ns = 0
         start_ns = self.now_ns()
         if isinstance(self.clock, MonotonicClock):
@@ -150,13 +155,24 @@ class Kernel(Declarations):
         self._timers.clear()
 
     def _close_coroutines(self) -> None:
-        """Let them clean up; what that raises is contained like what a job raises."""
+        """Let them clean up, for a while; what that raises is contained like what a job raises."""
         for task in self._tasks:
-            if task.coroutine is not None:
+            if task.coroutine is None:
+                continue
+            now_ns = task.start_ns = self.now_ns()
+            self._current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0
+            task.limit_ns, task.over = _CLOSE_NS, True
+            self._look_at(now_ns + _CLOSE_NS)
+            try:
                 try:
+                    self.locked = False
                     task.coroutine.close()
-                except Exception as error:
-                    self._note_failure(describe(task.name, self.now_ns(), error))
+                except BaseException as error:
+                    self._note_failure(describe(task.name, now_ns, error))
+                self.locked = True
+            except BaseException:
+                self.locked = True
+            task.limit_ns, task.over = 0, False
 
     def _loop(self) -> None:
         clock = self.clock

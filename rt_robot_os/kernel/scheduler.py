@@ -110,6 +110,23 @@ class Scheduler(Strikes):
 
     settle = _on_tick
 
+    def stop(self, reason: str = 'stop') -> None:
+        """
+        End :meth:`run` when the jobs that run now have ended; safe in the real-time loop.
+
+        Those that have not ended after ``stop_grace_ns`` get a TaskAborted, whatever their budgets.
+        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
+        """
+        if not self._stopping:
+            self._stop_ns = min(NEVER_NS, self.now_ns() + self.stop_grace_ns)
+        self._stopping = True
+        self._stop_reason = reason
+        if self._current is not None and self._stop_ns < NEVER_NS:
+            if self.locked:
+                self.pending = True
+            else:
+                self.settle()  # which sets the alarm
+
     def _tick(self, current: Task | None, level: int) -> None:
         """Serve one alarm that interrupted a task, or none; locked."""
         stolen_ns = self._stolen_ns
@@ -128,7 +145,7 @@ class Scheduler(Strikes):
             self._held_up(current, level, entry_ns, late_ns)
         if self._ready.bit_length() - 1 > level:
             self._dispatch(level)
-        if current is not None and current.limit_ns:
+        if current is not None and (current.limit_ns or self._stopping):
             self._arm_ahead(
                 level, self._police(current, entry_ns - current.start_ns - stolen_ns))
         elif self._timers[0][0] != self._armed_due_ns or not self._spare_ns:

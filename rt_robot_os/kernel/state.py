@@ -55,13 +55,15 @@ class KernelState:
     :ivar black_box: the last things that happened.
     :ivar record: ``black_box.add``.
     :ivar spin_ns: wake this much before a release and spin until it.
+    :ivar stop_grace_ns: jobs that run so long after :meth:`stop` are ended; by default never.
+    :ivar ended: the tasks whose jobs were, since the kernel was started.
     """
 
     # Slots are the fastest attributes, and there are more than an inline dictionary holds.
     __slots__ = (
         'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total',
         'failures', 'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted',
-        '_stopping', '_stop_reason', '_current', '_level', '_stolen_ns', '_armed_ns',
+        '_stopping', '_stop_reason', '_stop_ns', 'stop_grace_ns', 'ended', '_current', '_level', '_stolen_ns', '_armed_ns',
         '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
         '_recursion_limit', '_one_shots', '_resources', '_suspects_ns')
 
@@ -81,6 +83,9 @@ class KernelState:
         self._interrupted = False
         self._stopping = False
         self._stop_reason = ''
+        self._stop_ns = NEVER_NS
+        self.stop_grace_ns = NEVER_NS
+        self.ended: list[str] = []
         self._current: Task | None = None
         self._level = IDLE_LEVEL
         self._stolen_ns = 0
@@ -96,15 +101,6 @@ class KernelState:
         self._one_shots = 0
         self._suspects_ns = 0
         self._resources: dict[str, Any] = {}
-
-    def stop(self, reason: str = 'stop') -> None:
-        """
-        End :meth:`run` when the job that runs now has ended; safe in the real-time loop.
-
-        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
-        """
-        self._stopping = True
-        self._stop_reason = reason
 
     def _make_ready(self, task: Task, now_ns: int) -> None:
         """Note that an event released a task, also one that is running; locked."""

@@ -60,8 +60,11 @@ class Strikes(Alarms):
         :return: when to look again.
         """
         now_ns = self.now_ns()
-        if used_ns < task.limit_ns:
-            return now_ns + task.limit_ns - used_ns
+        look_ns = now_ns + task.limit_ns - used_ns if task.limit_ns else NEVER_NS
+        if self._stopping and not (task.strikes or task.over) and self._stop_ns < look_ns:
+            look_ns = self._stop_ns
+        if now_ns < look_ns:
+            return look_ns
         if not task.struck:
             self._have_struck(task)
             if not task.over:
@@ -84,7 +87,15 @@ class Strikes(Alarms):
         pause_ns = max(GRACE_NS, task.spec.budget_ns) if first else STRIKE_AGAIN_NS
         task.limit_ns = used_ns + pause_ns
         self._look_at(now_ns + pause_ns)
-        return TaskAborted(task.name, used_ns, task.spec.budget_ns)
+        why = ''
+        if self._stopping and now_ns >= self._stop_ns:
+            why = (f'was ended {(now_ns - self._stop_ns + self.stop_grace_ns) // NS_PER_MS} ms '
+                   f'after the kernel was told to stop ({self._stop_reason})')
+            if task.name not in self.ended:
+                self.ended.append(task.name)
+        elif not task.aborts or used_ns < task.budget_ns:
+            why = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
+        return TaskAborted(task.name, used_ns, task.spec.budget_ns, why)
 
     def _contain(self, task: Task, error: BaseException, settle: Callable[[], None]
                  ) -> FailureReport:

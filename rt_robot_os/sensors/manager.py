@@ -25,6 +25,7 @@ others preempt, so a dead device never delays another.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -101,10 +102,17 @@ class SensorManager:
         """All devices in the order in which they were added."""
         return tuple(self._devices.values())
 
-    def close(self) -> None:
-        """Close every device; may be called twice."""
-        for managed in self._devices.values():
-            managed.close()
+    def close(self, call: Callable[[str, Callable[[], None]], object] | None = None) -> None:
+        """
+        Close every device; may be called twice.
+
+        :param call: calls what closes the device of a name, within bounds of its own.
+        """
+        for name, managed in self._devices.items():
+            if call is None:
+                managed.close()
+            else:
+                call(name, managed.close)
 
     def statistics(self) -> tuple[SensorStatistics, ...]:
         """Take the statistics of all devices."""

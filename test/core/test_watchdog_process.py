@@ -18,17 +18,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Iterator
-import os
 from pathlib import Path
 import signal
 import socket
 import subprocess
-import sys
-import tempfile
 import time
 from typing import Any
 
+from conftest import Start
 import pytest
 
 from rt_robot_os.errors import LinkError
@@ -36,52 +33,6 @@ from rt_robot_os.kernel import TaskState
 from rt_robot_os.link import LinkClient
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
-
-HERE = Path(__file__).resolve().parent
-YAML = """\
-robot:
-  ros__parameters:
-    core: {{cpu: -2, scheduler_priority: 0, lock_memory: false, black_box_folder: {folder}}}
-    watchdog: {{{watchdog}}}
-    modules: [it]
-    it: {{rate_hz: 100.0, critical: true, type: 'core_modules:{module}'}}
-"""
-
-Start = Callable[..., subprocess.Popen[str]]
-
-
-@pytest.fixture
-def folder() -> Iterator[Path]:
-    # Short: a Unix socket's path has 108 bytes.
-    with tempfile.TemporaryDirectory(prefix='rtw') as name:
-        yield Path(name)
-
-
-@pytest.fixture
-def start(folder: Path) -> Iterator[Start]:
-    started: list[subprocess.Popen[str]] = []
-
-    def run(watchdog: str, module: str = 'Noted, raises: 20', **environment: str
-            ) -> subprocess.Popen[str]:
-        kind, _, rest = module.partition(',')
-        text = YAML.format(folder=folder, watchdog=watchdog, module=kind)
-        if rest:
-            text = text.rstrip().removesuffix('}') + f',{rest}}}\n'
-        (folder / 'robot.yaml').write_text(text)
-        paths = [str(HERE.parents[1]), str(HERE), os.environ.get('PYTHONPATH', '')]
-        started.append(subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
-             str(folder / 'robot.yaml')], cwd='/', stderr=subprocess.PIPE, text=True,
-            env={**os.environ, 'PYTHONPATH': os.pathsep.join(paths),
-                 'RT_ROBOT_OS_RUNTIME_DIR': str(folder), **environment}))
-        return started[-1]
-
-    yield run
-    for process in started:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
-
 
 def connect(folder: Path, process: subprocess.Popen[str]) -> LinkClient:
     deadline = time.monotonic() + 60

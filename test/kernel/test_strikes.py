@@ -273,6 +273,66 @@ def test_time_that_passes_while_a_strike_propagates_makes_no_second_one(untraced
     assert step > 20
 
 
+# ---- the end of the kernel --------------------------------------------------------------------
+
+
+def test_jobs_that_go_on_after_the_stop_are_ended_from_the_top_of_the_stack_down(
+        kernel: Kernel, clock: VirtualClock) -> None:
+    ends: list[tuple[str, int]] = []
+
+    def job(name: str) -> Callable[[], None]:
+        def run() -> None:
+            try:
+                clock.spend(5 * MS)
+                if name == 'high':
+                    kernel.stop('enough')
+                clock.spend(10 * S)
+            finally:
+                clock.spend(3 * MS)
+                ends.append((name, clock.now_ns()))
+        return run
+
+    kernel.stop_grace_ns = 200 * MS
+    for priority, name in ((10, 'low'), (20, 'mid'), (30, 'high')):
+        kernel.add_task(name, job(name), priority=priority, rate_hz=0.1, phase_ns=priority * MS)
+    other = kernel.add_task('other', lambda: None, priority=90, rate_hz=1000.0)
+    assert kernel.run() == 'enough'
+    assert ends == [('high', 238 * MS), ('mid', 241 * MS), ('low', 244 * MS)]
+    assert kernel.ended == ['high', 'mid', 'low']
+    assert {f.error for f in kernel.failures} == {
+        f"TaskAborted: task '{name}' was ended {after} ms after the kernel was told to stop "
+        '(enough)' for name, after in (('high', 200), ('mid', 203), ('low', 206))}
+    assert other.runs == 36
+    assert not any(map(balance, kernel.tasks))
+
+
+def test_jobs_that_end_in_time_are_left_alone(kernel: Kernel, clock: VirtualClock) -> None:
+    def job() -> None:
+        kernel.stop()
+        clock.spend(190 * MS)
+
+    kernel.stop_grace_ns = 200 * MS
+    task = kernel.add_task('task', job, priority=10, rate_hz=1.0)
+    kernel.run()
+    assert (task.runs, task.aborted, kernel.ended) == (1, 0, [])
+    assert kernel.run(MS // 2) == 'stop'  # as before: it can be run again
+
+
+def test_a_coroutine_that_does_not_let_itself_be_closed_is_ended(
+        kernel: Kernel, clock: VirtualClock) -> None:
+    async def body() -> None:
+        try:
+            await kernel.sleep(10 * S)
+        finally:
+            clock.spend(10 * S)
+
+    task = kernel.add_async_task('mission', body, priority=10)
+    kernel.add_task('other', lambda: None, priority=90, rate_hz=1000.0)
+    kernel.run(10 * MS)
+    assert clock.now_ns() == 110 * MS
+    assert [f.task for f in kernel.failures] == [task.name]
+
+
 # ---- blocking --------------------------------------------------------------------------------
 
 

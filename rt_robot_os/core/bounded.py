@@ -1,0 +1,81 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Call what must end, when no kernel runs any more that could end it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import signal
+import threading
+import time
+from types import FrameType
+from typing import Final
+
+from rt_robot_os.kernel import TaskAborted
+from rt_robot_os.linux.timer import SignalTimer
+
+LIMIT_SIGNAL: Final = signal.SIGRTMIN + 7
+
+
+class _Limit:
+    """What raises in the function that is called, until it has ended."""
+
+    def __init__(self, name: str, limit_ns: int) -> None:
+        self.inside = True
+        self._name = name
+        self._limit_ns = limit_ns
+
+    def __call__(self, signum: int, frame: FrameType | None) -> None:
+        if self.inside:
+            raise TaskAborted(self._name, self._limit_ns, 0,
+                              f'did not end within {self._limit_ns // 1_000_000} ms')
+
+
+def call_within(name: str, function: Callable[[], object], limit_ns: int) -> BaseException | None:
+    """
+    Call something; when it takes too long, TaskAborted is raised in it, again and again.
+
+    Without signals, in another thread than the main one, it has no limit. A native call that does
+    not return is for :class:`rt_robot_os.linux.deadman.DeadMan`.
+
+    :return: what it raised, if anything.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return _call(function, None)
+    limit = _Limit(name, limit_ns)
+    signal.signal(LIMIT_SIGNAL, limit)  # it stays: a signal on its way would end the process
+    timer = SignalTimer(LIMIT_SIGNAL)
+    try:
+        timer.arm(time.monotonic_ns() + limit_ns)
+        return _call(function, limit)
+    finally:
+        timer.close()
+
+
+def _call(function: Callable[[], object], limit: _Limit | None) -> BaseException | None:
+    # Twice, for what is raised on the way out.
+    try:
+        try:
+            function()
+        except BaseException as error:
+            if limit is not None:
+                limit.inside = False
+            return error
+        if limit is not None:
+            limit.inside = False
+    except BaseException as error:
+        return error
+    return None
