@@ -22,10 +22,9 @@ from rt_robot_os.units import NS_PER_US
 
 class TaskAborted(BaseException):
     """
-    The job has used up its budget, or goes on while the kernel stops; raised inside it, at its
-    next preemption point.
+    The job has used up its budget, or goes on while the kernel stops.
 
-    It is no :class:`Exception`, so that ``except Exception`` lets it through, as it does with
+    Raised inside it, at its next preemption point. It is no :class:`Exception`, so that ``except Exception`` lets it through, as it does with
     KeyboardInterrupt. A job may clean up in ``finally``; one that goes on computing is struck
     again, and its task is stopped.
 
