@@ -241,7 +241,7 @@ class Core:
 
     @property
     def forced(self) -> list[str]:
-        """The names of tasks and modules that did not end by themselves."""
+        """Name the tasks, modules and devices that did not end by themselves."""
         return [*self.kernel.ended, *self._lifecycle.forced]
 
     def close(self) -> None:

@@ -101,8 +101,7 @@ class Kernel(Declarations):
         finally:
             self.locked = self._stopping = True
             self._interrupts.disarm()
-            if self.running:
-                self._close_coroutines()
+            self._close_coroutines()
             self.clock.detach()
             self.running = False
             self._abandon()
@@ -157,7 +156,7 @@ class Kernel(Declarations):
     def _close_coroutines(self) -> None:
         """Let them clean up, for a while; what that raises is contained like what a job raises."""
         for task in self._tasks:
-            if task.coroutine is None:
+            if task.coroutine is None or not self.running:
                 continue
             now_ns = task.start_ns = self.now_ns()
             self._current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0

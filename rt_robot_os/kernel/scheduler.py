@@ -114,7 +114,7 @@ class Scheduler(Strikes):
         """
         End :meth:`run` when the jobs that run now have ended; safe in the real-time loop.
 
-        Those that have not ended after ``stop_grace_ns`` get a TaskAborted, whatever their budgets.
+        Those that have not ended after ``stop_grace_ns`` get a TaskAborted, whatever their budget.
         Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
         """
         if not self._stopping:

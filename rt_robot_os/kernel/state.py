@@ -63,7 +63,8 @@ class KernelState:
     __slots__ = (
         'clock', 'now_ns', 'locked', 'pending', 'trace', 'running', 'failures_total',
         'failures', 'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted',
-        '_stopping', '_stop_reason', '_stop_ns', 'stop_grace_ns', 'ended', '_current', '_level', '_stolen_ns', '_armed_ns',
+        '_stopping', '_stop_reason',
+        '_stop_ns', 'stop_grace_ns', 'ended', '_current', '_level', '_stolen_ns', '_armed_ns',
         '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
         '_recursion_limit', '_one_shots', '_resources', '_suspects_ns')
 

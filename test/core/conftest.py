@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A core on the virtual clock or as a process, from YAML, with modules that a test brings along."""
+"""A core on the virtual clock, or as a process, with modules that a test brings along."""
 
 from __future__ import annotations
 

@@ -34,6 +34,7 @@ from rt_robot_os.link import LinkClient
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
+
 def connect(folder: Path, process: subprocess.Popen[str]) -> LinkClient:
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and process.poll() is None:
