@@ -29,16 +29,21 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from dataclasses import field
 import time
 from types import MappingProxyType
 from typing import Any
 from typing import ClassVar
 from typing import Protocol
+from typing import Union
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.logger import Logger
 from rt_robot_os.schema import Field
+
+
+Value = Union[str, int, float]
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,7 @@ class DeviceStatistics:
     lost_samples: int = 0
     contradicted_samples: int = 0
     dropped_write_bytes: int = 0
+    more: dict[str, Value] = field(default_factory=dict)
     deferred_bytes: int = 0
 
 
@@ -220,6 +226,13 @@ class Device(ABC):
         Send the periodic command of the device, if it has one, without blocking.
 
         :raises DeviceError: the device is gone.
+        """
+
+    def maintain(self, now_ns: int) -> None:
+        """
+        Do what may take longer, without waiting: at low priority, while the port is open.
+
+        :raises DeviceError: the device has to be opened anew.
         """
 
     def fileno(self) -> int | None:

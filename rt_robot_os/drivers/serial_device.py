@@ -36,6 +36,7 @@ from typing import TypeVar
 from rt_robot_os.drivers.device import Device
 from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.drivers.device import SamplePublisher
+from rt_robot_os.drivers.device import Value
 from rt_robot_os.drivers.ports import address_of
 from rt_robot_os.drivers.ports import open_port
 from rt_robot_os.drivers.ports import Port
@@ -87,6 +88,11 @@ class Decoder(Protocol[FrameOutT]):
     frames: int
     rejected_bytes: int
     rejected_frames: int
+
+    @property
+    def is_live(self) -> bool:
+        """Say whether its bytes are those of the world, not of a recording or a test."""
+        return self.make_port is open_port
 
     @property
     def pending_bytes(self) -> int:
@@ -201,7 +207,7 @@ class SerialDevice(Device, Generic[FrameT]):
         :raises TopicError: there are more or fewer of them than publications.
         """
         super().bind(publishers)
-        if self.make_port is open_port:
+        if self.is_live:
             prepare_port(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
@@ -303,7 +309,8 @@ class SerialDevice(Device, Generic[FrameT]):
         """Give the counters as they are now."""
         return self._counters()
 
-    def _counters(self, *, lost_samples: int = 0, contradicted: int = 0) -> DeviceStatistics:
+    def _counters(self, *, lost_samples: int = 0, contradicted: int = 0,
+                  more: dict[str, Value] | None = None) -> DeviceStatistics:
         port = self._port
         return DeviceStatistics(
             bytes_read=self._bytes_read + (port.bytes_read if port else 0),
@@ -317,8 +324,14 @@ class SerialDevice(Device, Generic[FrameT]):
             contradicted_samples=contradicted,
             dropped_write_bytes=self._dropped_write_bytes
             + (port.dropped_write_bytes if port else 0),
+            more=more or {},
             deferred_bytes=self._deferred_bytes,
         )
+
+    @property
+    def is_live(self) -> bool:
+        """Say whether its bytes are those of the world, not of a recording or a test."""
+        return self.make_port is open_port
 
     @property
     def pending_bytes(self) -> int:

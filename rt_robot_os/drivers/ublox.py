@@ -26,27 +26,34 @@ invalid, there is no fix and the position is NaN. Of a two-dimensional fix the a
 Carrier phase solutions are GBAS, other corrections SBAS. Accuracies are the receiver's own
 estimates, one standard deviation. NAV-PVT does not say which systems were used: ``services`` does.
 
-The stamp is the arrival of the message. The position is older by what the receiver computed and
+With ``high_precision`` the position of a fix is that of NAV-HPPOSLLH of the same epoch (iTOW), and
+its quality that of NAV-PVT; a fix whose NAV-HPPOSLLH does not come within half a period is
+published with what NAV-PVT has. RTCM 3 corrections are passed on to the receiver.
+
+The stamp is the arrival of NAV-PVT. The position is older by what the receiver computed and
 sent before; TimeReference tells UTC and stamp of the same epoch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 from datetime import datetime
 from datetime import timezone
 import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.drivers.corrections import Corrections
 from rt_robot_os.drivers.decoders import ubx as wire
+from rt_robot_os.drivers.decoders.ubx import HighPrecision
 from rt_robot_os.drivers.decoders.ubx import NavPvt
 from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.decoders.ubx import UbxFrame
+from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.drivers.device import Publication
-from rt_robot_os.drivers.encoders import ubx as encode
-from rt_robot_os.drivers.handshake import Handshake
-from rt_robot_os.drivers.handshake import Step
+from rt_robot_os.drivers.device import SamplePublisher
+from rt_robot_os.drivers.device import Value
 from rt_robot_os.drivers.nmea_fix import COVARIANCE_DIAGONAL_KNOWN
 from rt_robot_os.drivers.nmea_fix import COVARIANCE_UNKNOWN
 from rt_robot_os.drivers.nmea_fix import SERVICE_COMPASS
@@ -59,9 +66,10 @@ from rt_robot_os.drivers.nmea_fix import STATUS_NO_FIX
 from rt_robot_os.drivers.nmea_fix import STATUS_SBAS_FIX
 from rt_robot_os.drivers.serial_device import serial_settings
 from rt_robot_os.drivers.serial_device import SerialDevice
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.drivers.ublox_setup import UbloxSetup
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import period_from_rate
 
 _SERVICES: Final = {'gps': SERVICE_GPS, 'glonass': SERVICE_GLONASS, 'galileo': SERVICE_GALILEO,
                     'beidou': SERVICE_COMPASS}
@@ -70,8 +78,6 @@ _METRES: Final = 1e-3
 # What the receiver says when it knows no accuracy.
 _NO_ACCURACY_MM: Final = 10_000_000
 _INT32_MAX: Final = 2**31 - 1
-_REMEDY: Final = ('check the wire to its receive pin, or set configure: false and set it up with '
-                  "the maker's u-center")
 _ANGULAR: Final = (21, 28, 35)
 
 
@@ -87,9 +93,15 @@ class Ublox(SerialDevice[UbxFrame]):
         Field('services', list, (), 'Satellite systems that the receiver was set up to use; its '
               'message does not say. Empty: not known.', choices=tuple(_SERVICES)),
         Field('configure', bool, False,
-              'Ask for NAV-PVT and the output rate at opening (CFG-MSG, CFG-RATE; not saved in '
-              'the receiver). Receivers up to generation 9 know them; set up later ones with '
-              'u-center.'),
+              'Ask for NAV-PVT and the output rate at opening, with CFG-VALSET, or with CFG-MSG and '
+              'CFG-RATE where the receiver is older than generation 9; not saved in the '
+              'receiver.'),
+        Field('high_precision', bool, False, 'Take the position from NAV-HPPOSLLH, with 1e-9 '
+              'degrees and 0.1 mm, which RTK receivers have.'),
+        Field('corrections', str, '', 'Where RTCM 3 corrections come from, a port as that of the '
+              'device, or ntrip://user:password@host:2101/MOUNT; empty for none.'),
+        Field('corrections_baud', int, 115200, 'Speed of a serial line that they come on.',
+              unit='bit/s', minimum=0, maximum=4_000_000),
     )
     description = 'u-blox satellite receiver, UBX NAV-PVT: position, velocity, time'
 
@@ -99,9 +111,18 @@ class Ublox(SerialDevice[UbxFrame]):
         self._service = sum(_SERVICES[each] for each in set(settings['services']))
         self._velocity_at = 1 if settings['velocity_topic'] else 0
         self._time_at = 1 + self._velocity_at if settings['time_topic'] else 0
-        self._setup = Handshake(name, (), _REMEDY)
-        self._problem = ''
-        self._sentences = False
+        self._setup: UbloxSetup | None = None
+        self._high_precision: bool = settings['high_precision']
+        self._half_period_ns = period_from_rate(settings['output_rate_hz']) // 2
+        # Of the epoch whose fix waits for its NAV-HPPOSLLH, and a NAV-HPPOSLLH that came first.
+        self._waiting: NavPvt | None = None
+        self._waiting_ns = 0
+        self._ahead: HighPrecision | None = None
+        self._without_high_precision = 0
+        self._corrections: Corrections | None = None
+        if settings['corrections']:
+            self._corrections = Corrections(
+                name, settings['corrections'], settings['corrections_baud'], self.log)
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and velocity and time with a topic."""
@@ -119,62 +140,123 @@ class Ublox(SerialDevice[UbxFrame]):
                                      {**frame, 'source': 'gps'}, depth, rate_hz))
         return tuple(found)
 
+    def bind(self, publishers: Sequence[SamplePublisher]) -> None:
+        """
+        Take the publishers, and look up the hosts of the ports.
+
+        :raises TopicError: there are more or fewer of them than publications.
+        """
+        super().bind(publishers)
+        if self._corrections is not None and self.is_live:
+            self._corrections.prepare()
+
     def restart(self) -> None:
         """Begin the set-up if it is wanted."""
-        self._problem = ''
-        self._setup = Handshake(self.name, (
-            Step('CFG-MSG', encode.enable_nav_pvt(), encode.CFG_MSG),
-            Step('CFG-RATE', encode.set_rate(self.settings['output_rate_hz']), encode.CFG_RATE),
-        ) if self.settings['configure'] else (), _REMEDY)
+        self._waiting = self._ahead = None
+        settings = self.settings
+        self._setup = UbloxSetup(
+            self.name, settings['output_rate_hz'], high_precision=self._high_precision,
+            corrections=self._corrections is not None) if settings['configure'] else None
 
     def is_set_up(self) -> bool:
         """Say whether the set-up is done."""
-        return self._setup.done
+        return self._setup is None or self._setup.done
+
+    def close(self) -> None:
+        """Close the ports; may be called twice and does not raise."""
+        super().close()
+        if self._corrections is not None:
+            self._corrections.close()
 
     def write(self, now_ns: int) -> None:
         """
-        Send the command of the set-up that is due, if any.
+        Send the command of the set-up that is due, or the corrections that have come.
 
         :raises DeviceError: the port is gone, or the device does not answer or refuses.
         """
-        if self._problem:
-            raise DeviceError(f'{self.name}: {self._problem}')
-        data = self._setup.due(now_ns)
-        if data is not None:
-            self.send(data)
+        if self._setup is not None and not self._setup.done:
+            data = self._setup.due(now_ns)
+            if data is not None:
+                self.send(data)
+        elif self._corrections is not None:
+            message = self._corrections.take()
+            while message:
+                self.send(message)
+                message = self._corrections.take()
+
+    def maintain(self, now_ns: int) -> None:
+        """Look after the source of the corrections; at low priority."""
+        if self._corrections is not None and self.is_live:
+            self._corrections.maintain(now_ns)
 
     def handle(self, frame: UbxFrame, arrival_ns: int) -> int:
         """Use one message; in the loop."""
-        if frame.kind == wire.NAV and frame.identifier == wire.PVT:
-            pvt = wire.nav_pvt(frame.payload)
-            if pvt is not None:
-                return self._publish(pvt, arrival_ns)
-        step = self._setup.step
-        if step is not None and frame.kind == wire.ACK \
-                and frame.payload == bytes((wire.CFG, step.key)):
-            if frame.identifier == encode.ACK_NAK:
-                self._problem = (
-                    f'it refuses {step.name}: lower output_rate_hz, or set it up with u-center '
-                    'and set configure: false (receivers from generation 10 on do not know this '
-                    'command)')
-            else:
-                self._setup.acknowledged(arrival_ns)
-        else:
+        if frame.kind == wire.NAV:
+            if frame.identifier == wire.PVT:
+                pvt = wire.nav_pvt(frame.payload)
+                if pvt is not None:
+                    return self._begin_epoch(pvt, arrival_ns)
+            elif frame.identifier == wire.HPPOSLLH and self._high_precision:
+                precise = wire.high_precision(frame.payload)
+                if precise is not None:
+                    return self._complete_epoch(precise)
+        if self._setup is None or not self._setup.takes(frame):
             self._ignored_frames += 1
-            self._sentences = frame.kind == wire.NMEA
         return 0
 
-    def unused(self) -> str:
-        """Say what it sends instead of NAV-PVT."""
-        what = 'NMEA sentences' if self._sentences else 'other UBX messages'
-        return (f'it sends {what} and no NAV-PVT: set configure: true, let it send NAV-PVT with '
-                'u-center, or choose type: nmea')
+    def idle(self, now_ns: int) -> int:
+        """Publish a fix whose NAV-HPPOSLLH has not come; in the loop."""
+        if self._waiting is not None and now_ns - self._waiting_ns > self._half_period_ns:
+            return self._publish_coarse()
+        return 0
 
-    def _publish(self, pvt: NavPvt, arrival_ns: int) -> int:
+    def statistics(self) -> DeviceStatistics:
+        """Give the counters as they are now."""
+        more: dict[str, Value] = {}
+        if self._high_precision:
+            more['fixes_without_high_precision'] = self._without_high_precision
+        if self._corrections is not None:
+            more.update(self._corrections.report(self.clock_ns()))
+        return self._counters(more=more)
+
+    def _begin_epoch(self, pvt: NavPvt, arrival_ns: int) -> int:
+        samples = self._publish_coarse() if self._waiting is not None else 0
+        ahead, self._ahead = self._ahead, None
+        if not self._high_precision or not pvt.has_fix:
+            samples += self._publish_fix(pvt, None, arrival_ns)
+        elif ahead is not None and ahead.tow_ms == pvt.tow_ms:
+            samples += self._publish_fix(pvt, ahead, arrival_ns)
+        else:
+            self._waiting, self._waiting_ns = pvt, arrival_ns
+        return samples + self._publish_rest(pvt, arrival_ns)
+
+    def _complete_epoch(self, precise: HighPrecision) -> int:
+        pvt = self._waiting
+        if pvt is None or pvt.tow_ms != precise.tow_ms:
+            self._ahead = precise
+            return 0
+        self._waiting = None
+        return self._publish_fix(pvt, precise, self._waiting_ns)
+
+    def _publish_coarse(self) -> int:
+        pvt, self._waiting = self._waiting, None
+        if pvt is None:
+            return 0
+        self._without_high_precision += 1
+        self.log.warn('no NAV-HPPOSLLH came for a fix: set configure: true, or switch it on with '
+                      'u-center', throttle_s=60.0)
+        return self._publish_fix(pvt, None, self._waiting_ns)
+
+    def _publish_fix(self, pvt: NavPvt, precise: HighPrecision | None, arrival_ns: int) -> int:
         publisher = self._publishers[0]
         self._fill_fix(publisher.msg, pvt)
+        if precise is not None and precise.valid and pvt.has_fix:
+            _refine(publisher.msg, precise, pvt.fix_type != wire.FIX_2D)
         publisher.publish(arrival_ns)
-        samples = 1
+        return 1
+
+    def _publish_rest(self, pvt: NavPvt, arrival_ns: int) -> int:
+        samples = 0
         if self._velocity_at and pvt.has_fix:
             publisher = self._publishers[self._velocity_at]
             _fill_velocity(publisher.msg.twist, pvt)
@@ -209,6 +291,21 @@ class Ublox(SerialDevice[UbxFrame]):
             msg.position_covariance_type = COVARIANCE_DIAGONAL_KNOWN
         else:
             msg.position_covariance_type = COVARIANCE_UNKNOWN
+
+
+def _refine(msg: Any, precise: HighPrecision, has_altitude: bool) -> None:
+    """Put the position of NAV-HPPOSLLH in the place of that of NAV-PVT, if it is one."""
+    latitude, longitude = precise.latitude * 1e-9, precise.longitude * 1e-9
+    if abs(latitude) > 90 or abs(longitude) > 180:
+        return
+    msg.latitude, msg.longitude = latitude, longitude
+    if has_altitude:
+        msg.altitude = precise.height * 1e-4
+    if 0 < precise.horizontal_accuracy < 10 * _NO_ACCURACY_MM:
+        covariance = msg.position_covariance
+        covariance[0] = covariance[4] = (precise.horizontal_accuracy * 1e-4) ** 2
+        covariance[8] = (precise.vertical_accuracy * 1e-4) ** 2
+        msg.position_covariance_type = COVARIANCE_DIAGONAL_KNOWN
 
 
 def _status(pvt: NavPvt) -> int:

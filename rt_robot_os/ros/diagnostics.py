@@ -148,8 +148,9 @@ class Diagnostics:
         level = {'active': WARN if device['reason'] else OK, 'opening': WARN,
                  'closed': STALE}.get(state, ERROR)
         message = f'{state}: {device["reason"]}' if device['reason'] else state
+        counters = dict(device['device'])
         values = {'faults': device['faults'], 'opened': device['opened'],
-                  'age_s': device['age_ns'] / NS_PER_S, **device['device']}
+                  'age_s': device['age_ns'] / NS_PER_S, **counters.pop('more', {}), **counters}
         return _status(f'{self._name}: device {device["name"]}', level, message, values)
 
     def _task(self, task: TaskStatistics) -> DiagnosticStatus:

@@ -139,6 +139,9 @@ class ManagedDevice:
         """Close what failed and open what is due; may take long, so at low priority."""
         if self.state is DeviceState.FAULT and self._port_open:
             self._close_port()
+        if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+            self._maintain()
+            return
         waits = self.state is DeviceState.FAULT and self._kernel.now_ns() < self._retry_at_ns
         if waits or self.state not in (DeviceState.FAULT, DeviceState.CLOSED):
             return
@@ -157,6 +160,13 @@ class ManagedDevice:
             self.device.tap.opened(self._alive_ns)
         if self.arrival is not None:
             self._watch(self.arrival)
+
+    def _maintain(self) -> None:
+        try:
+            self.device.maintain(self._kernel.now_ns())
+        except Exception as error:
+            if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+                self._fault(reason_of(error))
 
     def _watch(self, arrival: Task) -> None:
         """Let the port release the task; without that the device is polled all the same."""

@@ -29,9 +29,7 @@ from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.encoders import nmea
 from rt_robot_os.drivers.encoders import ubx as encode
 from rt_robot_os.drivers.ublox import Ublox
-from rt_robot_os.errors import DeviceError
 
-MS = 1_000_000
 NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
 NOON_S = int(NOON.timestamp())
 
@@ -128,23 +126,3 @@ def test_topics_may_be_left_out() -> None:
     assert len(publish(pvt(), time_topic='', velocity_topic='')) == 1
     fix, time = publish(pvt(), velocity_topic='')
     assert len(time) == 1 and hasattr(time[0], 'time_ref')
-
-
-def test_setting_up_asks_for_the_message_and_the_rate() -> None:
-    chunks = [b'', encode.acknowledge(6, 1), b'', encode.acknowledge(6, 8) + pvt()]
-    with scripted(Ublox, chunks, configure=True, output_rate_hz=5.0) as (device, _):
-        port: Any = device._port
-        for now in range(0, 400 * MS, 100 * MS):
-            device.write(now)
-            device.read(now + 1)
-        assert port.written == [encode.enable_nav_pvt(), encode.set_rate(5.0)]
-        assert device.is_set_up()
-
-
-def test_a_receiver_that_refuses_is_told() -> None:
-    with scripted(Ublox, [encode.acknowledge(6, 1, done=False)], configure=True) as (device, _):
-        device.write(0)
-        device.read(1)
-        assert not device.is_set_up()
-        with pytest.raises(DeviceError, match='dut: it refuses CFG-MSG: .* configure: false'):
-            device.write(2)

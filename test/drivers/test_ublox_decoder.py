@@ -57,7 +57,7 @@ def test_a_message_of_another_implementation() -> None:
 def test_commands_agree_with_another_implementation() -> None:
     assert encode.set_rate(5.0) == bytes.fromhex('b56206080600c80001000000dd68')
     assert encode.acknowledge(6, 8, done=False) == bytes.fromhex('b562050002000608153a')
-    assert encode.enable_nav_pvt()[2:9] == bytes.fromhex('0601 0300 010701')
+    assert encode.enable(7)[2:9] == bytes.fromhex('0601 0300 010701')
 
 
 def test_the_encoder_says_what_the_decoder_reads() -> None:

@@ -45,6 +45,7 @@ NAV: Final = 0x01
 ACK: Final = 0x05
 CFG: Final = 0x06
 PVT: Final = 0x07
+HPPOSLLH: Final = 0x14
 
 _FIRST, _SECOND = SYNC
 _HEADER: Final = 6
@@ -60,6 +61,7 @@ _MESSAGE: Final = rb'\xb5(?:\x62(?:[%s](?:.(?:.(?:[\x00-\x0a]|\Z)|\Z)|\Z)|\Z)|\Z
 # The first 84 bytes of NAV-PVT, which all generations have.
 _PVT: Final = struct.Struct('<IH6BIi4B4i2I5i2I2H4x')
 PVT_SIZES: Final = (84, 92)
+_HPPOSLLH: Final = struct.Struct('<B2xBI4i4b2I')
 FIX_2D, FIX_3D, FIX_AND_DEAD_RECKONING = 2, 3, 4
 
 
@@ -136,6 +138,25 @@ class NavPvt(NamedTuple):
         return self.flags >> 6
 
 
+class HighPrecision(NamedTuple):
+    """
+    Position of NAV-HPPOSLLH, whole.
+
+    :ivar tow_ms: of the epoch.
+    :ivar valid: the receiver calls it so.
+    :ivar latitude: in 1e-9 degrees, as ``longitude``.
+    :ivar height: above the ellipsoid in 0.1 mm, as ``horizontal_accuracy`` and the vertical one.
+    """
+
+    tow_ms: int
+    valid: bool
+    longitude: int
+    latitude: int
+    height: int
+    horizontal_accuracy: int
+    vertical_accuracy: int
+
+
 class UbxDecoder(FrameDecoder[UbxFrame]):
     """Find messages and sentences in a stream; safe in the loop, keeps less than 3 KiB."""
 
@@ -183,3 +204,14 @@ def fletcher(content: bytes) -> bytes:
 def nav_pvt(payload: bytes) -> NavPvt | None:
     """Read the payload of NAV-PVT; None when it is too short for one."""
     return NavPvt(*_PVT.unpack_from(payload)) if len(payload) >= _PVT.size else None
+
+
+def high_precision(payload: bytes) -> HighPrecision | None:
+    """Read the payload of NAV-HPPOSLLH; None when it is none."""
+    if len(payload) != _HPPOSLLH.size or payload[0]:
+        return None
+    (_, flags, tow_ms, longitude, latitude, height_mm, _, longitude_part, latitude_part,
+     height_part, _, horizontal, vertical) = _HPPOSLLH.unpack(payload)
+    return HighPrecision(
+        tow_ms, not flags & 0x01, longitude * 100 + longitude_part,
+        latitude * 100 + latitude_part, height_mm * 10 + height_part, horizontal, vertical)

@@ -1,0 +1,30 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""RTCM 3 messages, as far as simulated devices and tests need them."""
+
+from __future__ import annotations
+
+from rt_robot_os.drivers.decoders.rtcm import crc24q
+
+
+def message(number: int, content: bytes = b'') -> bytes:
+    """
+    Make a message.
+
+    :param content: what follows its number, which takes the first twelve bits of two bytes.
+    """
+    payload = (number << 4).to_bytes(2, 'big') + content
+    frame = b'\xd3' + len(payload).to_bytes(2, 'big') + payload
+    return frame + crc24q(frame).to_bytes(3, 'big')
