@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Corrections for a satellite receiver: RTCM 3 from a base station or a caster, checked and passed on.
+Corrections for a satellite receiver: RTCM 3 of a base station or a caster, checked and passed on.
 
 They come through a port of their own, in the same forms as that of a device, or from a caster:
 ``ntrip://user:password@host:2101/MOUNT``. What is wrong with them is told and counted, and never

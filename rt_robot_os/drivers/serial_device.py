@@ -90,11 +90,6 @@ class Decoder(Protocol[FrameOutT]):
     rejected_frames: int
 
     @property
-    def is_live(self) -> bool:
-        """Say whether its bytes are those of the world, not of a recording or a test."""
-        return self.make_port is open_port
-
-    @property
     def pending_bytes(self) -> int:
         """Give the number of bytes that wait for the rest of their frame."""
 

@@ -93,8 +93,8 @@ class Ublox(SerialDevice[UbxFrame]):
         Field('services', list, (), 'Satellite systems that the receiver was set up to use; its '
               'message does not say. Empty: not known.', choices=tuple(_SERVICES)),
         Field('configure', bool, False,
-              'Ask for NAV-PVT and the output rate at opening, with CFG-VALSET, or with CFG-MSG and '
-              'CFG-RATE where the receiver is older than generation 9; not saved in the '
+              'Ask for NAV-PVT and the output rate at opening, with CFG-VALSET, or with CFG-MSG '
+              'and CFG-RATE where the receiver is older than generation 9; not saved in the '
               'receiver.'),
         Field('high_precision', bool, False, 'Take the position from NAV-HPPOSLLH, with 1e-9 '
               'degrees and 0.1 mm, which RTK receivers have.'),
@@ -111,6 +111,7 @@ class Ublox(SerialDevice[UbxFrame]):
         self._service = sum(_SERVICES[each] for each in set(settings['services']))
         self._velocity_at = 1 if settings['velocity_topic'] else 0
         self._time_at = 1 + self._velocity_at if settings['time_topic'] else 0
+        self._sentences = False
         self._setup: UbloxSetup | None = None
         self._high_precision: bool = settings['high_precision']
         self._half_period_ns = period_from_rate(settings['output_rate_hz']) // 2
@@ -202,7 +203,14 @@ class Ublox(SerialDevice[UbxFrame]):
                     return self._complete_epoch(precise)
         if self._setup is None or not self._setup.takes(frame):
             self._ignored_frames += 1
+            self._sentences = frame.kind == wire.NMEA
         return 0
+
+    def unused(self) -> str:
+        """Say what it sends instead of NAV-PVT."""
+        what = 'NMEA sentences' if self._sentences else 'other UBX messages'
+        return (f'it sends {what} and no NAV-PVT: set configure: true, let it send NAV-PVT with '
+                'u-center, or choose type: nmea')
 
     def idle(self, now_ns: int) -> int:
         """Publish a fix whose NAV-HPPOSLLH has not come; in the loop."""

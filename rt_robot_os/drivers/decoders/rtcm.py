@@ -15,8 +15,8 @@
 """
 RTCM 3, the messages with which a base station or a caster corrects satellite receivers.
 
-``D3``, six zero bits, ten bits of length, payload, CRC-24Q; the first twelve bits of the payload are
-the number of the message.
+``D3``, six zero bits, ten bits of length, payload, CRC-24Q; the first twelve bits of the payload
+are the number of the message.
 """
 
 from __future__ import annotations

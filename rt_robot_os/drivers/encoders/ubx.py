@@ -37,7 +37,7 @@ CFG_VALSET: Final = 0x8A
 ACK_NAK: Final = 0x00
 ACK_ACK: Final = 0x01
 
-# Keys of the configuration from generation 9 on; bits 28 to 30 of a key tell the size of its value.
+# Keys of the configuration from generation 9 on; bits 28 to 30 of a key are the size of its value.
 RATE_MEAS: Final = 0x30210001
 RATE_NAV: Final = 0x30210002
 LAYER_RAM: Final = 1
