@@ -69,14 +69,15 @@ def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | Non
     500 us, so they are made, and the old ones given up, one by one.
     """
     kept = kernel.black_box.records
-    records = list(reversed(kept))
+    # One native call from end to end: an iterator would fail at the first record in between.
+    records = kept.copy()
     head = dump(BlackBox(1), kernel.tasks, reason, kernel.now_ns(), kernel.start_ns)
     head = replace(head, full=len(records) == kept.maxlen)
     numbers: dict[Any, int] = {task: number for number, task in enumerate(kernel.tasks)}
 
     def numbered() -> Iterator[tuple[Any, ...]]:
         while records:
-            record = records.pop()
+            record = records.popleft()
             yield (record[0], numbers.get(record[1], -1), *record[2:])
 
     return _parts(head, numbered(), len(records), facts)

@@ -97,6 +97,9 @@ def _report(replay: Replay, recording: Recording, took_s: float) -> int:
         print(line, file=sys.stderr)
     for topic, gap in timeline.gaps.items():
         print(f'{topic}: {gap} messages are missing; what follows may differ', file=sys.stderr)
+    if timeline.dropped:
+        print(f'the core dropped {timeline.dropped} records of its schedule before they could be '
+              'recorded; what follows may differ', file=sys.stderr)
     for failure in replay.core.kernel.failures:
         print(f'task {failure.task} failed: {failure.error}', file=sys.stderr)
     length_s = (replay.end_ns - replay.start_ns) / NS_PER_S

@@ -330,6 +330,7 @@ class Answers:
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,
             'simulators_restarted': core.simulators.restarts if core.simulators else 0,
+            'tap_dropped': core.taps.dropped,
             'accepted': core.link.accepted, 'refused': core.link.refused,
             'simulated': core.settings.simulated,
             'simulation_asked': core.settings.simulation_asked,

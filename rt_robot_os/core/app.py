@@ -106,6 +106,7 @@ class Core:
         self.simulators: Simulators | None = None
         self._output: int | None = None
         self._written = 0
+        self._told_dropped = False
         self._cpu_latency: HeldCpuLatency | None = None
         for topic in settings.topics:
             self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
@@ -276,7 +277,7 @@ class Core:
 
     def _watch(self) -> None:
         """Tell people of failed jobs and save the black box, at the lowest priority."""
-        self.taps.drain()
+        self._drain_taps()
         self._failures.watch()
         self.black_box.watch()
         self.guard.ready()
@@ -286,6 +287,15 @@ class Core:
         for log in self.loggers.values():
             log.sweep(now_ns)
         self._write_reports()
+
+    def _drain_taps(self) -> None:
+        self.taps.drain()
+        if self.taps.dropped and not self._told_dropped:
+            self._told_dropped = True
+            self.note(Severity.WARN, 'core', f'{self.taps.dropped} records of what a replay needs '
+                      'were dropped: core/watch, the lowest task, does not run often enough to '
+                      'publish them; a replay of this recording may differ (tap_dropped counts '
+                      'them)')
 
     def _save_fault(self, reason: str) -> None:
         if self.tripped:

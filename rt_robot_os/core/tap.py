@@ -24,6 +24,7 @@ those into the topic ``core/schedule`` ten times a second, at the lowest priorit
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -35,8 +36,10 @@ from rt_robot_os.core.tap_format import MESSAGE
 from rt_robot_os.core.tap_format import NO_TASK
 from rt_robot_os.core.tap_format import RECORD
 from rt_robot_os.core.tap_format import schedule_cdr
+from rt_robot_os.core.tap_format import SCHEDULE_FRONT_BYTES
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import JOB
@@ -49,7 +52,7 @@ CHUNK_BYTES: Final = 1024
 IDLE_MOST: Final = 64
 _FRONT_BYTES: Final = 4 + 8 * (IDLE_MOST + 1)
 _DEVICE_DEPTH: Final = 512
-_RECORDS_A_MESSAGE: Final = 1024
+RECORDS_A_MESSAGE: Final = 1024
 _SCHEDULE_DEPTH: Final = 64
 _PENDING_MOST: Final = 65_536
 _DURATION_MOST: Final = (1 << 32) - 1
@@ -60,12 +63,14 @@ class DeviceTap:
     The tap of one device; called in its task.
 
     :ivar command: whether the round that runs wrote first.
+    :ivar dropped: messages that the topic refused.
     """
 
-    __slots__ = ('command', '_publisher', '_idle')
+    __slots__ = ('command', 'dropped', '_publisher', '_idle')
 
     def __init__(self, publisher: Publisher) -> None:
         self.command = False
+        self.dropped = 0
         self._publisher = publisher
         self._idle: list[int] = []
 
@@ -91,20 +96,27 @@ class DeviceTap:
         idle, self._idle = self._idle, []
         if idle:
             moment = idle.pop()
-            self._publisher.publish_cdr(
-                array_cdr(device_front(TapKind.READ, moment, idle), b''), moment >> 1)
+            self._send(device_front(TapKind.READ, moment, idle), b'', moment >> 1)
 
     def _publish(self, kind: TapKind, now_ns: int, data: bytes) -> None:
         front = device_front(kind, now_ns << 1 | self.command, self._idle)
         self._idle.clear()
-        self._publisher.publish_cdr(array_cdr(front, data), now_ns)
+        self._send(front, data, now_ns)
+
+    def _send(self, front: bytes, data: bytes, now_ns: int) -> None:
+        """Publish; a tap that fails must not take the device's round along."""
+        try:
+            self._publisher.publish_cdr(array_cdr(front, data), now_ns)
+        except TopicError:
+            self.dropped += 1
 
 
 class ScheduleTap:
     """
     Collect what the kernel records of jobs and publications, and publish it in batches.
 
-    :ivar dropped: records that found no room because nobody published them.
+    :ivar dropped: records that are in no message: there was no room for more of them, or their
+        message was refused.
     """
 
     def __init__(self, kernel: Kernel, publisher: Publisher, tasks: dict[Task | None, int],
@@ -113,7 +125,7 @@ class ScheduleTap:
         self._publisher = publisher
         self._tasks = tasks
         self._topics = topics
-        self._pending: list[tuple[Any, ...]] = []
+        self._pending: deque[tuple[Any, ...]] = deque()
         self._add = kernel.black_box.add
         kernel.record = self._record
 
@@ -132,12 +144,20 @@ class ScheduleTap:
         Publish what was collected; called by the lowest task, when no other job runs.
 
         There is a message each time: its stamp says up to when the schedule is complete with it.
+        One that is refused takes its own records along and no others.
         """
-        pending, self._pending = self._pending, []
-        for start in range(0, len(pending) or 1, _RECORDS_A_MESSAGE):
-            data = b''.join(map(self._pack, pending[start:start + _RECORDS_A_MESSAGE]))
-            last = start + _RECORDS_A_MESSAGE >= len(pending)
-            self._publisher.publish_cdr(schedule_cdr(data, last), now_ns)
+        pending, self._pending = self._pending, deque()
+        while True:
+            # One by one: giving back thousands of records at once would hold up everything.
+            count = min(len(pending), RECORDS_A_MESSAGE)
+            data = b''.join([self._pack(pending.popleft()) for _ in range(count)])
+            try:
+                self._publisher.publish_cdr(
+                    schedule_cdr(data, not pending, self.dropped), now_ns)
+            except TopicError:
+                self.dropped += count
+            if not pending:
+                return
 
     def _pack(self, record: tuple[Any, ...]) -> bytes:
         if record[0] == JOB:
@@ -186,11 +206,18 @@ class Taps:
                                   depth=_DEVICE_DEPTH)
                 managed.device.tap = tap = DeviceTap(self._bus.publisher(names[-1]))
                 self._devices.append(tap)
-        self._bus.declare(SCHEDULE_TOPIC, MESSAGE, tail=_RECORDS_A_MESSAGE * RECORD.size,
-                          depth=_SCHEDULE_DEPTH)
+        self._bus.declare(
+            SCHEDULE_TOPIC, MESSAGE, depth=_SCHEDULE_DEPTH,
+            tail=SCHEDULE_FRONT_BYTES + RECORDS_A_MESSAGE * RECORD.size)
         self._schedule = ScheduleTap(
             self._kernel, self._bus.publisher(SCHEDULE_TOPIC), tasks, topics)
         self.topics = (SCHEDULE_TOPIC, *names)
+
+    @property
+    def dropped(self) -> int:
+        """Count what the taps could not publish."""
+        return (self._schedule.dropped if self._schedule is not None else 0) + sum(
+            tap.dropped for tap in self._devices)
 
     def drain(self) -> None:
         """Publish what happened so far, if the taps are on."""

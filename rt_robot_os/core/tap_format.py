@@ -34,7 +34,8 @@ offset size    meaning
 A moment is nanoseconds on CLOCK_MONOTONIC times two, plus one if the round wrote first.
 
 In front of the schedule stands one byte: 1 when it is complete up to the stamp of the message, 0
-when more messages of the same moment follow. It is a row of records of 16 bytes: number of the
+when more messages of the same moment follow. Four more follow it once records were dropped: how
+many since the taps were turned on. The schedule is a row of records of 16 bytes: number of the
 task, number of the topic (or ``A_JOB``), number of the sample (or length of the job in ns), moment
 of the publication (or start of the job).
 """
@@ -58,7 +59,11 @@ _CDR: Final = struct.Struct('<4sIII')
 _ENCAPSULATION: Final = bytes((0, 1, 0, 0))
 _HEAD: Final = struct.Struct('<BxH')
 RECORD: Final = struct.Struct('<HHIq')
+_COMPLETE: Final = struct.Struct('<?')
+_COMPLETE_DROPPED: Final = struct.Struct('<?I')
+SCHEDULE_FRONT_BYTES: Final = _COMPLETE_DROPPED.size
 CDR_BYTES: Final = _CDR.size
+_DROPPED_MOST: Final = (1 << 32) - 1
 
 
 class TapKind(IntEnum):
@@ -150,19 +155,40 @@ def parse_device(cdr: bytes | memoryview) -> DeviceEvent:
     return DeviceEvent(TapKind(kind), moments[-1] >> 1, bool(moments[-1] & 1), idle, data)
 
 
-def schedule_cdr(records: bytes, complete: bool) -> bytes:
+class ScheduleMessage(NamedTuple):
+    """
+    A message of ``core/schedule``.
+
+    :ivar complete: with it the schedule is complete up to its stamp.
+    :ivar dropped: records that the core had no room for, since the taps were turned on.
+    """
+
+    complete: bool
+    dropped: int
+    records: Iterator[ScheduleRecord]
+
+
+def schedule_cdr(records: bytes, complete: bool, dropped: int = 0) -> bytes:
     """Make a message of ``core/schedule``."""
-    return array_cdr(bytes((complete,)), records)
+    front = (_COMPLETE_DROPPED.pack(complete, min(dropped, _DROPPED_MOST)) if dropped
+             else _COMPLETE.pack(complete))
+    return array_cdr(front, records)
 
 
-def parse_schedule(cdr: bytes | memoryview) -> tuple[bool, Iterator[ScheduleRecord]]:
+def parse_schedule(cdr: bytes | memoryview) -> ScheduleMessage:
     """
     Read a message of ``core/schedule``.
 
-    :return: whether the schedule is complete with it up to its stamp, and the records.
     :raises ValueError: it is none.
     """
     front, data = split_array(cdr)
-    if len(data) % RECORD.size or len(front) != 1:
+    if len(data) % RECORD.size:
         raise ValueError(f'{len(data)} bytes are no whole number of records')
-    return front == b'\1', map(ScheduleRecord._make, RECORD.iter_unpack(data))
+    if len(front) == _COMPLETE.size:
+        complete, dropped = front == b'\1', 0
+    elif len(front) == _COMPLETE_DROPPED.size:
+        complete, dropped = _COMPLETE_DROPPED.unpack(front)
+    else:
+        raise ValueError(f'{len(front)} bytes stand in front of the records, not '
+                         f'{_COMPLETE.size} or {_COMPLETE_DROPPED.size}')
+    return ScheduleMessage(complete, dropped, map(ScheduleRecord._make, RECORD.iter_unpack(data)))

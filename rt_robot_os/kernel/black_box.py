@@ -114,7 +114,9 @@ class BlackBox:
 def dump(box: BlackBox, tasks: Sequence[Task], reason: str, at_ns: int, start_ns: int
          ) -> BlackBoxDump:
     """Copy a black box; records that are made meanwhile may be left out."""
-    records = tuple(box.records)
+    # A copy by one native call, which no job that adds a record can interrupt: going through the
+    # ring itself could end with "deque mutated during iteration".
+    records = tuple(box.records.copy())
     numbers: dict[Task | None, int] = {task: number for number, task in enumerate(tasks)}
     running = sorted((task.start_ns, number, task.release_ns)
                      for number, task in enumerate(tasks) if task.busy)

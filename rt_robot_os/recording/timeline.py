@@ -81,12 +81,14 @@ class Timeline:
     :ivar cold: the recording has everything from the first moment of the core; known after the
         first slice.
     :ivar gaps: messages of the taps that are missing in the middle, by topic.
+    :ivar dropped: records of the schedule that the core had no room for.
     """
 
     def __init__(self, recording: Recording) -> None:
         self.problems: list[str] = []
         self.cold = recording.facts.tapped
         self.gaps: dict[str, int] = {}
+        self.dropped = 0
         self._recording = recording
         self._devices = {name: name.split('/')[1] for name in recording.facts.taps
                          if name != SCHEDULE_TOPIC}
@@ -109,14 +111,15 @@ class Timeline:
                 if sample.topic != SCHEDULE_TOPIC:
                     self._take_device(self._devices[sample.topic], parse_device(sample.cdr))
                     continue
-                complete, records = parse_schedule(sample.cdr)
+                schedule = parse_schedule(sample.cdr)
             except ValueError as error:
                 self.problems.append(f'{sample.topic} {sample.number}: {error}')
                 continue
-            for record in records:
+            self.dropped = max(self.dropped, schedule.dropped)
+            for record in schedule.records:
                 self._push(self._jobs if record.topic == A_JOB else self._publications,
                            record.at_ns, record)
-            if complete:
+            if schedule.complete:
                 before_ns, complete_ns = complete_ns, sample.stamp_ns
                 messages += 1
                 if messages % _MESSAGES_A_SLICE == 0 and before_ns:
