@@ -32,9 +32,10 @@ from rt_robot_os.recording.library import need_mcap
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
+    from rt_robot_os.recording.bag import Bag
     from rt_robot_os.recording.recorder import Status
 
-OK, FAILED = 0, 1
+OK, FAILED, BAD_USAGE = 0, 1, 2
 _UNITS = {'': 1, 'k': 1 << 10, 'M': 1 << 20, 'G': 1 << 30}
 
 
@@ -69,7 +70,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='record', description='Record the topics of a running core as MCAP, which ros2 bag, '
         'Foxglove and PlotJuggler open, with all that replay needs. Ctrl-C ends it.')
-    parser.add_argument('topics', nargs='*', metavar='TOPIC', help='such as imu/data; all if none')
+    parser.add_argument('topics', nargs='*', metavar='TOPIC',
+                        help='such as /imu/data, by its name in ROS or in the core; all if none')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER',
                         help='where to; it must not exist (default: robot_ and the time)')
     add_robot_option(parser)
@@ -79,8 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--max-files', type=_count, default=0, metavar='N',
                         help='delete the oldest file when there are more')
     parser.add_argument('--compression', choices=('zstd', 'lz4', 'none'), default='zstd')
+    parser.add_argument('--core-names', action='store_true',
+                        help='call topics as the core does, not by their names in ROS')
     parser.add_argument('--no-bytes', action='store_true',
-                        help='without the bytes of devices and the schedule: no exact replay')
+                        help='keep nothing for replay: bytes of devices, when jobs ran')
     parser.add_argument('--repair', type=Path, metavar='PATH',
                         help='mend a recording that was cut short, and do nothing else')
     return parser
@@ -105,18 +109,19 @@ def _tell(text: str) -> None:
     print(f'{begin}{text}', file=sys.stderr, flush=True)
 
 
-def _record(arguments: argparse.Namespace) -> None:
+def _record(arguments: argparse.Namespace) -> int:
     from rt_robot_os.recording.bag import Bag
     from rt_robot_os.recording.bag import Limits
     from rt_robot_os.recording.recorder import Recorder
+    from rt_robot_os.recording.recorder import UnknownTopicError
     from rt_robot_os.recording.recorder import Wanted
     robot = arguments.robot
     folder = arguments.output or Path(f'{robot}_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     bag = Bag(folder, arguments.compression, Limits(arguments.max_bytes, arguments.max_files))
-    topics = tuple(topic.strip('/') for topic in arguments.topics)
     recorder = Recorder(
         socket_path(robot), bag,
-        Wanted(topics, not arguments.no_bytes, round((arguments.duration or 0) * NS_PER_S)),
+        Wanted(tuple(arguments.topics), not arguments.no_bytes,
+               round((arguments.duration or 0) * NS_PER_S), arguments.core_names),
         _tell, _show_status)
 
     def stop(signum: int, frame: FrameType | None) -> None:
@@ -126,20 +131,35 @@ def _record(arguments: argparse.Namespace) -> None:
         signal.signal(signo, stop)
     try:
         recorder.run()
+    except UnknownTopicError as error:
+        print(error, file=sys.stderr)
+        return BAD_USAGE
     finally:
-        if sys.stderr.isatty():
+        if bag.empty:
+            folder.rmdir()
+        elif sys.stderr.isatty():
             print(file=sys.stderr)
     if bag.empty:
-        folder.rmdir()
-        print('nothing was recorded: no core was there')
-        return
-    print(f'{folder}: {bag.messages} messages, {bag.size / 1e6:.2f} MB, '
-          f'{sum(bag.lost.values())} lost' + (
+        print('nothing was recorded: no core was there', file=sys.stderr)
+        return FAILED
+    _print_summary(bag)
+    return OK
+
+
+def _print_summary(bag: Bag) -> None:
+    print(f'{bag.folder}: {bag.messages} messages in {bag.duration_ns / NS_PER_S:.1f} s, '
+          f'{bag.size / 1e6:.2f} MB, {sum(bag.lost.values())} lost' + (
               f', the oldest {bag.removed} files deleted' if bag.removed else ''))
+    if bag.silent and not bag.removed:
+        print(f'no message came on {", ".join(bag.silent)}')
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Record until Ctrl-C; 1 when that is not possible (any more), 2 for a wrong command line."""
+    """
+    Record until Ctrl-C.
+
+    :return: 1 when that is not possible (any more), 2 for a wrong command line or topic.
+    """
     parser = _parser()
     arguments = parser.parse_args(argv)
     if arguments.max_files and not arguments.max_bytes:
@@ -148,10 +168,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         need_mcap()
         if arguments.repair is not None:
             from rt_robot_os.recording.repair import mend_all
-            for line in mend_all(arguments.repair):
-                print(line)
+            done, failed = mend_all(arguments.repair)
+            print(*done, sep='\n')
+            print(*failed, sep='\n', end='\n' if failed else '', file=sys.stderr)
+            return FAILED if failed else OK
         else:
-            _record(arguments)
+            return _record(arguments)
     except RtRobotError as error:
         print(error, file=sys.stderr)
         return FAILED

@@ -49,6 +49,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
                         help='another configuration than the recorded one')
     parser.add_argument('--node', default='robot', help='whose parameters in it (%(default)s)')
+    parser.add_argument('--allow', action='append', default=[], metavar='TYPE',
+                        help='let the recording import this module, package.module:Class; '
+                        'registered ones need no permission')
     parser.add_argument('--from', dest='source', choices=('bytes', 'topics'), default='bytes',
                         help='replay the drivers too, or begin with what they published')
     parser.add_argument('--session', type=int, metavar='N',
@@ -59,12 +62,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _settings(arguments: argparse.Namespace, recording: Recording) -> RobotSettings:
+    from rt_robot_os.recording.trust import check_trusted
     if arguments.params_file:
         return load(arguments.params_file, node=arguments.node)
     if recording.settings is None:
         raise RecordingError('the recording has no configuration: give one with --params-file')
     try:
-        return from_json(recording.settings)
+        settings = from_json(recording.settings)
+        check_trusted(settings, arguments.allow)
+        return settings
     except ConfigError as error:
         raise RecordingError(
             f'the configuration in the recording cannot be read: {error} (it was recorded with '
@@ -91,17 +97,23 @@ def _replay(arguments: argparse.Namespace) -> int:
     return _report(replay, recording, time.perf_counter() - begin)
 
 
+def _say(text: str) -> None:
+    """Tell what the recording may have put into words: nothing of it drives the terminal."""
+    print(''.join(each if each.isprintable() or each == '\n' else '?' for each in text),
+          file=sys.stderr)
+
+
 def _report(replay: Replay, recording: Recording, took_s: float) -> int:
     comparison, timeline = replay.comparison, replay.timeline
     for line in (*recording.problems, *timeline.problems, *replay.notes):
-        print(line, file=sys.stderr)
+        _say(line)
     for topic, gap in timeline.gaps.items():
-        print(f'{topic}: {gap} messages are missing; what follows may differ', file=sys.stderr)
+        _say(f'{topic}: {gap} messages are missing; what follows may differ')
     if timeline.dropped:
-        print(f'the core dropped {timeline.dropped} records of its schedule before they could be '
-              'recorded; what follows may differ', file=sys.stderr)
+        _say(f'the core dropped {timeline.dropped} records of its schedule before they could be '
+             'recorded; what follows may differ')
     for failure in replay.core.kernel.failures:
-        print(f'task {failure.task} failed: {failure.error}', file=sys.stderr)
+        _say(f'task {failure.task} failed: {failure.error}')
     length_s = (replay.end_ns - replay.start_ns) / NS_PER_S
     print(f'{length_s:.1f} s replayed in {took_s:.2f} s: {length_s / took_s:.0f} times real time')
     if not timeline.cold:
@@ -137,8 +149,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         need_mcap()
         return _replay(arguments)
     except RtRobotError as error:
-        print(error, file=sys.stderr)
-        return BAD_INPUT
+        _say(str(error))
+    except OSError as error:
+        print(f'replay: {error}', file=sys.stderr)
+    except Exception as error:  # noqa: B902 - a made-up recording may upset anything below
+        what = ' '.join(f'{type(error).__name__}: {error}'.split())
+        _say(f'{arguments.recording} cannot be replayed: it is damaged, or its configuration is '
+             f'none that this release can run ({what:.300})')
+    return BAD_INPUT
 
 
 if __name__ == '__main__':

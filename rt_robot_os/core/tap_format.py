@@ -112,6 +112,17 @@ def device_topic(device: str) -> str:
     return f'device/{device}/bytes'
 
 
+def is_tap(topic: str) -> bool:
+    """Say whether a topic is one of the taps."""
+    return topic == SCHEDULE_TOPIC or bool(tapped_device(topic))
+
+
+def tapped_device(topic: str) -> str:
+    """Give the device whose bytes a topic holds; empty when it is no such topic."""
+    parts = topic.split('/')
+    return parts[1] if len(parts) == 3 and topic == device_topic(parts[1]) else ''
+
+
 def array_cdr(front: bytes, data: bytes) -> bytes:
     """Make an UInt8MultiArray of what stands in front of the data, and the data."""
     return _CDR.pack(_ENCAPSULATION, 0, len(front), len(front) + len(data)) + front + data

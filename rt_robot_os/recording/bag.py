@@ -33,6 +33,7 @@ from rt_robot_os.link.stamps import StampLine
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.recording.bag_file import BagFile
 from rt_robot_os.recording.bag_info import FileFacts
+from rt_robot_os.recording.bag_info import TopicFacts
 from rt_robot_os.recording.bag_info import write_bag_info
 from rt_robot_os.recording.repair import file_facts
 from rt_robot_os.recording.repair import mend
@@ -46,6 +47,7 @@ from rt_robot_os.units import NS_PER_S
 FLUSH_NS: Final = NS_PER_S
 # Two clocks are never read at the same moment; below this nothing is corrected.
 _STEP_NS: Final = NS_PER_MS
+_FOREVER_NS: Final = 1 << 63
 _STAMP: Final = struct.Struct('<iI')
 
 Packet = tuple[Header, bytearray]
@@ -65,13 +67,23 @@ class Limits:
 
 
 class Track:
-    """A topic of a session."""
+    """
+    A topic of a session.
 
-    __slots__ = ('name', 'number', 'stamp_offset', 'line', 'next_seq', 'lost', 'count')
+    :ivar numbers: of its channels in the file, one for each name; none when it was not asked for.
+    :ivar kept: its number among what is kept for a replay; 0 when it is not.
+    :ivar begin_ns: samples before this moment were not asked for.
+    :ivar not_before_ns: time of day at which the bag begins; what is older stands there.
+    """
+
+    __slots__ = ('name', 'numbers', 'kept', 'begin_ns', 'not_before_ns', 'stamp_offset', 'line',
+                 'next_seq', 'lost', 'count')
 
     def __init__(self, name: str, stamp_offset: int | None, line: StampLine) -> None:
         self.name = name
-        self.number = 0
+        self.numbers: tuple[int, ...] = ()
+        self.kept = 0
+        self.begin_ns = self.not_before_ns = 0
         self.stamp_offset = stamp_offset
         self.line = line
         self.next_seq = -1
@@ -101,6 +113,7 @@ class Bag:
         self._bytes = self._opened = 0
         self._session: Session | None = None
         self._tracks: dict[int, Track] = {}
+        self._names: dict[str, tuple[TopicFacts, ...]] = {}
         self._lost: dict[str, int] = {}
         self._flushed_ns = 0
         try:
@@ -118,6 +131,22 @@ class Bag:
     def empty(self) -> bool:
         """Whether there is no file."""
         return not self._opened
+
+    @property
+    def duration_ns(self) -> int:
+        """Time from the first message to the last, of what is still there."""
+        filled = [file for file in self._files if file.messages]
+        return (max((file.last_ns for file in filled), default=0)
+                - min((file.first_ns for file in filled), default=0))
+
+    @property
+    def silent(self) -> list[str]:
+        """Topics that were asked for, and on which nothing came."""
+        counts: dict[str, int] = {}
+        for file in self._files:
+            for facts, count in file.counts.items():
+                counts[facts.name] = counts.get(facts.name, 0) + count
+        return [name for name, count in counts.items() if not count]
 
     @property
     def lost(self) -> dict[str, int]:
@@ -139,7 +168,14 @@ class Bag:
         self._session = session
         self._tracks = {
             info.channel: Track(info.name, info.stamp_offset, self.mapper.line())
-            for info in session.recorded}
+            for info in (*session.asked, *session.kept)}
+        self._names = session.topic_facts()
+        for track in self._tracks.values():
+            # What is published once and kept for those who come later counts as asked for.
+            latched = any(facts.durability == 'transient_local'
+                          for facts in self._names.get(track.name, ()))
+            track.begin_ns = 0 if latched else session.begin_ns
+            track.not_before_ns = session.begin_ns and session.begin_ns + self.mapper.offset_ns
         self._open_file()
 
     def write(self, packets: Sequence[Packet]) -> None:
@@ -148,10 +184,11 @@ class Bag:
 
         :raises OSError: the disk is full.
         """
-        file = self._file
-        if file is None:
+        file, session = self._file, self._session
+        if file is None or session is None:
             return
         tracks, add = self._tracks, file.add
+        end_ns = session.end_ns or _FOREVER_NS
         for head, cdr in packets:
             track = tracks.get(head.channel)
             if track is None:
@@ -163,9 +200,15 @@ class Bag:
             if seq != track.next_seq and track.next_seq >= 0:
                 track.lost += seq - track.next_seq
             track.next_seq = seq + 1
-            track.count += 1
-            add(track.number, wall_ns, cdr, seq & 0xFFFFFFFF)
-        self.messages += len(packets)
+            seq &= 0xFFFFFFFF
+            if track.numbers and track.begin_ns <= head.stamp_ns <= end_ns:
+                log_ns = max(wall_ns, track.not_before_ns)
+                for number in track.numbers:
+                    add(number, log_ns, cdr, seq, wall_ns)
+                track.count += 1
+                self.messages += 1
+            elif track.kept:
+                file.keep(track.kept, wall_ns, cdr, seq)
 
     def tick(self, now_ns: int) -> None:
         """
@@ -229,10 +272,12 @@ class Bag:
                                     self._compression)
         file.note('rt_robot_os.session', session.facts(self.mapper.offset_ns))
         file.attach(SETTINGS, 'application/json', session.settings.encode())
-        for info in session.recorded:
+        for info in session.asked:
             track = self._tracks[info.channel]
-            track.number = file.channel(session.topic_facts(info))
+            track.numbers = tuple(map(file.channel, self._names[info.name]))
             track.count = 0
+        for info in session.kept:
+            self._tracks[info.channel].kept = file.kept_channel(info.name)
         self._flushed_ns = time.monotonic_ns()
         self._info()
 
@@ -254,7 +299,8 @@ class Bag:
 
     def _count(self, file: BagFile) -> None:
         for track in self._tracks.values():
-            file.facts.counts[file.topic(track.number)] = track.count
+            for number in track.numbers:
+                file.facts.counts[file.topic(number)] = track.count
 
     def _info(self) -> None:
         file = self._file

@@ -16,6 +16,10 @@
 One MCAP file on its way to the disk.
 
 It ends with a whole record whatever happens to this process, once a chunk was written.
+
+What only a replay needs is kept out of sight, in attachments called ``rt_robot_os.replay``: each
+is a chunk of the same form, whose channels are topics of the core. Readers of MCAP list
+attachments and do not play them, so neither topics nor times of the bag know of them.
 """
 
 from __future__ import annotations
@@ -41,9 +45,11 @@ from rt_robot_os.recording.chunk import ChunkWriter
 from rt_robot_os.recording.definitions import definition
 from rt_robot_os.recording.summary import Contents
 from rt_robot_os.recording.summary import MAGIC
+from rt_robot_os.recording.summary import PROFILE
 from rt_robot_os.recording.summary import summary
 
-PROFILE: Final = 'ros2'
+REPLAY: Final = 'rt_robot_os.replay'
+_REPLAY_MEDIA_TYPE: Final = 'application/x-mcap-chunk'
 _CHUNK_BYTES: Final = 1 << 20
 
 
@@ -64,6 +70,8 @@ class BagFile:
         self._topics: dict[int, TopicFacts] = {}
         self._schemas: dict[str, int] = {}
         self._chunk = ChunkWriter(compression)
+        self._kept_topics = 0
+        self._kept = ChunkWriter(compression)
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -88,26 +96,49 @@ class BagFile:
         number = len(self._topics) + 1
         channel = Channel(
             id=number, topic=topic.name, message_encoding='cdr', schema_id=self._schemas[name],
-            metadata={'offered_qos_profiles': topic.qos_text(),
-                      'topic_type_hash': topic.type_hash})
+            metadata=topic.metadata())
         contents.channels[number] = channel
         self._chunk.define(channel)
         self._topics[number] = topic
         return number
 
-    def add(self, channel: int, wall_ns: int, cdr: Any, sequence: int) -> None:
+    def kept_channel(self, core_topic: str) -> int:
+        """
+        Begin a topic whose messages only a replay needs.
+
+        :return: the number that :meth:`keep` takes.
+        """
+        self._kept_topics += 1
+        self._kept.define(Channel(
+            id=self._kept_topics, topic=core_topic, message_encoding='cdr', schema_id=0,
+            metadata={}))
+        return self._kept_topics
+
+    def keep(self, channel: int, wall_ns: int, cdr: Any, sequence: int) -> None:
+        """
+        Add a message that only a replay needs.
+
+        :raises OSError: the disk is full.
+        """
+        self._kept.add(channel, wall_ns, cdr, wall_ns, sequence)
+        if self._kept.size > _CHUNK_BYTES:
+            self.flush()
+
+    def add(self, channel: int, log_ns: int, cdr: Any, sequence: int, publish_ns: int) -> None:
         """
         Add a message.
 
+        :param log_ns: the time of day at which it stands in the bag.
         :param cdr: bytes, or a buffer that does not change any more.
+        :param publish_ns: the time of day of its data.
         :raises OSError: the disk is full.
         """
-        self._chunk.add(channel, wall_ns, cdr, wall_ns, sequence)
+        self._chunk.add(channel, log_ns, cdr, publish_ns, sequence)
         facts = self.facts
-        if wall_ns > facts.last_ns:
-            facts.last_ns = wall_ns
-        if wall_ns < facts.first_ns or not facts.first_ns:
-            facts.first_ns = wall_ns
+        if log_ns > facts.last_ns:
+            facts.last_ns = log_ns
+        if log_ns < facts.first_ns or not facts.first_ns:
+            facts.first_ns = log_ns
         if self._chunk.size > _CHUNK_BYTES:
             self.flush()
 
@@ -121,6 +152,9 @@ class BagFile:
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write a file into the file."""
         self.flush()
+        self._attach(name, media_type, data)
+
+    def _attach(self, name: str, media_type: str, data: bytes) -> None:
         offset = self.size
         length = self._write_record(Attachment(
             create_time=0, log_time=0, name=name, media_type=media_type, data=data))
@@ -134,6 +168,8 @@ class BagFile:
             record, place, counts, indices = self._chunk.take(self.size)
             self._write(record + indices)
             self._contents.chunks.append((place, counts, b''))
+        if not self._kept.empty:
+            self._attach(REPLAY, _REPLAY_MEDIA_TYPE, self._kept.take(0)[0])
 
     def finish(self) -> None:
         """Write the summary and close."""

@@ -16,9 +16,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
+from dataclasses import replace
 import os
 from pathlib import Path
 from typing import Any, Final
@@ -26,32 +28,58 @@ from typing import Any, Final
 import yaml
 
 METADATA: Final = 'metadata.yaml'
+# In the metadata of a channel: which topic of the core it is.
+CORE_TOPIC: Final = 'rt_robot_os.topic'
 _VERSION: Final = 9
+_QOS_TEXT_MOST: Final = 1 << 16
+_QOS_READ: Final = {'reliability': str, 'durability': str, 'depth': int}
 _FOREVER: Final = {'sec': 9223372036, 'nsec': 854775807}
 
 
 @dataclass(frozen=True)
 class TopicFacts:
-    """A topic in a bag; ``name`` begins with a slash."""
+    """
+    A topic in a bag.
+
+    :ivar name: as ROS knows it, with its slash.
+    :ivar core_topic: its name in the core; empty for a second name of the same samples.
+    """
 
     name: str
     type_name: str
     type_hash: str = ''
     reliability: str = 'reliable'
     durability: str = 'volatile'
+    depth: int = 10
+    core_topic: str = ''
 
     def qos(self) -> list[dict[str, Any]]:
         """Give the quality of service that `ros2 bag play` offers."""
         return [{
-            'history': 'keep_last', 'depth': 10, 'reliability': self.reliability,
+            'history': 'keep_last', 'depth': self.depth, 'reliability': self.reliability,
             'durability': self.durability, 'deadline': dict(_FOREVER),
             'lifespan': dict(_FOREVER), 'liveliness': 'automatic',
             'liveliness_lease_duration': dict(_FOREVER),
             'avoid_ros_namespace_conventions': False}]
 
-    def qos_text(self) -> str:
-        """Give the same as text, as it stands in the channel."""
-        return str(yaml.safe_dump(self.qos(), sort_keys=False))
+    def metadata(self) -> dict[str, str]:
+        """Give what stands in the channel."""
+        return {'offered_qos_profiles': str(yaml.safe_dump(self.qos(), sort_keys=False)),
+                'topic_type_hash': self.type_hash,
+                **({CORE_TOPIC: self.core_topic} if self.core_topic else {})}
+
+    @classmethod
+    def read(cls, name: str, type_name: str, metadata: Mapping[str, str]) -> TopicFacts:
+        """Read what :meth:`metadata` gave, as far as it can be understood."""
+        known = cls(name, type_name, metadata.get('topic_type_hash', ''),
+                    core_topic=metadata.get(CORE_TOPIC, ''))
+        text = metadata.get('offered_qos_profiles', '')
+        try:
+            offered = yaml.safe_load(text)[0] if len(text) < _QOS_TEXT_MOST else {}
+            return replace(known, **{
+                key: kind(offered[key]) for key, kind in _QOS_READ.items() if key in offered})
+        except (yaml.YAMLError, LookupError, TypeError, ValueError, RecursionError):
+            return known
 
 
 @dataclass

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
+from collections.abc import Mapping
 import struct
 import sys
 from typing import Any, Final
@@ -56,6 +57,26 @@ def compressor(name: str) -> Compress:
         compress: Compress = lz4.frame.compress
         return compress
     return bytes
+
+
+def message_indices(indices: Mapping[int, array[int]], offset: int
+                    ) -> tuple[bytes, dict[int, int], dict[int, int]]:
+    """
+    Make what follows a chunk: where in it the messages of each channel stand.
+
+    :param indices: by channel, time and place of each message in turn.
+    :param offset: where in the file it will stand.
+    :return: the records, the place of each in the file, the number of messages; by channel.
+    """
+    made, offsets, counts = bytearray(), {}, {}
+    for channel, index in indices.items():
+        offsets[channel] = offset + len(made)
+        counts[channel] = len(index) // 2
+        if sys.byteorder == 'big':
+            index.byteswap()
+        body = index.tobytes()
+        made += _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body
+    return bytes(made), offsets, counts
 
 
 class ChunkWriter:
@@ -114,14 +135,7 @@ class ChunkWriter:
               message_end_time=last_ns, uncompressed_crc=zlib.crc32(data),
               uncompressed_size=len(data)).write(builder)
         record = bytes(builder.end())
-        indices, offsets, counts = bytearray(), {}, {}
-        for channel, index in self._indices.items():
-            offsets[channel] = offset + len(record) + len(indices)
-            counts[channel] = len(index) // 2
-            if sys.byteorder == 'big':
-                index.byteswap()
-            body = index.tobytes()
-            indices += _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body
+        indices, offsets, counts = message_indices(self._indices, offset + len(record))
         place = ChunkIndex(
             message_start_time=first_ns, message_end_time=last_ns, chunk_start_offset=offset,
             chunk_length=len(record), message_index_offsets=offsets,
@@ -130,4 +144,4 @@ class ChunkWriter:
         self._parts.clear()
         self._indices.clear()
         self.size = 0
-        return record, place, counts, bytes(indices)
+        return record, place, counts, indices

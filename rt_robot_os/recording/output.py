@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rt_robot_os.recording.bag_file import BagFile
@@ -36,6 +37,7 @@ class ReplayOutput:
 
     def __init__(self, path: Path, replay: Replay, recording: Recording) -> None:
         self._layouts = {topic.name: topic.layout for topic in replay.core.bus.topics}
+        self._recording = recording
         self._offset_ns = recording.facts.offset_ns
         # Not this release, which would make the bytes of two releases differ.
         self._file = BagFile(path, 'rt_robot_os replay')
@@ -48,13 +50,14 @@ class ReplayOutput:
         channel = self._channels.get(one.topic)
         if channel is None:
             name = layout.type_name
-            channel = self._channels[one.topic] = self._file.channel(
-                TopicFacts(f'/{one.topic}', name, type_hash(name)))
+            facts = self._recording.topics.get(one.topic, TopicFacts(f'/{one.topic}', name))
+            channel = self._channels[one.topic] = self._file.channel(replace(
+                facts, type_name=name, type_hash=type_hash(name), core_topic=one.topic))
         number = self._numbers.get(one.topic, -1) + 1 if one.number is None else one.number
         self._numbers[one.topic] = number
         wall_ns = one.stamp_ns + self._offset_ns
         self._file.add(channel, wall_ns, with_stamp(one.cdr, layout.stamp_offset, wall_ns),
-                       number & 0xFFFFFFFF)
+                       number & 0xFFFFFFFF, wall_ns)
 
     def close(self) -> None:
         """Finish the file."""

@@ -20,17 +20,26 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from mcap.opcode import Opcode
 from mcap.records import Attachment
 from mcap.records import Channel
-from mcap.records import DataEnd
-from mcap.records import McapRecord
-from mcap.records import Message
 from mcap.records import Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Schema
 
 from rt_robot_os.errors import RecordingError
+from rt_robot_os.recording.bag_file import REPLAY
+from rt_robot_os.recording.bag_info import CORE_TOPIC
+from rt_robot_os.recording.bag_info import TopicFacts
+from rt_robot_os.recording.records import chunk_records
+from rt_robot_os.recording.records import DamagedRecordError
+from rt_robot_os.recording.records import file_records
+from rt_robot_os.recording.records import Message
+from rt_robot_os.recording.records import parsed
+from rt_robot_os.recording.records import RECORD
+from rt_robot_os.recording.records import unpacked
 from rt_robot_os.recording.repair import bag_files
 from rt_robot_os.recording.session import CLOCK
+from rt_robot_os.recording.session import moment_ns
 from rt_robot_os.recording.session import SESSION
 from rt_robot_os.recording.session import SessionFacts
 from rt_robot_os.recording.session import SETTINGS
@@ -41,8 +50,8 @@ class Recorded:
     """
     A recorded sample.
 
-    :ivar topic: in the core, without the slash.
-    :ivar log_ns: time of day.
+    :ivar topic: in the core.
+    :ivar log_ns: time of day of its data.
     :ivar offset_ns: from CLOCK_MONOTONIC to the time of day, then.
     :ivar before_ns: log time of the sample before on this topic; 0 when there is none.
     """
@@ -70,11 +79,14 @@ class Recording:
     :ivar facts: of the session.
     :ivar settings: as JSON; None when there are none.
     :ivar problems: what could not be read.
+    :ivar topics: how topics stand in the bag, by their names in the core, as far as it was read.
     """
 
     def __init__(self, path: Path, session: int | None = None) -> None:
         self.problems: list[str] = []
         self.settings: str | None = None
+        self.topics: dict[str, TopicFacts] = {}
+        self._offset_ns = 0
         self._files: list[Path] = []
         self.facts = self._find(bag_files(path), session)
 
@@ -106,54 +118,111 @@ class Recording:
 
     def _beginning(self, file: Path) -> tuple[SessionFacts | None, str | None]:
         facts = None
-        for record in self._records(file, quiet=True):
-            if isinstance(record, Metadata) and record.name == SESSION:
-                facts = SessionFacts.read(record.metadata)
-            elif isinstance(record, Attachment) and record.name == SETTINGS:
-                return facts, record.data.decode('utf-8', 'replace')
-            elif isinstance(record, Message):
-                break
+        try:
+            for _, kind, content in file_records(file):
+                if kind == Opcode.METADATA:
+                    metadata = parsed(Metadata.read, content)
+                    if metadata.name == SESSION:
+                        facts = SessionFacts.read(metadata.metadata)
+                elif kind == Opcode.ATTACHMENT:
+                    attachment = parsed(Attachment.read, content)
+                    if attachment.name == SETTINGS:
+                        return facts, attachment.data.decode('utf-8', 'replace')
+                elif kind in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END):
+                    break
+        except DamagedRecordError as error:
+            self.problems.append(f'{file} is damaged at its beginning: {error}')
+        except OSError as error:
+            if isinstance(error, RecordingError):
+                raise
+            raise RecordingError(f'{file} cannot be read: {error.strerror}') from error
         return facts, None
 
     def samples(self) -> Iterator[Recorded]:
         """Give all samples in the order in which they were received."""
-        offset_ns = self.facts.offset_ns
+        self._offset_ns = self.facts.offset_ns
         before: dict[str, int] = {}
         for file in self._files:
-            topics: dict[int, str] = {}
-            for record in self._records(file):
-                if isinstance(record, Message):
-                    topic = topics.get(record.channel_id)
-                    if topic is None:
-                        continue
-                    yield Recorded(topic, record.sequence, record.log_time, offset_ns,
-                                   before.get(topic, 0), record.data)
-                    before[topic] = record.log_time
-                elif isinstance(record, Channel):
-                    topics[record.id] = record.topic.lstrip('/')
-                elif isinstance(record, Metadata) and record.name == CLOCK:
-                    offset_ns = int(record.metadata['offset_ns'])
-                elif isinstance(record, Metadata) and record.name == SESSION:
-                    offset_ns = SessionFacts.read(record.metadata).offset_ns
+            for topic, message in self._messages(file):
+                yield Recorded(topic, message.sequence, message.publish_ns, self._offset_ns,
+                               before.get(topic, 0), message.data)
+                before[topic] = message.publish_ns
 
-    def _records(self, file: Path, quiet: bool = False) -> Iterator[McapRecord]:
+    def _messages(self, file: Path) -> Iterator[tuple[str, Message]]:
+        """Give the messages of a file as far as it is whole, with their topics in the core."""
+        shown, kept = _Channels(self.facts.form), _Channels(0)
         try:
-            with file.open('rb') as stream:
-                for record in StreamReader(stream, validate_crcs=True).records:
-                    if isinstance(record, DataEnd):
-                        return
-                    yield record
+            for _, kind, content in file_records(file):
+                if kind == Opcode.DATA_END:
+                    return
+                if kind == Opcode.CHUNK:
+                    yield from shown.messages(content)
+                    self.topics.update(shown.facts)
+                elif kind == Opcode.ATTACHMENT:
+                    attachment = parsed(Attachment.read, content)
+                    if attachment.name == REPLAY:
+                        yield from kept.messages(attachment.data[RECORD.size:])
+                elif kind == Opcode.METADATA:
+                    self._look_at_clock(parsed(Metadata.read, content))
+        except DamagedRecordError as error:
+            self.problems.append(f'{file} is damaged: read up to there; record --repair mends it '
+                                 f'({error})')
         except OSError as error:
             if isinstance(error, RecordingError):
                 raise
             self.problems.append(f'{file} cannot be read: {error.strerror}')
-            return
-        except Exception as error:  # noqa: B902 - each compression has errors of its own
-            if quiet:
-                return
-            self.problems.append(f'{file} is cut short or damaged ({type(error).__name__}): '
-                                 'read up to there; record --repair mends it')
-            return
-        if not quiet:
+        else:
             self.problems.append(f'{file} is cut short: read up to there; record --repair mends '
                                  'it')
+
+    def _look_at_clock(self, metadata: Metadata) -> None:
+        if metadata.name == CLOCK:
+            try:
+                self._offset_ns = moment_ns(metadata.metadata['offset_ns'])
+            except (KeyError, ValueError) as error:
+                raise DamagedRecordError(f'no offset of the clock: {error}') from error
+        elif metadata.name == SESSION:
+            self._offset_ns = SessionFacts.read(metadata.metadata).offset_ns
+
+
+class _Channels:
+    """
+    The channels of a file, or of what is kept in it for a replay.
+
+    :param form: of the recording; 0 for what is kept, whose topics are those of the core.
+    :ivar facts: how topics stand in the bag, by their names in the core.
+    """
+
+    def __init__(self, form: int) -> None:
+        self.facts: dict[str, TopicFacts] = {}
+        self._form = form
+        self._topics: dict[int, str] = {}
+        self._schemas: dict[int, str] = {}
+
+    def messages(self, content: bytes) -> Iterator[tuple[str, Message]]:
+        """
+        Give the messages of a chunk with their topics in the core; others are left out.
+
+        :raises DamagedRecordError: it is damaged.
+        """
+        topics = self._topics
+        for record in chunk_records(unpacked(content).data):
+            if isinstance(record, Message):
+                topic = topics.get(record.channel)
+                if topic:
+                    yield topic, record
+            elif isinstance(record, Channel):
+                self._take(record)
+            elif isinstance(record, Schema):
+                self._schemas[record.id] = record.name
+
+    def _take(self, channel: Channel) -> None:
+        name = channel.topic
+        if self._form == 1:
+            name = name.lstrip('/')
+        elif self._form > 1:
+            name = channel.metadata.get(CORE_TOPIC, '')
+        self._topics[channel.id] = name
+        if name and self._form:
+            self.facts[name] = TopicFacts.read(
+                channel.topic, self._schemas.get(channel.schema_id, ''), channel.metadata)

@@ -22,20 +22,26 @@ and writes, so that a slow disk costs memory, up to a limit, and no samples.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+import json
 from pathlib import Path
 import queue
 import threading
 import time
 from typing import Final
 
+from rt_robot_os.core.tap_format import is_tap
+from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.link import LinkClient
+from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.recording.bag import Bag
 from rt_robot_os.recording.bag import Packet
 from rt_robot_os.recording.definitions import is_known
+from rt_robot_os.recording.session import ros_names
 from rt_robot_os.recording.session import Session
 from rt_robot_os.units import NS_PER_S
 
@@ -46,6 +52,11 @@ _LOOK_S: Final = 0.1
 _RETRY_S: Final = 0.2
 _QUEUE_BYTES: Final = 64 << 20
 _BEAT_NS: Final = NS_PER_S // 2
+# A sample is on its way for the interval in which the link gathers, and the recorder's own.
+_ON_ITS_WAY_NS: Final = NS_PER_S // 20
+# Messages of the schedule come ten times a second, and its ring holds 64 of them.
+_SCHEDULE_REACHES_BACK_NS: Final = 6 * NS_PER_S
+_INPUT_BYTES_MOST: Final = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -53,14 +64,16 @@ class Wanted:
     """
     What to record.
 
-    :ivar topics: names; empty for all.
-    :ivar taps: bytes of devices and the schedule, too.
+    :ivar topics: names, in the core or in ROS; empty for all.
+    :ivar replay: keep what a replay needs, too.
     :ivar duration_ns: since the first connection; 0 until stopped.
+    :ivar core_names: topics are called in the bag as in the core.
     """
 
     topics: tuple[str, ...] = ()
-    taps: bool = True
+    replay: bool = True
     duration_ns: int = 0
+    core_names: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,7 +100,9 @@ class Recorder:
     def __init__(self, path: Path, bag: Bag, wanted: Wanted, tell: Callable[[str], None],
                  show: Callable[[Status], None]) -> None:
         self.stopping = False
+        self._asked_ns = time.monotonic_ns()
         self._path = path
+        self._robot = path.stem
         self._bag = bag
         self._wanted = wanted
         self._tell = tell
@@ -138,7 +153,7 @@ class Recorder:
         wanted_ns = self._wanted.duration_ns
         return self.stopping or self._error is not None or (
             wanted_ns > 0 and self._begin_ns > 0
-            and time.monotonic_ns() - self._begin_ns >= wanted_ns)
+            and time.monotonic_ns() - self._begin_ns >= wanted_ns + _ON_ITS_WAY_NS)
 
     def _record(self, client: LinkClient) -> None:
         """Record one core until it is gone."""
@@ -146,9 +161,7 @@ class Recorder:
             session = self._session(client)
             client.on_data = self._take
             self._queue.put(session)
-            for info in session.recorded:
-                client.mirror(info.name, oldest=True, patient=True)
-            self._begin_ns = self._begin_ns or time.monotonic_ns()
+            self._mirror(client, session)
             beat_ns = 0
             while not self._over():
                 client.pump(_LOOK_S)
@@ -166,30 +179,71 @@ class Recorder:
         finally:
             self._hand_over()
 
+    def _mirror(self, client: LinkClient, session: Session) -> None:
+        """Begin with what the rings still hold only where somebody has a use for it."""
+        from_start = not session.begin_ns or (
+            bool(session.kept) and session.tapped
+            and session.begin_ns - session.start_ns < _SCHEDULE_REACHES_BACK_NS)
+        latched = {name for name, facts in session.topic_facts().items()
+                   if any(each.durability == 'transient_local' for each in facts)}
+        names = dict.fromkeys(info.name for info in (*session.asked, *session.kept))
+        # The schedule comes last: who reads it has met what it tells of.
+        for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
+            client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
+
     def _session(self, client: LinkClient) -> Session:
         settings = ''.join(str(part['text']) for part in client.request_all('settings'))
-        taps = client.tap() if self._wanted.taps else ()
-        known = client.topics
-        missing = [name for name in self._wanted.topics if name not in known]
-        if missing:
-            self._tell(f'no topic {", ".join(missing)} in the core; there are '
-                       f'{", ".join(sorted(known))}')
-        chosen = []
-        for info in known.values():
-            if info.name in taps or not self._wanted.topics or info.name in self._wanted.topics:
-                if not is_known(info.type_name):
-                    self._tell(f'topic {info.name}: {info.type_name} is not installed here; it '
-                               'is not recorded')
-                elif taps or not _is_tap(info.name):
-                    chosen.append(info)
+        taps = client.tap() if self._wanted.replay else ()
+        chosen = self._asked(client, settings)
+        kept = [info for info in client.topics.values() if info.name in taps
+                or (self._wanted.replay and info not in chosen
+                    and _is_input(info, settings) and is_known(info.type_name))]
+        if self._wanted.replay:
+            kept += [info for info in chosen if info not in kept]
+        start_ns, now_ns = int(client.core['start_ns']), time.monotonic_ns()
+        cold = start_ns >= self._asked_ns
+        self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
         session = Session(
-            self._sessions, int(client.core['pid']), int(client.core['start_ns']),
-            bool(client.core['taps']), tuple(client.core['tasks']), tuple(known),
-            tuple(chosen), taps, settings)
+            self._sessions, int(client.core['pid']), start_ns, bool(client.core['taps']),
+            tuple(client.core['tasks']), tuple(client.topics), tuple(chosen), tuple(kept), taps,
+            settings, self._robot, 0 if cold else now_ns,
+            self._wanted.duration_ns and self._begin_ns + self._wanted.duration_ns,
+            self._wanted.core_names)
         self._sessions += 1
         self._tell(f'connected to the core (pid {session.pid}): recording {len(chosen)} topics '
                    f'to {self._bag.folder}')
         return session
+
+    def _asked(self, client: LinkClient, settings: str) -> list[TopicInfo]:
+        """
+        Find the topics that were asked for.
+
+        :raises UnknownTopicError: the first core has not got one of them.
+        """
+        known = client.topics
+        mirrored = ros_names(settings, self._robot)
+        in_ros = {name: topic for topic, names in mirrored.items() for name, _ in names}
+        if not self._wanted.topics:
+            names = [name for name in known if not is_tap(name)]
+        else:
+            found = {text: _found(text, known, in_ros) for text in self._wanted.topics}
+            missing = [text for text, name in found.items() if not name]
+            if missing:
+                names = sorted(in_ros.keys() | {
+                    f'/{name}' for name in known if name not in mirrored and not is_tap(name)})
+                text = f'no topic {", ".join(missing)} in the core; there are {", ".join(names)}'
+                if not self._sessions:
+                    raise UnknownTopicError(text)
+                self._tell(text)
+            names = list(dict.fromkeys(filter(None, found.values())))
+        chosen = []
+        for info in (known[name] for name in names):
+            if is_known(info.type_name):
+                chosen.append(info)
+            else:
+                self._tell(f'topic {info.name}: {info.type_name} is not installed here; it is '
+                           'not recorded')
+        return chosen
 
     def _take(self, head: Header, cdr: memoryview) -> None:
         self._batch.append((head, bytearray(cdr)))
@@ -234,5 +288,19 @@ class Recorder:
             self._error = error
 
 
-def _is_tap(name: str) -> bool:
-    return name == 'core/schedule' or (name.startswith('device/') and name.endswith('/bytes'))
+class UnknownTopicError(RecordingError):
+    """A topic was asked for that the core has not got."""
+
+
+def _found(text: str, known: Mapping[str, TopicInfo], in_ros: Mapping[str, str]) -> str:
+    """Find a topic by its name in ROS or in the core; empty when there is none."""
+    name = text.strip('/')
+    if text.startswith('/') and text.rstrip('/') in in_ros:
+        return in_ros[text.rstrip('/')]
+    return name if name in known else in_ros.get(f'/{name}', '')
+
+
+def _is_input(info: TopicInfo, settings: str) -> bool:
+    """Whether clients publish it, so that a replay cannot make it."""
+    declared = {each['topic'] for each in json.loads(settings)['topics']}
+    return info.name in declared and info.max_size <= _INPUT_BYTES_MOST

@@ -13,164 +13,55 @@
 # limitations under the License.
 
 """
-Mend files that were cut short: a killed recorder, a full disk, a card pulled out.
+Mend files that were cut short or damaged: a killed recorder, a full disk, a card pulled out.
 
-What is whole stays, what is cut is taken off, and the summary at the end, with which readers find
-things fast, is written anew. It is done in place: a full disk has no room for a copy.
+What is whole stays, what is cut is taken off, what is damaged in the middle is put aside, and the
+summary at the end, with which readers find things fast, is written anew. It is done in place: a
+full disk has no room for a copy.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator
-from io import BytesIO
-import os
+from io import FileIO
 from pathlib import Path
-import struct
-from typing import Final
-
-from mcap._chunk_builder import ChunkBuilder
-from mcap.data_stream import ReadDataStream
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import Attachment
-from mcap.records import AttachmentIndex
-from mcap.records import Channel
-from mcap.records import Chunk
-from mcap.records import ChunkIndex
-from mcap.records import Message
-from mcap.records import Metadata
-from mcap.records import MetadataIndex
-from mcap.records import Schema
-from mcap.stream_reader import breakup_chunk
 
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.recording.bag_info import FileFacts
 from rt_robot_os.recording.bag_info import METADATA
 from rt_robot_os.recording.bag_info import TopicFacts
 from rt_robot_os.recording.bag_info import write_bag_info
-from rt_robot_os.recording.definitions import type_hash
+from rt_robot_os.recording.scan import header
+from rt_robot_os.recording.scan import scan
 from rt_robot_os.recording.summary import Contents
-from rt_robot_os.recording.summary import FOOTER_BYTES
-from rt_robot_os.recording.summary import MAGIC
 from rt_robot_os.recording.summary import summary
 
-_RECORD: Final = struct.Struct('<BQ')
 
-
-def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
-    """Give offset, kind and content of each whole record."""
-    size = path.stat().st_size
-    with path.open('rb') as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f'{path} is no MCAP file')
-        offset = len(MAGIC)
-        while offset + _RECORD.size <= size:
-            kind, length = _RECORD.unpack(file.read(_RECORD.size))
-            if offset + _RECORD.size + length > size:
-                return
-            yield offset, kind, file.read(length)
-            offset += _RECORD.size + length
-
-
-def scan(path: Path) -> Contents:
-    """
-    Read a file as far as it is whole.
-
-    :raises RecordingError: it is no MCAP file, or cannot be read.
-    """
-    found = Contents()
-    try:
-        for offset, kind, content in _records(path):
-            if kind == Opcode.DATA_END:
-                found.whole = _has_footer(path)
-                break
-            if kind == Opcode.CHUNK and not _take_chunk(found, offset, content):
-                break
-            _take(found, offset, kind, content)
-            found.end = offset + _RECORD.size + len(content)
-    except OSError as error:
-        if isinstance(error, RecordingError):
-            raise
-        raise RecordingError(f'{path} cannot be read: {error.strerror}') from error
-    return found
-
-
-def _has_footer(path: Path) -> bool:
-    with path.open('rb') as file:
-        file.seek(-len(MAGIC) - FOOTER_BYTES - _RECORD.size, os.SEEK_END)
-        tail = file.read()
-    return tail.endswith(MAGIC) and _RECORD.unpack_from(tail) == (Opcode.FOOTER, FOOTER_BYTES)
-
-
-def _take_chunk(found: Contents, offset: int, content: bytes) -> bool:
-    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-    try:
-        inside = breakup_chunk(chunk, validate_crc=True)
-    except Exception:  # noqa: B902 - each compression has errors of its own
-        return False
-    builder = ChunkBuilder()
-    counts: dict[int, int] = defaultdict(int)
-    for record in inside:
-        if isinstance(record, Schema):
-            found.schemas[record.id] = record
-            builder.add_schema(record)
-        elif isinstance(record, Channel):
-            found.channels[record.id] = record
-            builder.add_channel(record)
-        elif isinstance(record, Message):
-            counts[record.channel_id] += 1
-            builder.add_message(record)
-    length = _RECORD.size + len(content)
-    indices = RecordBuilder()
-    offsets = {}
-    for channel, index in builder.message_indices.items():
-        offsets[channel] = offset + length + indices.count
-        index.write(indices)
-    written = indices.end()
-    found.chunks.append((ChunkIndex(
-        message_start_time=chunk.message_start_time, message_end_time=chunk.message_end_time,
-        chunk_start_offset=offset, chunk_length=length, message_index_offsets=offsets,
-        message_index_length=len(written), compression=chunk.compression,
-        compressed_size=len(chunk.data), uncompressed_size=chunk.uncompressed_size),
-        dict(counts), written))
-    return True
-
-
-def _take(found: Contents, offset: int, kind: int, content: bytes) -> None:
-    stream, length = ReadDataStream(BytesIO(content)), _RECORD.size + len(content)
-    if kind == Opcode.METADATA:
-        found.metadata.append(MetadataIndex(offset, length, Metadata.read(stream).name))
-    elif kind == Opcode.ATTACHMENT:
-        one = Attachment.read(stream)
-        found.attachments.append(AttachmentIndex(
-            offset=offset, length=length, create_time=one.create_time, log_time=one.log_time,
-            data_size=len(one.data), name=one.name, media_type=one.media_type))
-
-
-def mend(path: Path) -> int:
+def mend(path: Path) -> str:
     """
     Mend a file in place.
 
-    :return: bytes that were taken off; -1 when nothing was to be mended.
+    :return: what was done; empty when nothing was to be mended.
     :raises RecordingError: it cannot be mended.
     """
     found = scan(path)
     if found.whole:
-        return -1
+        return ''
     size = path.stat().st_size
     try:
         with path.open('r+b', buffering=0) as file:
+            for offset, data in found.patches:
+                file.seek(offset)
+                _write(file, data[:max(0, found.end - offset)])
             while True:
                 end, indices = _end_of(found)
+                if not found.has_header:
+                    indices = header()
                 tail = indices + summary(found, end + len(indices))
                 file.truncate(end)
                 file.seek(end)
                 try:
-                    left = memoryview(tail)
-                    while left:
-                        left = left[file.write(left):]
-                    return size - end
+                    _write(file, tail)
+                    break
                 except OSError:
                     if not found.chunks:
                         raise
@@ -181,6 +72,15 @@ def mend(path: Path) -> int:
                     found.attachments = [a for a in found.attachments if a.offset < found.end]
     except OSError as error:
         raise RecordingError(f'{path} cannot be mended: {error.strerror}') from error
+    aside = (f', {found.damaged} damaged {"record" if found.damaged == 1 else "records"} in it '
+             'put aside' if found.damaged else '')
+    return f'{max(0, size - end)} bytes at its end were taken off{aside}'
+
+
+def _write(file: FileIO, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left):]
 
 
 def _end_of(found: Contents) -> tuple[int, bytes]:
@@ -201,13 +101,13 @@ def file_facts(path: Path) -> FileFacts:
     """
     found = scan(path)
     facts = FileFacts(path.name)
-    facts.first_ns = min((i.message_start_time for i, _, _ in found.chunks), default=0)
-    facts.last_ns = max((i.message_end_time for i, _, _ in found.chunks), default=0)
+    facts.first_ns, facts.last_ns = found.times_ns()
+    counts = found.counts()
     for number, channel in found.channels.items():
-        schema = found.schemas[channel.schema_id]
-        topic = TopicFacts(channel.topic, schema.name, channel.metadata.get(
-            'topic_type_hash', type_hash(schema.name)))
-        facts.counts[topic] = sum(inside.get(number, 0) for _, inside, _ in found.chunks)
+        schema = found.schemas.get(channel.schema_id)
+        topic = TopicFacts.read(channel.topic, schema.name if schema is not None else '',
+                                channel.metadata)
+        facts.counts[topic] = facts.counts.get(topic, 0) + counts.get(number, 0)
     return facts
 
 
@@ -233,27 +133,34 @@ def bag_files(path: Path) -> list[Path]:
     return found
 
 
-def mend_all(path: Path) -> list[str]:
+def mend_all(path: Path) -> tuple[list[str], list[str]]:
     """
     Mend all files of a recording and write its ``metadata.yaml`` anew.
 
     :param path: a folder, or one file of it.
-    :return: what was done, a line a file.
-    :raises RecordingError: one cannot be mended.
+    :return: what was done, a line a file; what could not be done.
+    :raises RecordingError: there is no file, or its folder cannot be written.
     """
-    lines = []
+    lines, failed, facts = [], [], []
     for file in bag_files(path):
-        taken = mend(file)
-        lines.append(f'{file}: whole' if taken < 0 else
-                     f'{file}: mended, {taken} bytes at its end were taken off')
+        try:
+            done = mend(file)
+            lines.append(f'{file}: mended, {done}' if done else f'{file}: whole')
+        except RecordingError as error:
+            failed.append(str(error))
     folder = path if path.is_dir() else path.parent
     if path.is_dir() or (folder / METADATA).exists():
+        for file in bag_files(folder):
+            try:
+                facts.append(file_facts(file))
+            except RecordingError:
+                continue  # it is among those that failed, or was not to be mended
         try:
-            write_bag_info(folder, [file_facts(file) for file in bag_files(folder)])
+            write_bag_info(folder, facts)
         except OSError as error:
             if isinstance(error, RecordingError):
                 raise
             raise RecordingError(f'{folder / METADATA} cannot be written: '
                                  f'{error.strerror}') from error
         lines.append(f'{folder / METADATA}: written')
-    return lines
+    return lines, failed

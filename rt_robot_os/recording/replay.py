@@ -33,6 +33,7 @@ from typing import Any, Final
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.tap_format import device_topic
 from rt_robot_os.core.tap_format import NO_TASK
+from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import ScheduleRecord
 from rt_robot_os.core.tap_format import TapKind
 from rt_robot_os.drivers.serial_device import SerialDevice
@@ -52,6 +53,7 @@ from rt_robot_os.recording.replay_time import ReplayClock
 from rt_robot_os.recording.replay_time import Schedule
 from rt_robot_os.recording.timeline import Round
 from rt_robot_os.recording.timeline import Slice
+from rt_robot_os.recording.timeline import SLICE_NS_MOST
 from rt_robot_os.recording.timeline import Timeline
 from rt_robot_os.sensors.managed import ManagedDevice
 from rt_robot_os.settings import RobotSettings
@@ -90,6 +92,9 @@ class Replay:
         start_ns = self._facts.start_ns if self.timeline.cold else min(
             [each.at_ns for each in (*first.jobs[:1], *first.publications[:1])]
             + [each.at_ns for each in first.rounds[:1]]) - 1
+        if not 0 <= first.until_ns - start_ns <= SLICE_NS_MOST:
+            raise RecordingError(f'the core began at {start_ns} ns, but its schedule at '
+                                 f'{first.until_ns} ns: the recording is damaged')
         self.start_ns = self.end_ns = start_ns
         clock = ReplayClock(start_ns)
         self._schedule = Schedule(clock)
@@ -113,6 +118,7 @@ class Replay:
         self._samples: dict[tuple[str, int], Recorded] = {}
         self._events: deque[Event] = deque()
         self._first: Slice | None = first
+        self._error: Exception | None = None
         self._opened: set[str] = set()
         # Released once when the kernel starts, and then by its timer.
         feeder = self._kernel.add_task(_FEEDER, self._feed, priority=_ABOVE_ALL,
@@ -130,11 +136,21 @@ class Replay:
     # ---- before ------------------------------------------------------------------------------
 
     def _first_slice(self) -> Slice:
-        for one in self._slices:
+        for one in self._slices if SCHEDULE_TOPIC in self._facts.taps else ():
             if one.jobs or one.publications or one.rounds:
                 return one
-        raise RecordingError('the recording has no schedule: it was made with --no-bytes, or is '
-                             'too short; record it anew')
+        raise RecordingError(self._why_no_schedule())
+
+    def _why_no_schedule(self) -> str:
+        if SCHEDULE_TOPIC not in self._facts.taps:
+            return ('the recording has no schedule, which says when jobs ran: it was made with '
+                    '--no-bytes; record it anew without')
+        if self.timeline.problems:
+            return 'nothing of its schedule can be read: ' + '; '.join(self.timeline.problems[:3])
+        if not self.timeline.messages:
+            return ('it holds no message of its schedule, which the core publishes ten times a '
+                    'second: it is too short, or cut short; record for longer')
+        return 'by its schedule no device and no module did anything while it was made'
 
     def _find_devices(self, from_bytes: bool) -> dict[str, ManagedDevice]:
         found = {}
@@ -181,7 +197,7 @@ class Replay:
         """
         Replay all of it.
 
-        :raises RtRobotError: a module could not be prepared.
+        :raises RtRobotError: a module could not be prepared, or the recording ends in nonsense.
         """
         core = self.core
         try:
@@ -189,8 +205,18 @@ class Replay:
             self._kernel.run()
         finally:
             core.close()
+        if self._error is not None:
+            raise self._error
 
     def _feed(self) -> None:
+        """Do what is due; without this job nothing would happen any more, and never end."""
+        try:
+            self._feed_what_is_due()
+        except Exception as error:
+            self._error = error
+            self._kernel.stop('error')
+
+    def _feed_what_is_due(self) -> None:
         """Do what is due, and come back for what is next; the job above all others."""
         events, now_ns = self._events, self._kernel.now_ns()
         while True:

@@ -36,6 +36,22 @@ from mcap.records import Statistics
 
 MAGIC: Final = b'\x89MCAP0\r\n'
 FOOTER_BYTES: Final = 20
+PROFILE: Final = 'ros2'
+
+
+@dataclass
+class Loose:
+    """Messages outside of any chunk: how many of each channel, and when."""
+
+    counts: dict[int, int] = field(default_factory=dict)
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def add(self, channel: int, log_ns: int) -> None:
+        """Count one."""
+        self.first_ns = min(self.first_ns, log_ns) if self.counts else log_ns
+        self.last_ns = max(self.last_ns, log_ns)
+        self.counts[channel] = self.counts.get(channel, 0) + 1
 
 
 @dataclass
@@ -45,16 +61,40 @@ class Contents:
 
     :ivar end: where the last whole record of the data ends.
     :ivar whole: the file has its summary; nothing is to be mended.
+    :ivar has_header: it begins as an MCAP file does.
+    :ivar patches: what is to be written where, so that readers find their way.
+    :ivar damaged: records, or stretches of them, that are lost in the middle.
+    :ivar loose: what counts only where there are no chunks.
     :ivar chunks: of each the index, the messages of each channel, and the indices after it.
     """
 
     end: int = len(MAGIC)
     whole: bool = False
+    has_header: bool = False
+    damaged: int = 0
+    patches: list[tuple[int, bytes]] = field(default_factory=list)
+    loose: Loose = field(default_factory=Loose)
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[tuple[ChunkIndex, dict[int, int], bytes]] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     attachments: list[AttachmentIndex] = field(default_factory=list)
+
+    def counts(self) -> dict[int, int]:
+        """Count the messages of each channel."""
+        counts: dict[int, int] = defaultdict(int)
+        for inside in [inside for _, inside, _ in self.chunks] or [self.loose.counts]:
+            for channel, count in inside.items():
+                counts[channel] += count
+        return dict(counts)
+
+    def times_ns(self) -> tuple[int, int]:
+        """Give the times of the first and the last message; 0 when there is none."""
+        if not self.chunks:
+            return self.loose.first_ns, self.loose.last_ns
+        filled = [index for index, counts, _ in self.chunks if counts]
+        return (min((index.message_start_time for index in filled), default=0),
+                max((index.message_end_time for index in filled), default=0))
 
 
 def summary(found: Contents, offset: int) -> bytes:
@@ -63,20 +103,17 @@ def summary(found: Contents, offset: int) -> bytes:
     DataEnd(0).write(builder)
     start = offset + builder.count
     data_end = bytes(builder.end())
-    counts: dict[int, int] = defaultdict(int)
-    for _, inside, _ in found.chunks:
-        for channel, count in inside.items():
-            counts[channel] += count
+    counts = found.counts()
+    first_ns, last_ns = found.times_ns()
     for schema in found.schemas.values():
         schema.write(builder)
     for each in found.channels.values():
         each.write(builder)
     Statistics(
         attachment_count=len(found.attachments), channel_count=len(found.channels),
-        channel_message_counts=dict(counts), chunk_count=len(found.chunks),
+        channel_message_counts=counts, chunk_count=len(found.chunks),
         message_count=sum(counts.values()), metadata_count=len(found.metadata),
-        message_start_time=min((i.message_start_time for i, _, _ in found.chunks), default=0),
-        message_end_time=max((i.message_end_time for i, _, _ in found.chunks), default=0),
+        message_start_time=first_ns, message_end_time=last_ns,
         schema_count=len(found.schemas)).write(builder)
     for index, _, _ in found.chunks:
         index.write(builder)

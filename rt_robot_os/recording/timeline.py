@@ -33,12 +33,22 @@ from rt_robot_os.core.tap_format import parse_device
 from rt_robot_os.core.tap_format import parse_schedule
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import ScheduleRecord
+from rt_robot_os.core.tap_format import tapped_device
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.errors import RecordingError
 from rt_robot_os.recording.reading import Recorded
 from rt_robot_os.recording.reading import Recording
+from rt_robot_os.units import NS_PER_S
 
 # Slices of more schedule messages cost less each.
 _MESSAGES_A_SLICE: Final = 5
+# The core notes ten times a second. What is damaged, or made up, must not keep a replay busy for
+# years of virtual time, nor fill the memory.
+SLICE_NS_MOST: Final = 3600 * NS_PER_S
+_SLICE_BYTES_MOST: Final = 512 << 20
+_SAMPLE_BYTES: Final = 256
+_ROUND_BYTES_MOST: Final = 1 << 20
+_PROBLEMS_MOST: Final = 20
 
 
 @dataclass(frozen=True)
@@ -81,6 +91,7 @@ class Timeline:
     :ivar cold: the recording has everything from the first moment of the core; known after the
         first slice.
     :ivar gaps: messages of the taps that are missing in the middle, by topic.
+    :ivar messages: of the schedule, that were read so far.
     :ivar dropped: records of the schedule that the core had no room for.
     """
 
@@ -88,10 +99,11 @@ class Timeline:
         self.problems: list[str] = []
         self.cold = recording.facts.tapped
         self.gaps: dict[str, int] = {}
-        self.dropped = 0
+        self.messages = self.dropped = 0
+        self._until_ns = 0
         self._recording = recording
-        self._devices = {name: name.split('/')[1] for name in recording.facts.taps
-                         if name != SCHEDULE_TOPIC}
+        self._devices = {name: device for name in recording.facts.taps
+                         if (device := tapped_device(name))}
         self._next: dict[str, int] = {}
         self._jobs: list[tuple[int, int, ScheduleRecord]] = []
         self._publications: list[tuple[int, int, ScheduleRecord]] = []
@@ -99,10 +111,18 @@ class Timeline:
         self._count = 0
 
     def slices(self) -> Iterator[Slice]:
-        """Give the slices in order."""
+        """
+        Give the slices in order.
+
+        :raises RecordingError: what it says cannot have happened.
+        """
         now = Slice()
-        complete_ns = messages = 0
+        complete_ns = size = 0
         for sample in self._recording.samples():
+            size += len(sample.cdr) + _SAMPLE_BYTES
+            if size > _SLICE_BYTES_MOST:
+                raise RecordingError(f'{_SLICE_BYTES_MOST >> 20} MiB were recorded without a '
+                                     f'message of {SCHEDULE_TOPIC}: it cannot be replayed')
             if sample.topic != SCHEDULE_TOPIC and sample.topic not in self._devices:
                 now.samples.append(sample)
                 continue
@@ -113,7 +133,7 @@ class Timeline:
                     continue
                 schedule = parse_schedule(sample.cdr)
             except ValueError as error:
-                self.problems.append(f'{sample.topic} {sample.number}: {error}')
+                self._problem(f'{sample.topic} {sample.number}: {error}')
                 continue
             self.dropped = max(self.dropped, schedule.dropped)
             for record in schedule.records:
@@ -121,10 +141,10 @@ class Timeline:
                            record.at_ns, record)
             if schedule.complete:
                 before_ns, complete_ns = complete_ns, sample.stamp_ns
-                messages += 1
-                if messages % _MESSAGES_A_SLICE == 0 and before_ns:
+                self.messages += 1
+                if self.messages % _MESSAGES_A_SLICE == 0 and before_ns:
                     yield self._cut(now, before_ns)
-                    now = Slice()
+                    now, size = Slice(), 0
         yield self._cut(now, complete_ns)
 
     def _look_for_gaps(self, sample: Recorded) -> None:
@@ -147,13 +167,29 @@ class Timeline:
         self._push(self._rounds, event.at_ns, Round(
             device, event.kind, event.at_ns, event.command, event.data))
 
+    def _problem(self, text: str) -> None:
+        if len(self.problems) < _PROBLEMS_MOST:
+            self.problems.append(text)
+
     def _cut(self, now: Slice, until_ns: int) -> Slice:
         now.until_ns = until_ns
+        moments = [heap[0][0] for heap in (self._jobs, self._publications, self._rounds) if heap]
+        if self._until_ns:
+            moments.append(self._until_ns)
+        begin_ns = min(moments, default=until_ns)
+        if until_ns - begin_ns > SLICE_NS_MOST or until_ns < self._until_ns:
+            raise RecordingError(
+                f'what was noted goes from {begin_ns / NS_PER_S:.0f} s to '
+                f'{until_ns / NS_PER_S:.0f} s at once: the recording is damaged')
+        self._until_ns = until_ns
         now.jobs = _taken(self._jobs, until_ns)
         now.publications = _taken(self._publications, until_ns)
         for one in _taken(self._rounds, until_ns):
             if one.kind is TapKind.MORE and now.rounds and now.rounds[-1].device == one.device:
                 last = now.rounds.pop()
+                if len(last.data) + len(one.data) > _ROUND_BYTES_MOST:
+                    self._problem(f'{one.device}: more than {_ROUND_BYTES_MOST} bytes in a round')
+                    one = Round(one.device, one.kind, one.at_ns, one.command)
                 one = Round(one.device, last.kind, last.at_ns, last.command, last.data + one.data)
             now.rounds.append(one)
         return now

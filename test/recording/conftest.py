@@ -140,7 +140,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             recorder, log = made.record('-o', str(output / 'bag'))
             wait_for(lambda: b'waiting' in log.read_bytes(), 'a waiting recorder')
             made.core('-p', 'core.record_bytes:=true')
-            made.wait_for_messages(log, recorder, 1500)
+            made.wait_for_messages(log, recorder, 1000)
             assert made.end(recorder) == 0, log.read_text()
             yield output / 'bag'
         finally:

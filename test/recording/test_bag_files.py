@@ -51,7 +51,8 @@ def write(path: Path, count: int, compression: str = 'zstd', every: int = 10) ->
     file.attach('settings.json', 'application/json', b'{}')
     channel = file.channel(POINT)
     for number in range(count):
-        file.add(channel, 1000 + number, layout.from_dict({'x': float(number)}), number)
+        file.add(channel, 1000 + number, layout.from_dict({'x': float(number)}), number,
+                 1000 + number)
         if number % every == every - 1:
             file.flush()
     file.finish()
@@ -72,7 +73,7 @@ def numbers(path: Path) -> list[int]:
 def test_every_compression_is_read_back(tmp_path: Path, compression: str) -> None:
     write(tmp_path / 'a.mcap', 95, compression)
     assert numbers(tmp_path / 'a.mcap') == list(range(95))
-    assert mend(tmp_path / 'a.mcap') == -1
+    assert not mend(tmp_path / 'a.mcap')
 
 
 @settings(max_examples=60)
@@ -83,11 +84,11 @@ def test_a_file_cut_anywhere_can_be_mended(part: float) -> None:
         write(path, 60)
         data = path.read_bytes()
         path.write_bytes(data[:8 + round(part * (len(data) - 9))])
-        assert mend(path) >= -1
+        mend(path)
         found = numbers(path)
         assert found == list(range(len(found)))
         assert len(found) % 10 == 0
-        assert mend(path) == -1
+        assert not mend(path)
 
 
 def test_a_definition_has_all_that_it_is_made_of() -> None:

@@ -97,7 +97,7 @@ def test_a_recording_in_the_middle_of_a_run_settles(robot: Any) -> None:
     robot.core()
     bag = robot.output / 'bag'
     recorder, log = robot.record('-o', str(bag))
-    robot.wait_for_messages(log, recorder, 900)
+    robot.wait_for_messages(log, recorder, 500)
     assert robot.end(recorder) == 0
     code, text = robot.run(REPLAY, str(bag))
     assert 'began in the middle of the run' in text
