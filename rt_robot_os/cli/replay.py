@@ -136,7 +136,7 @@ def _report(replay: Replay, recording: Recording, took_s: float) -> int:
         print('nothing was published, so nothing could be compared', file=sys.stderr)
         return BAD_INPUT
     for topic, c in sorted(comparison.counts.items()):
-        if c.settling and not c.same:
+        if c.never_same:
             print(f'{topic}: never the same; its state before the recording is not known')
     print('identical' if comparison.identical else 'different')
     return IDENTICAL if comparison.identical else DIFFERS

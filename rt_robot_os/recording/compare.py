@@ -69,6 +69,7 @@ class Count:
     :ivar settling: that differ before the first that is the same; only of a recording that began
         in the middle of a run.
     :ivar unrecorded: that the recorder did not get, so that nothing can be said.
+    :ivar compared: samples of the recording that had a counterpart.
     """
 
     same: int = 0
@@ -77,6 +78,12 @@ class Count:
     extra: int = 0
     settling: int = 0
     unrecorded: int = 0
+    compared: int = 0
+
+    @property
+    def never_same(self) -> bool:
+        """Whether it was recorded and compared, and never settled."""
+        return bool(self.settling and self.compared and not self.same)
 
 
 def without_stamp(cdr: bytes, offset: int | None) -> bytes:
@@ -116,8 +123,8 @@ class Comparison:
     @property
     def identical(self) -> bool:
         """Whether nothing differs; what was never the same counts as different."""
-        return all(not (c.different or c.missing or c.extra) and (c.same or not c.settling)
-                   for c in self.counts.values())
+        return not any(c.different or c.missing or c.extra or c.never_same
+                       for c in self.counts.values())
 
     def recorded(self, sample: Recorded) -> None:
         """Take a sample of the recording."""
@@ -157,6 +164,7 @@ class Comparison:
 
     def _compare(self, one: Produced, sample: Recorded) -> None:
         count, layout = self.counts[one.topic], self._layouts[one.topic]
+        count.compared += 1
         offset = layout.stamp_offset
         before, after = without_stamp(sample.cdr, offset), without_stamp(one.cdr, offset)
         wall_ns = one.stamp_ns + sample.offset_ns

@@ -22,6 +22,7 @@ and writes, so that a slow disk costs memory, up to a limit, and no samples.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Collection
 from collections.abc import Mapping
 from dataclasses import dataclass
 import json
@@ -54,9 +55,8 @@ _QUEUE_BYTES: Final = 64 << 20
 _BEAT_NS: Final = NS_PER_S // 2
 # A sample is on its way for the interval in which the link gathers, and the recorder's own.
 _ON_ITS_WAY_NS: Final = NS_PER_S // 20
-# Messages of the schedule come ten times a second, and its ring holds 64 of them.
-_SCHEDULE_REACHES_BACK_NS: Final = 6 * NS_PER_S
 _INPUT_BYTES_MOST: Final = 1 << 16
+_FILLED: Final = 0.9
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,7 @@ class Recorder:
     def _mirror(self, client: LinkClient, session: Session) -> None:
         """Begin with what the rings still hold only where somebody has a use for it."""
         from_start = not session.begin_ns or (
-            bool(session.kept) and session.tapped
-            and session.begin_ns - session.start_ns < _SCHEDULE_REACHES_BACK_NS)
+            session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
         latched = {name for name, facts in session.topic_facts().items()
                    if any(each.durability == 'transient_local' for each in facts)}
         names = dict.fromkeys(info.name for info in (*session.asked, *session.kept))
@@ -298,6 +297,12 @@ def _found(text: str, known: Mapping[str, TopicInfo], in_ros: Mapping[str, str])
     if text.startswith('/') and text.rstrip('/') in in_ros:
         return in_ros[text.rstrip('/')]
     return name if name in known else in_ros.get(f'/{name}', '')
+
+
+def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
+    """Whether the rings of the taps hold all that was ever published, and will for a moment."""
+    return all(topic['published'] < _FILLED * topic['depth']
+               for topic in client.statistics().topics if topic['name'] in taps)
 
 
 def _is_input(info: TopicInfo, settings: str) -> bool:

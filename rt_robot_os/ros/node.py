@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,7 @@ class RobotNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the core and wait for it."""
-        process = CoreProcess(to_json(self.settings), self.path) if (
+        process = CoreProcess(self._for_core(self.settings), self.path) if (
             self.settings.core.spawn) else None
         self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper)
         self._supervisor = Supervisor(
@@ -239,7 +240,14 @@ class RobotNode(LifecycleNode):
                 client.request('set_parameter', owner=section, name=key, value=value)
         self.settings = settings
         if self._supervisor is not None and self._supervisor.process is not None:
-            self._supervisor.process.set_settings(to_json(settings), to_json(self._loaded))
+            self._supervisor.process.set_settings(
+                self._for_core(settings), self._for_core(self._loaded))
+
+    def _for_core(self, settings: RobotSettings) -> str:
+        """Write settings with the names that mirrors have in ROS: recorders ask the core."""
+        return to_json(replace(settings, mirrors=tuple(
+            replace(mirror, ros_topic=self.resolve_topic_name(mirror.ros_topic))
+            for mirror in settings.mirrors)))
 
     def _adopt(self) -> None:
         """Take over what others have changed in the core: its modules, clients of the link."""

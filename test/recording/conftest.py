@@ -30,6 +30,8 @@ import pytest
 
 pytest.importorskip('mcap', reason='recordings need mcap')
 
+sys.path.insert(0, str(Path(__file__).parent))
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ['-p', 'core.scheduler_priority:=0', '-p', 'core.cpu:=-2', '-p', 'core.lock_memory:=false']
 LIMIT_S = 60.0

@@ -24,6 +24,8 @@ from typing import Any
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rt_robot_os.link import LinkClient
+from rt_robot_os.topics import Layout
 import yaml
 
 TOPICS = {'/imu/data', '/imu/mag', '/gps/fix', '/gps/time', '/cmd_vel_safe', '/imu/attitude'}
@@ -92,6 +94,81 @@ def test_bytes_of_a_device_can_be_asked_for(robot: Any) -> None:
     arrays = [decoded for _, decoded in found['/device/gps/bytes']]
     stream = b''.join(bytes(array.data[array.layout.data_offset:]) for array in arrays)
     assert b'GGA,' in stream and b'\r\n$' in stream
+
+
+def test_a_bag_holds_what_was_asked_for_and_no_time_before(robot: Any) -> None:
+    robot.core('-p', 'core.record_bytes:=true')
+    # Some seconds of bytes and schedule wait in the core by now, and 16 samples of each topic.
+    with LinkClient(robot.folder / 'robot.sock', 'test') as client:
+        robot.until(lambda: next(each['published'] for each in client.statistics().topics
+                                 if each['name'] == 'device/imu/bytes') > 600, 'a lapped ring')
+    bag = robot.output / 'bag'
+    code, text = robot.run('rt_robot_os.cli.record', 'imu/data', '--duration', '2', '-o', str(bag))
+    assert code == 0, text
+    with AnyReader([bag]) as reader:
+        messages = [(each.topic, stamp) for each, stamp, _ in reader.messages()]
+        assert {each.topic for each in reader.connections} == {'/imu/data'}
+        assert reader.message_count == len(messages)
+        assert 1.5e9 < reader.duration <= 2.0e9 + 1
+        assert (reader.start_time, reader.end_time - 1) == (messages[0][1], messages[-1][1])
+    with (bag / 'bag_0.mcap').open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None and summary.statistics is not None
+    assert summary.statistics.message_start_time == messages[0][1]
+    assert summary.statistics.message_end_time == messages[-1][1]
+    info = yaml.safe_load((bag / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    assert info['duration']['nanoseconds'] == messages[-1][1] - messages[0][1]
+    assert info['starting_time']['nanoseconds_since_epoch'] == messages[0][1]
+    code, text = robot.run('rt_robot_os.cli.replay', str(bag))
+    assert code == 0, text
+    assert 'imu/data ' in text
+
+
+def test_what_was_published_once_is_in_the_bag_when_it_begins(robot: Any) -> None:
+    parameters = robot.output / 'latched.yaml'
+    parameters.write_text("""
+/**/robot:
+  ros__parameters:
+    topics: [place, often]
+    place: {message: geometry_msgs/msg/PointStamped}
+    often: {message: geometry_msgs/msg/Point}
+    mirrors: [place_out, often_out]
+    place_out: {topic: place, direction: out, durability: transient_local}
+    often_out: {topic: often, direction: out}
+""")
+    core, log = robot.start('rt_robot_os.core.main', '--ros-args', '--params-file',
+                            str(parameters), *robot.ORDINARY)
+    path = robot.folder / 'robot.sock'
+    robot.until(lambda: path.exists() or core.poll() is not None, 'a core')
+    with LinkClient(path, 'test') as client:
+        place, often = client.advertise('place'), client.advertise('often')
+        client.publish(place, Layout.compile('geometry_msgs/msg/PointStamped').from_dict({}))
+        client.publish(often, Layout.compile('geometry_msgs/msg/Point').from_dict({}))
+        robot.until(lambda: sum(each['published'] for each in client.statistics().topics) == 2,
+                    'two samples')
+        bag = robot.output / 'bag'
+        recorder, said = robot.record('-o', str(bag), '--duration', '1')
+        robot.until(lambda: 'connected to the core' in said.read_text(), 'a recorder')
+        while recorder.poll() is None:
+            client.publish(often, Layout.compile('geometry_msgs/msg/Point').from_dict({}))
+            client.pump(0.05)
+    assert recorder.wait() == 0
+    found = read(bag / 'bag_0.mcap')
+    (message, decoded), = found['/place']
+    stamp_ns = decoded.header.stamp.sec * 10**9 + decoded.header.stamp.nanosec
+    assert message.publish_time == stamp_ns < message.log_time
+    with AnyReader([bag]) as reader:
+        assert next(reader.messages())[0].topic == '/place'
+        assert reader.duration < 1.0e9
+
+
+def test_a_topic_that_is_not_there_is_refused(robot: Any) -> None:
+    robot.core()
+    bag = robot.output / 'bag'
+    code, text = robot.run('rt_robot_os.cli.record', 'imu/data', 'nosuch', '-o', str(bag))
+    assert code == 2
+    assert text.startswith('no topic nosuch in the core; there are /cmd_vel, ')
+    assert not bag.exists()
 
 
 def test_a_killed_recorder_leaves_a_file_that_can_be_mended(robot: Any) -> None:

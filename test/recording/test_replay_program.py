@@ -20,9 +20,16 @@ from pathlib import Path
 import shutil
 from typing import Any
 
+from bag_tools import rewrite
+from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest
 
+from rt_robot_os.core.tap_format import is_tap
+from rt_robot_os.core.tap_format import schedule_cdr
+from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
+from rt_robot_os.core.tap_format import split_array
+from rt_robot_os.recording.reading import Recorded
 from rt_robot_os.recording.reading import Recording
 
 REPLAY = 'rt_robot_os.cli.replay'
@@ -37,6 +44,18 @@ def test_a_replay_makes_the_same_publications(recording: Path, robot: Any) -> No
         for topic in ('imu/data', 'imu/mag', 'gps/fix', 'gps/time', 'cmd_vel_safe'):
             assert f'{topic} ' in text
     assert outputs[0].read_bytes() == outputs[1].read_bytes()
+
+
+def test_a_recording_of_the_first_form_is_still_replayed(recording: Path, robot: Any) -> None:
+    old = rewrite(recording, robot.output / 'old.mcap', old_form=True)
+    with old.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+        assert summary is not None
+        topics = {each.topic for each in summary.channels.values()}
+    assert {'/attitude/imu', '/core/schedule', '/device/imu/bytes'} <= topics
+    code, text = robot.run(REPLAY, str(old))
+    assert code == 0, text
+    assert text.endswith('identical\n')
 
 
 def test_modules_alone_make_the_same_publications(recording: Path, robot: Any) -> None:
@@ -151,7 +170,27 @@ def test_without_a_schedule_nothing_is_replayed(recording: Path, robot: Any) -> 
     robot.end(recorder)
     code, text = robot.run(REPLAY, str(bag))
     assert code == 2
-    assert '--no-bytes' in text
+    assert 'made with --no-bytes' in text
+
+
+def test_a_recording_too_short_for_a_schedule_says_so(recording: Path, robot: Any) -> None:
+    path = rewrite(recording, robot.output / 'x.mcap',
+                   each=lambda sample: None if is_tap(sample.topic) else sample.cdr)
+    code, text = robot.run(REPLAY, str(path))
+    assert code == 2
+    assert 'no message of its schedule' in text and '--no-bytes' not in text
+
+
+def test_what_the_core_dropped_of_its_schedule_is_told(recording: Path, robot: Any) -> None:
+    def dropping(sample: Recorded) -> bytes:
+        if sample.topic != SCHEDULE_TOPIC:
+            return sample.cdr
+        front, records = split_array(sample.cdr)
+        return schedule_cdr(records, front == b'\1', 77)
+
+    path = rewrite(recording, robot.output / 'x.mcap', each=dropping)
+    _, text = robot.run(REPLAY, str(path))
+    assert 'the core dropped 77 records of its schedule' in text
 
 
 def test_a_recording_of_two_files_is_one(recording: Path, tmp_path: Path) -> None:
