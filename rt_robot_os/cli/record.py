@@ -172,12 +172,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(*done, sep='\n')
             print(*failed, sep='\n', end='\n' if failed else '', file=sys.stderr)
             return FAILED if failed else OK
-        else:
-            return _record(arguments)
+        return _record(arguments)
     except RtRobotError as error:
         print(error, file=sys.stderr)
         return FAILED
-    return OK
 
 
 if __name__ == '__main__':

@@ -132,8 +132,9 @@ def _report(replay: Replay, recording: Recording, took_s: float) -> int:
         print(f'first difference: {first.topic}{number}, {after_s:.6f} s after the start')
         for line in first.lines:
             print(f'  {line}')
-    if not comparison.counts:
-        print('nothing was published, so nothing could be compared', file=sys.stderr)
+    if not any(c.compared or c.missing or c.extra for c in comparison.counts.values()):
+        print('nothing that was recorded could be compared with what the replay published',
+              file=sys.stderr)
         return BAD_INPUT
     for topic, c in sorted(comparison.counts.items()):
         if c.never_same:

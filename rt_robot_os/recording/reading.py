@@ -206,7 +206,7 @@ class _Channels:
         :raises DamagedRecordError: it is damaged.
         """
         topics = self._topics
-        for record in chunk_records(unpacked(content).data):
+        for record in chunk_records(unpacked(content)):
             if isinstance(record, Message):
                 topic = topics.get(record.channel)
                 if topic:

@@ -42,6 +42,8 @@ from rt_robot_os.recording.summary import MAGIC
 # What a chunk may hold: of the recorder 1 MiB and a message.
 CHUNK_BYTES_MAXIMUM: Final = 64 << 20
 RECORD_BYTES_MAXIMUM: Final = 2 * CHUNK_BYTES_MAXIMUM
+# Messages differ in number and time, which takes more than a byte each however they are packed.
+MESSAGES_ALLOWED: Final = 4096
 RECORD: Final = struct.Struct('<BQ')
 _CHUNK: Final = struct.Struct('<QQQII')
 _LENGTH: Final = struct.Struct('<Q')
@@ -84,6 +86,16 @@ class ChunkData(NamedTuple):
     data: bytes
 
 
+class _WholeReads(ReadDataStream):
+    """A stream that gives as much as is asked for, or raises."""
+
+    def read(self, length: int) -> bytes:
+        data: bytes = super().read(length)
+        if len(data) != length:
+            raise EOFError(f'{len(data)} bytes where {length} should be')
+        return data
+
+
 def file_records(path: Path, offset: int = len(MAGIC)) -> Iterator[tuple[int, int, bytes]]:
     """
     Give offset, kind and content of each whole record; what is cut ends it.
@@ -116,7 +128,7 @@ def parsed(read: Callable[[ReadDataStream], _T], content: bytes) -> _T:
     :param read: such as ``Metadata.read``.
     :raises DamagedRecordError: it cannot.
     """
-    stream = ReadDataStream(BytesIO(content))
+    stream = _WholeReads(BytesIO(content))
     try:
         found = read(stream)
     except Exception as error:  # noqa: B902 - it raises whatever its parts do
@@ -178,13 +190,15 @@ def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
     raise DamagedRecordError(f'a chunk compressed with {compression!r}, which is not known')
 
 
-def chunk_records(data: bytes) -> Iterator[Schema | Channel | Message]:
+def chunk_records(chunk: ChunkData) -> Iterator[Schema | Channel | Message]:
     """
     Give what a chunk holds.
 
-    :raises DamagedRecordError: something in it is no record of a chunk.
+    :raises DamagedRecordError: something in it is no record of a chunk, or there are more messages
+        than could differ from each other in so few bytes.
     """
-    offset, size = 0, len(data)
+    data = chunk.data
+    offset, size, left = 0, len(data), MESSAGES_ALLOWED + chunk.packed_bytes
     head, message = RECORD.unpack_from, MESSAGE.unpack_from
     while offset < size:
         begin = offset + RECORD.size
@@ -195,7 +209,12 @@ def chunk_records(data: bytes) -> Iterator[Schema | Channel | Message]:
         if kind == Opcode.MESSAGE:
             if length < MESSAGE.size:
                 raise DamagedRecordError(f'a message of {length} bytes')
-            yield Message(*message(data, begin), data[begin + MESSAGE.size:end], offset)
+            left -= 1
+            if left < 0:
+                raise DamagedRecordError(f'more messages than {chunk.packed_bytes} bytes can hold')
+            channel, sequence, log_ns, publish_ns = message(data, begin)
+            yield Message(channel, sequence, log_ns, publish_ns, data[begin + MESSAGE.size:end],
+                          offset)
         elif kind == Opcode.SCHEMA:
             yield parsed(Schema.read, data[begin:end])
         elif kind == Opcode.CHANNEL:
@@ -203,4 +222,3 @@ def chunk_records(data: bytes) -> Iterator[Schema | Channel | Message]:
         else:
             raise DamagedRecordError(f'a record of kind {kind} in a chunk')
         offset = end
-

@@ -85,6 +85,7 @@ class Replay:
                  from_bytes: bool = True) -> None:
         self.notes: list[str] = []
         self.timeline = Timeline(recording)
+        self._recording = recording
         self._facts = recording.facts
         self.on_produced: Callable[[Produced], None] | None = None
         self._slices = self.timeline.slices()
@@ -148,8 +149,9 @@ class Replay:
         if self.timeline.problems:
             return 'nothing of its schedule can be read: ' + '; '.join(self.timeline.problems[:3])
         if not self.timeline.messages:
-            return ('it holds no message of its schedule, which the core publishes ten times a '
-                    'second: it is too short, or cut short; record for longer')
+            return '\n'.join([
+                *self._recording.problems, 'it holds no message of its schedule, which the core '
+                'publishes ten times a second: it is too short, or cut short; record for longer'])
         return 'by its schedule no device and no module did anything while it was made'
 
     def _find_devices(self, from_bytes: bool) -> dict[str, ManagedDevice]:

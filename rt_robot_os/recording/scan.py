@@ -66,6 +66,7 @@ _DATA: Final = frozenset((
     Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
 _KINDS: Final = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
 _DATA_END_BYTES: Final = 4
+_LENGTH: Final = struct.Struct('<Q')
 _FOOTER: Final = struct.Struct('<BQQQ')
 # From the beginning of a chunk to the name of its compression, which tells it from other bytes.
 _BEFORE_NAME: Final = RECORD.size + 28
@@ -130,13 +131,16 @@ class _Scan:
                                    for place in self._loose]
 
     def _make_header(self) -> None:
-        """Put a header in the place of a first record that was put aside, if that is long enough."""
+        """Put a header in the place of a first record that was put aside, if it has room."""
         offset, patch = self.found.patches[0]
         length = RECORD.size + (RECORD.unpack(patch) if len(patch) == RECORD.size else
                                 self._head(offset))[1]
         if offset == len(MAGIC) and length >= len(header()):
             self.found.patches[0] = (offset, header(length))
             self.found.has_header = True
+        elif not (self.found.chunks or self.found.attachments or self.found.metadata):
+            self.found.patches.clear()
+            self.found.end = len(MAGIC)
 
     def _step(self, offset: int) -> int:
         """Take the record at an offset; give where the next is, -1 when there is none."""
@@ -144,8 +148,11 @@ class _Scan:
         kind, length = self._head(offset)
         end = offset + RECORD.size + length
         if kind < 0 or end > self._size or not self._plausible(end):
-            return self._jump(offset, end)
-        if kind in _DATA:
+            return self._jump(offset)
+        if offset == len(MAGIC) and kind != Opcode.HEADER:
+            found.end = end
+            self._put_aside(offset, kind)
+        elif kind in _DATA:
             found.end = end
             try:
                 self._take(offset, kind, self._data[offset + RECORD.size:end])
@@ -182,7 +189,7 @@ class _Scan:
         self.found.patches.append((offset, bytes((_PUT_ASIDE | kind,))))
         self.found.damaged += 1
 
-    def _jump(self, offset: int, end: int) -> int:
+    def _jump(self, offset: int) -> int:
         """Put everything up to the next chunk aside; without one the file ends here."""
         self._jumps += 1
         following = self._next_chunk(offset + RECORD.size)
@@ -250,6 +257,8 @@ class _Scan:
             found.has_header = True
         elif kind == Opcode.CHUNK:
             self._take_chunk(offset, content)
+        elif kind == Opcode.MESSAGE_INDEX:
+            parsed(MessageIndex.read, content)  # of no chunk: it harms nobody
         elif kind == Opcode.METADATA:
             name = parsed(Metadata.read, content).name
             found.metadata.append(MetadataIndex(offset, length, name))
@@ -276,7 +285,7 @@ class _Scan:
         found, chunk = self.found, unpacked(content)
         schemas, channels = dict(found.schemas), dict(found.channels)
         indices: dict[int, array[int]] = {}
-        for record in chunk_records(chunk.data):
+        for record in chunk_records(chunk):
             if isinstance(record, Message):
                 index = indices.get(record.channel)
                 if index is None:
@@ -297,8 +306,12 @@ class _Scan:
         chunk_length = found.end - offset
         length = len(written)
         if self._data[found.end:found.end + length] != written[:self._size - found.end]:
-            others = self._other_indices(indices)
-            if others is not None:
+            kind, following = self._head(found.end)
+            if kind != Opcode.MESSAGE_INDEX and (kind in _KINDS or kind >= _PUT_ASIDE) and (
+                    found.end + RECORD.size + following <= self._size
+                    and written[1:RECORD.size] != _LENGTH.pack(following)):
+                offsets, length, written = {}, 0, b''  # it has none
+            elif (others := self._other_indices(indices)) is not None:
                 offsets, length = others
                 written = b''
             elif self._plausible(found.end + length):

@@ -65,7 +65,8 @@ class Session:
     :ivar topics: names by channel, all that the core has.
     :ivar tasks: names by number.
     :ivar asked: the topics that are recorded.
-    :ivar kept: the topics that are kept for a replay, with what the others had before ``begin_ns``.
+    :ivar kept: the topics that are kept for a replay; those that were asked for up to
+        ``begin_ns``.
     :ivar tapped: the taps were on from the start of the core.
     :ivar settings: as the node hands them to the core.
     :ivar robot: its name, see :func:`rt_robot_os.link.paths.robot_name`.
@@ -181,8 +182,7 @@ class SessionFacts:
                                  f'reads {" and ".join(map(str, FORMATS_READ))}: use the release '
                                  f'that wrote it ({values.get("rt_robot_os", "unknown")[:40]})')
         try:
-            tasks, topics, taps = (
-                tuple(map(str, json.loads(values[key]))) for key in ('tasks', 'topics', 'taps'))
+            tasks, topics, taps = (_names(values[key]) for key in ('tasks', 'topics', 'taps'))
             return cls(
                 int(found), int(values['session']), moment_ns(values['core_start_ns']),
                 moment_ns(values['offset_ns']), values['tapped_from_start'] == '1', tasks, topics,
@@ -191,6 +191,13 @@ class SessionFacts:
         except (KeyError, ValueError, TypeError, RecursionError) as error:
             raise RecordingError(f'what the recording says of its session is damaged: '
                                  f'{type(error).__name__} {error}') from error
+
+
+def _names(text: str) -> tuple[str, ...]:
+    found = json.loads(text)
+    if not isinstance(found, list):
+        raise ValueError(f'{text[:40]!r} is no list')
+    return tuple(map(str, found))
 
 
 def moment_ns(text: str) -> int:

@@ -33,8 +33,8 @@ from rt_robot_os.core.tap_format import parse_device
 from rt_robot_os.core.tap_format import parse_schedule
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import ScheduleRecord
-from rt_robot_os.core.tap_format import tapped_device
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.core.tap_format import tapped_device
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.recording.reading import Recorded
 from rt_robot_os.recording.reading import Recording

@@ -24,7 +24,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 pytest.importorskip('mcap', reason='recordings need mcap')
 
-from mcap.reader import make_reader  # noqa: E402
+from mcap.reader import make_reader  # noqa: E402, I100
 from rosbags.highlevel import AnyReader  # noqa: E402
 from rosbags.interfaces import QosDurability  # noqa: E402
 from rosbags.interfaces import QosReliability  # noqa: E402
