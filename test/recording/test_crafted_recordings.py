@@ -35,8 +35,6 @@ from mcap.records import Channel
 from mcap.records import Chunk
 from mcap.records import Schema
 import pytest
-import zstandard
-
 from rt_robot_os.cli.replay import main
 from rt_robot_os.core.tap_format import is_tap
 from rt_robot_os.recording.bag_file import BagFile
@@ -47,6 +45,7 @@ from rt_robot_os.recording.records import DamagedRecordError
 from rt_robot_os.recording.records import unpacked
 from rt_robot_os.recording.repair import mend
 from rt_robot_os.recording.summary import MAGIC
+import zstandard
 
 Facts = dict[str, str]
 Settings = dict[str, Any]

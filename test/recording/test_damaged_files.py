@@ -25,15 +25,14 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 import pytest
-from test_bag_files import numbers
-from test_bag_files import write
-
 from rt_robot_os.cli.record import main
 from rt_robot_os.recording.chunk import COMPRESSIONS
 from rt_robot_os.recording.records import file_records
 from rt_robot_os.recording.repair import mend
 from rt_robot_os.recording.repair import mend_all
 from rt_robot_os.recording.summary import MAGIC
+from test_bag_files import numbers
+from test_bag_files import write
 
 COUNT = 60
 DAMAGE = st.lists(st.tuples(
