@@ -17,7 +17,8 @@
 Whose bytes are these: for the diagnostics of a device that sends, but nothing valid.
 
 The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
-tell which device it is, as far as a driver here knows it.
+tell which device it is, as far as a driver here knows it, or one that another package has added to
+the entry-point group of the drivers (``FRAMES`` and ``recognises`` of its class).
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ from rt_robot_os.drivers.decoders.scip import LINE_CHARACTERS
 from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
 from rt_robot_os.drivers.decoders.xbus import XbusDecoder
+from rt_robot_os.drivers.device import Device
+from rt_robot_os.drivers.plugins import PluginRegistry
+from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.errors import ConfigError
 
 
 def _is_nmea(data: bytes) -> bool:
@@ -73,15 +78,62 @@ _KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
 )
 
 
+_Recogniser = tuple[str, str, Callable[[bytes], bool]]
+
+
+class ForeignRecognisers:
+    """What the drivers of other packages know of their own bytes."""
+
+    def __init__(self, registry: PluginRegistry[Device]) -> None:
+        self._registry = registry
+        self._found: tuple[_Recogniser, ...] | None = None
+
+    def prepare(self) -> None:
+        """Import them, once; not for the loop. One that is broken disturbs no other."""
+        if self._found is not None:
+            return
+        found = []
+        for name in self._registry.foreign_names():
+            try:
+                driver = self._registry.load(name)
+            except ConfigError:
+                continue  # it is told to who names it
+            what, fits = getattr(driver, 'FRAMES', ''), getattr(driver, 'recognises', None)
+            if isinstance(what, str) and what and callable(fits):
+                found.append((what, name, fits))
+        self._found = tuple(found)
+
+    def all(self) -> tuple[_Recogniser, ...]:  # noqa: A003
+        """Give those that were prepared."""
+        return self._found or ()
+
+
+FOREIGN: Final = ForeignRecognisers(DRIVERS)
+
+
+def prepare_recognisers() -> None:
+    """Import the drivers of other packages; not for the loop."""
+    FOREIGN.prepare()
+
+
 def recognised(data: bytes, baud: int) -> str:
     """
     Say whose bytes they are, and what to do; empty when that is not known.
 
+    Other packages are asked first: their devices often speak a dialect of what is known here.
+
     :param data: what came last, some hundred bytes.
     :param baud: speed of the line.
     """
-    for what, driver, fits in _KNOWN:
-        if fits(data):
+    for what, driver, fits in (*FOREIGN.all(), *_KNOWN):
+        if _fits(fits, data):
             speed = f' at {baud} baud' if baud else ''
             return f'these are {what}{speed}: set type: {driver}, or swap the ports'
     return ''
+
+
+def _fits(recognises: Callable[[bytes], bool], data: bytes) -> bool:
+    try:
+        return bool(recognises(data))
+    except Exception:  # of another package, and the diagnosis of a device goes on without it
+        return False

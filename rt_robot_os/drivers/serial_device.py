@@ -28,6 +28,7 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
+from typing import ClassVar
 from typing import Final
 from typing import Generic
 from typing import Protocol
@@ -42,6 +43,7 @@ from rt_robot_os.drivers.ports import open_port
 from rt_robot_os.drivers.ports import Port
 from rt_robot_os.drivers.ports import prepare_port
 from rt_robot_os.drivers.ports import silence_of
+from rt_robot_os.drivers.recognise import prepare_recognisers
 from rt_robot_os.drivers.recognise import recognised
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
@@ -136,9 +138,12 @@ class SerialDevice(Device, Generic[FrameT]):
     those took their time on the line; it never lies before the arrival of the frame before. One
     job decodes ``JOB_BYTES`` at most.
 
+    :cvar FRAMES: what people call its bytes, such as ``sonar frames``; with :meth:`recognises` it
+        lets every other driver name them when ports are swapped.
     :cvar make_port: opens its port.
     """
 
+    FRAMES: ClassVar[str] = ''
     TAPPED = True
     make_port: Callable[[str, int], Port] = staticmethod(open_port)
 
@@ -172,6 +177,17 @@ class SerialDevice(Device, Generic[FrameT]):
         self._came_ns = 0
         self._deferred_bytes = 0
 
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        """
+        Say whether bytes that another driver cannot read are surely those of this device.
+
+        In the loop, but only when a device is given up.
+
+        :param data: some hundred bytes that begin and end anywhere.
+        """
+        return False
+
     @abstractmethod
     def handle(self, frame: FrameT, arrival_ns: int) -> int:
         """
@@ -197,12 +213,13 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and look up the host of the port, if it has one.
+        Take the publishers, and prepare what opening and diagnosing a port need.
 
         :raises TopicError: there are more or fewer of them than publications.
         """
         super().bind(publishers)
         if self.is_live:
+            prepare_recognisers()
             prepare_port(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003

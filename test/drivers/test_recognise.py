@@ -16,17 +16,26 @@
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoint
 import random
+from typing import Any
 
+from driver_fakes import bind
+from driver_fakes import settings_of
 import pytest
+from rt_robot_os.drivers import plugins
+from rt_robot_os.drivers import recognise
 from rt_robot_os.drivers.encoders import nmea
 from rt_robot_os.drivers.encoders import ranging
 from rt_robot_os.drivers.encoders import scip
 from rt_robot_os.drivers.encoders import ubx
 from rt_robot_os.drivers.encoders import witmotion
 from rt_robot_os.drivers.encoders import xbus
+from rt_robot_os.drivers.nmea import NmeaGps
+from rt_robot_os.drivers.recognise import ForeignRecognisers
 from rt_robot_os.drivers.recognise import recognised
 from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.drivers.serial_device import SerialDevice
 from rt_robot_os.sim.line import at_wrong_speed
 
 STREAMS = {
@@ -58,3 +67,57 @@ def test_noise_is_nobody() -> None:
     noise = random.Random(5)
     found = [recognised(noise.randbytes(512), 9600) for _ in range(200)]
     assert [text for text in found if text] == []
+
+
+# --- drivers of other packages -------------------------------------------------------------------
+
+class Sonar(SerialDevice[Any]):
+    FRAMES = 'sonar frames'
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        return data.count(b'$SONAR') > 1
+
+
+class Defective(Sonar):
+    FRAMES = 'defects'
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        raise RuntimeError('of somebody else')
+
+
+class Nameless(Sonar):
+    FRAMES = ''
+
+
+@pytest.fixture
+def foreign(monkeypatch: pytest.MonkeyPatch) -> ForeignRecognisers:
+    """Install a package with drivers, three of them broken in ways of their own."""
+    points = [EntryPoint(name, f'{__name__}:{value}', 'rt_robot_os.drivers') for name, value in (
+        ('defective', 'Defective'), ('absent', 'Absent'), ('my_sonar', 'Sonar'),
+        ('nameless', 'Nameless'), ('nmea', 'Sonar'))]
+    points.append(EntryPoint('gone', 'no_such_package:Driver', 'rt_robot_os.drivers'))
+    monkeypatch.setattr(plugins, 'entry_points', lambda group: points)
+    made = ForeignRecognisers(DRIVERS)
+    monkeypatch.setattr(recognise, 'FOREIGN', made)
+    return made
+
+
+def test_the_bytes_of_another_package_are_recognised(foreign: ForeignRecognisers) -> None:
+    stream = nmea.sentence('SONAR,1.25') * 3
+    assert 'set type: nmea,' in recognised(stream, 9600)  # nothing is imported in the loop
+    recognise.prepare_recognisers()
+    assert recognised(stream, 9600) == (
+        'these are sonar frames at 9600 baud: set type: my_sonar, or swap the ports')
+    assert 'set type: ublox' in recognised(STREAMS['ublox'], 9600)
+    assert [name for _, name, _ in foreign.all()] == ['defective', 'my_sonar']
+
+
+def test_they_are_prepared_before_the_loop_runs(foreign: ForeignRecognisers) -> None:
+    device = NmeaGps('gps', settings_of(NmeaGps, port='/dev/none'))
+    assert foreign.all() == ()
+    bind(device)
+    assert foreign.all()
+    device._strange = nmea.sentence('SONAR,1.25') * 3
+    assert 'these are sonar frames at 9600 baud: set type: my_sonar' in device.diagnosis()

@@ -34,6 +34,7 @@ class BatteryGauge(SerialDevice[Reading]):
     """A battery gauge on a serial line."""
 
     description = 'battery gauge of the tutorial, ASCII $B at 9600 baud'
+    FRAMES = 'readings of a battery gauge'
     SETTINGS = (
         *serial_settings(baud=9600, frame_id='base_link', topic='battery', rate_hz=10.0),
         Field('capacity_ah', float, 5.0, 'Capacity of the battery when it was new.', 'Ah',
@@ -42,6 +43,11 @@ class BatteryGauge(SerialDevice[Reading]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings, GaugeDecoder())
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        """Tell other drivers, when ports are swapped, that the bytes are of a gauge."""
+        return bool(GaugeDecoder().feed(data))
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published; texts are fixed here."""

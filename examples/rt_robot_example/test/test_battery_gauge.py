@@ -65,6 +65,11 @@ def test_a_wrong_checksum_is_counted_and_not_published() -> None:
         assert device.statistics().rejected_frames == 1
 
 
+def test_other_drivers_recognise_its_bytes() -> None:
+    assert BatteryGauge.recognises(encode(12.34, 1.2, 73)[5:] + encode(11.0, -2.5, 40))
+    assert not BatteryGauge.recognises(b'$GPGSV,1,1,00*79\r\n' * 3)
+
+
 def test_the_simulated_gauge_runs_down(tmp_path: Path) -> None:
     with rig(tmp_path, SimulatedBatteryGauge, BatteryGauge,
              sim={'period_s': 4.0, 'rate_hz': 10.0}) as test:
