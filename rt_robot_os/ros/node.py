@@ -22,6 +22,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.lifecycle import LifecycleNode
@@ -203,21 +204,29 @@ class RobotNode(LifecycleNode):
         message = DiagnosticArray()
         seconds, rest_ns = divmod(self._time.now_ns(), NS_PER_S)
         message.header.stamp = Time(sec=seconds, nanosec=rest_ns)
+        try:
+            message.status = self._statuses()
+            self._status_publisher.publish(message)
+        except Exception as error:
+            # What a core says must not end the node; rclpy lets a timer's error do that.
+            message.status = self._diagnostics.silent(
+                f'what the core says cannot be told: {type(error).__name__}: {error}')
+            self._status_publisher.publish(message)
+
+    def _statuses(self) -> list[DiagnosticStatus]:
         supervisor, mirrors = self._supervisor, self._mirrors
         if supervisor is None or mirrors is None:
-            message.status = self._diagnostics.silent('not configured')
-        elif not supervisor.connected.is_set() or supervisor.statistics is None:
-            message.status = self._diagnostics.silent(
+            return self._diagnostics.silent('not configured')
+        statistics = supervisor.statistics
+        if not supervisor.connected.is_set() or statistics is None:
+            return self._diagnostics.silent(
                 supervisor.fatal or supervisor.reason or 'no core is connected')
-        else:
-            message.status = self._diagnostics.judge(
-                supervisor.statistics, self._mapper, mirrors.counters(),
-                self._log.statistics(), supervisor.starved)
-            digest = supervisor.statistics.core.get('parameters')
-            if digest != self._digest:
-                self._adopt()
-                self._digest = digest
-        self._status_publisher.publish(message)
+        digest = statistics.core.get('parameters')
+        if digest != self._digest:
+            self._adopt()
+            self._digest = digest
+        return self._diagnostics.judge(statistics, self._mapper, mirrors.counters(),
+                                       self._log.statistics(), supervisor.starved)
 
     # ---- parameters --------------------------------------------------------------------------
 

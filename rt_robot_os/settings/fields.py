@@ -61,7 +61,8 @@ CORE: Final = (
     Field('scheduler_priority', int, 80, 'SCHED_FIFO priority; 0: stay an ordinary process',
           minimum=0, maximum=99),
     Field('lock_memory', bool, True, 'keep all memory resident'),
-    Field('heartbeat_s', float, 1.0, 'silence after which the other side counts as dead',
+    Field('heartbeat_s', float, 1.0, 'time without a sign of life after which the core '
+          'is reported; after three times that one that the node has started is started anew',
           's', 0.1, 60.0),
     Field('link_priority', int, 2, 'kernel priority of what serves clients: below what matters',
           minimum=1, maximum=99),
