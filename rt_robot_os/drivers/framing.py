@@ -136,15 +136,16 @@ class FrameDecoder(StreamDecoder[FrameT]):
         held = len(self._pending)
         buffer = self._pending + data
         size = len(buffer)
-        starts, shortest, longest = self._starts, self.SHORTEST, self.LONGEST
+        starts, search = self._starts, self._search
+        shortest, longest = self.SHORTEST, self.LONGEST
         frames: list[FrameT] = []
-        at = 0
+        at = framed = 0
         while at < size:
-            if buffer[at] not in starts:
-                at = self._pass_over(buffer, at)
-            if size - at < shortest:
-                at = self._pass_over(buffer, at)
-                break
+            if buffer[at] not in starts or size - at < shortest:
+                match = search(buffer, at)
+                at = size if match is None else match.start()
+                if size - at < shortest:
+                    break
             end = self.end(buffer, at)
             if at < end <= at + longest:
                 if end > size:
@@ -152,18 +153,13 @@ class FrameDecoder(StreamDecoder[FrameT]):
                 frame = self.frame(buffer, at, end, end - held)
                 if frame is not None:
                     frames.append(frame)
+                    framed += end - at
                     at = end
                     continue
                 self.rejected_frames += 1
-            self.rejected_bytes += 1
-            at = self._pass_over(buffer, at + 1)
+            match = search(buffer, at + 1)
+            at = size if match is None else match.start()
+        self.rejected_bytes += at - framed
         self._pending = buffer[at:]
         self.frames += len(frames)
         return frames
-
-    def _pass_over(self, buffer: bytes, at: int) -> int:
-        """Reject what is before the next beginning of a frame; give its index."""
-        match = self._search(buffer, at)
-        start = len(buffer) if match is None else match.start()
-        self.rejected_bytes += start - at
-        return start

@@ -28,7 +28,7 @@ import pytest
 
 # Before they are imported: their asserts then tell the values.
 pytest.register_assert_rewrite(*(f'{__name__}.{part}' for part in (
-    'contract', 'decoder_contract', 'fakes', 'module_bench', 'rig')))
+    'contract', 'decoder_contract', 'fakes', 'module_bench', 'rig', 'sample_contract')))
 
 from rt_robot_os.testing.contract import DriverContract  # noqa: E402
 from rt_robot_os.testing.decoder_contract import DecoderContract  # noqa: E402

@@ -49,7 +49,6 @@ from rt_robot_os.drivers.device import Device
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.testing.decoder_contract import DecoderContract
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import opened
 from rt_robot_os.testing.fakes import read_all
@@ -57,20 +56,17 @@ from rt_robot_os.testing.fakes import read_until
 from rt_robot_os.testing.fakes import scripted_settings
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.fakes import wait_for_device_error
+from rt_robot_os.testing.sample_contract import SampleContract
 
 
-class DriverContract(DecoderContract):
+class DriverContract(SampleContract):
     """
-    The contract; that of the decoder is part of it.
+    The contract; those of the decoder and of the samples are part of it.
 
-    :cvar driver: the class under test.
     :cvar samples: how many samples the stream makes, on all topics.
-    :cvar changes: settings other than the defaults.
     """
 
-    driver: ClassVar[type[Any]]
     samples: ClassVar[int]
-    changes: ClassVar[dict[str, Any]] = {}
 
     def publishers(self, device: Device) -> list[Any]:
         """Bind a device to publishers that have ``stamps`` and comparable ``values``."""

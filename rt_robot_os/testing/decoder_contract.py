@@ -18,14 +18,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterable
 from typing import Any
 from typing import ClassVar
+from typing import Final
 from typing import NamedTuple
 
 from hypothesis import given
 from hypothesis import HealthCheck
 from hypothesis import settings
 from hypothesis import strategies as st
+from rt_robot_os.drivers.framing import FrameDecoder
+from rt_robot_os.testing.work import dearest
+from rt_robot_os.testing.work import steps_per_byte
+
+# No decoder may hold back more than this for what looks like the beginning of a frame.
+MOST_PENDING: Final = 16_384
+# What any bytes may cost, in good ones; and in steps a byte, however cheap those are.
+MOST_TIMES_GOOD: Final = 10
+FEW_STEPS: Final = 20
+_FLIPS: Final = (0x01, 0x80, 0xFF)
 
 
 class Decoded(NamedTuple):
@@ -62,6 +74,14 @@ class DecoderContract:
     def frame_size(self, frame: Any) -> int:
         """Give the number of bytes of a frame."""
         raise NotImplementedError
+
+    def covered(self, frame: bytes) -> Iterable[int]:
+        """
+        Say which bytes of a frame its checksum covers; all by default.
+
+        A format without a checksum gives none: ``return ()``.
+        """
+        return range(len(frame))
 
     def decode(self, chunks: list[bytes], decoder: Any = None) -> Decoded:
         """Feed a decoder, a new one by default, and check its counters after each chunk."""
@@ -145,3 +165,68 @@ class DecoderContract:
             for size in (1, 7, 4096):
                 endless = token * (3 * self.pending_limit // len(token) + 1)
                 self.decode([endless[at:at + size] for at in range(0, len(endless), size)])
+
+    # --- damage ---------------------------------------------------------------------------------
+
+    def frames(self) -> list[bytes]:
+        """Give the frames of the stream, each once."""
+        return list(dict.fromkeys(
+            self.stream[begin:end] for begin, end in self.decode([self.stream]).places))
+
+    def test_a_frame_with_a_wrong_byte_is_none(self) -> None:
+        assert self.frames(), 'the stream holds no frame'
+        for frame in self.frames():
+            for at in self.covered(frame):
+                for flip in _FLIPS:
+                    damaged = frame[:at] + bytes((frame[at] ^ flip,)) + frame[at + 1:]
+                    for begin, end in self.decode([damaged + self.stream]).places:
+                        assert not begin <= at < end, (
+                            f'{damaged!r} is taken for a frame although its byte {at} is wrong: '
+                            'check the checksum; if it does not cover that byte, say so in '
+                            'covered()')
+
+    def test_a_beginning_without_an_end_hides_only_what_follows_at_once(self) -> None:
+        count = len(self.decode([self.stream]).places)
+        behind = self.stream * (self.pending_limit // len(self.stream) + 2)
+        for frame in self.frames():
+            for cut in range(1, len(frame), len(frame) // 64 + 1):
+                data = frame[:cut] + behind
+                whole = [place for place in self.decode([data]).places
+                         if place[0] >= len(data) - len(self.stream)]
+                assert len(whole) == count, (
+                    f'after {frame[:cut]!r} without its end {len(behind)} good bytes are not '
+                    'enough to find the frames again')
+
+    def test_no_header_makes_it_wait_for_more_than_its_limit(self) -> None:
+        assert self.pending_limit <= MOST_PENDING, (
+            f'a decoder that waits for up to {self.pending_limit} bytes is held up for as many by '
+            f'a beginning that is none: at most {MOST_PENDING}')
+        decoder = self.decoder()
+        if isinstance(decoder, FrameDecoder):
+            assert decoder.LONGEST <= self.pending_limit, (
+                f'LONGEST is {decoder.LONGEST}: say the length of the longest frame that the '
+                'device sends, and pending_limit accordingly')
+        rest = bytes(2 * self.pending_limit)
+        for frame in self.frames():
+            head = frame[:16]
+            for at in range(len(head)):
+                for byte in range(256):
+                    for size in (1, 2):
+                        lie = bytes((byte,)) * size
+                        self.decode([head[:at] + lie + head[at + size:] + rest])
+
+    def test_no_bytes_cost_much_more_than_good_ones(self) -> None:
+        size = max(1024, 2 * self.pending_limit)
+        good = steps_per_byte(self.decoder(), self.stream * (size // len(self.stream) + 1))
+        frames = self.frames()
+        heads = [frame[:cut] for frame in frames[:2] for cut in range(1, 8)]
+        # Half headers, and lengths that reach far.
+        seeds = [*self.tokens, b'\n', b'\x00', *heads, *(frame[:-1] for frame in frames[:4]),
+                 *(head + far for head in heads for far in (b'\xff', b'\x07\xff', b'\xff\x07',
+                                                            b'\xff\x07\xff'))]
+        cost, piece = dearest(self.decoder, seeds, size, 40)
+        allowed = max(MOST_TIMES_GOOD * good, FEW_STEPS)
+        assert cost <= allowed, (
+            f'{piece!r} again and again costs {cost:.0f} steps a byte, good frames {good:.1f}: at '
+            f'most {allowed:.0f}, or a noisy line stops the robot. Look at no byte more often '
+            'than a few times: PATTERN and PartialSums help')

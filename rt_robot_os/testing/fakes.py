@@ -50,15 +50,17 @@ class RecordingPublisher:
     What the SensorManager hands over, without a kernel: it keeps what was published.
 
     :ivar msg: the message to fill in; it keeps its values, as in the robot.
+    :ivar layout: where the fields of the message are.
     :ivar samples: what was published, each a view with the names of the ROS message.
     :ivar stamps: their moments in nanoseconds.
+    :ivar values: their bytes.
     """
 
     def __init__(self, publication: Publication) -> None:
         self.publication = publication
-        self._layout = _layout(publication)
-        self._buffer = self._layout.new_buffer()
-        self.msg: Any = self._layout.view(self._buffer)
+        self.layout = _layout(publication)
+        self._buffer = self.layout.new_buffer()
+        self.msg: Any = self.layout.view(self._buffer)
         self.samples: list[Any] = []
         self.stamps: list[int] = []
         self.values: list[bytes] = []
@@ -66,15 +68,15 @@ class RecordingPublisher:
     def fill(self, data: memoryview) -> None:
         """Set the tail, or the longest sequence, of ``msg``."""
         octets = memoryview(data).cast('B')
-        start = self._layout.bulk[0]
+        start = self.layout.bulk[0]
         self._buffer[start:start + len(octets)] = octets
-        self._layout.set_tail_bytes(self._buffer, len(octets))
+        self.layout.set_tail_bytes(self._buffer, len(octets))
 
     def publish(self, stamp_ns: int) -> None:
         """Keep what ``msg`` holds."""
-        copy = self._layout.new_buffer()
+        copy = self.layout.new_buffer()
         copy[:] = self._buffer
-        self.samples.append(self._layout.view(copy))
+        self.samples.append(self.layout.view(copy))
         self.stamps.append(stamp_ns)
         self.values.append(bytes(copy))
 

@@ -46,12 +46,25 @@ class TestBno055(DriverContract):
     samples = 12
     tokens = (b'\xbb', b'\xbb\x2e', b'\xee', CHIP, DONE, encode.status_answer(7),
               encode.status_answer(4), answer(5))
+    # As the device sends it: 16 bits each, little-endian, 1/100 m/s^2, 1/16 uT, 1/16 deg/s, 2^-14.
+    vectors = ((SETUP + encode.data_answer(bytes.fromhex(
+        '9CFF C800 D503  A000 60FF 4001  1000 E0FF 3000  0000 0000 0000  0020 00E0 0020 0020'
+        '0000 0000 0000  0000 0000 0000  19 FF')), {
+            'linear_acceleration.x': -1.0, 'linear_acceleration.y': 2.0,
+            'linear_acceleration.z': 9.81, 'magnetic_field.x': 1e-5, 'magnetic_field.y': -1e-5,
+            'magnetic_field.z': 2e-5, 'angular_velocity.x': math.radians(1),
+            'angular_velocity.y': math.radians(-2), 'angular_velocity.z': math.radians(3),
+            'orientation.w': 0.5, 'orientation.x': -0.5, 'orientation.y': 0.5,
+            'orientation.z': 0.5}),)
 
     def decoder(self) -> Any:
         return Bno055Decoder()
 
     def frame_size(self, frame: Any) -> int:
         return 2 + len(frame.data)
+
+    def covered(self, frame: bytes) -> tuple[int, ...]:
+        return ()  # it has no checksum
 
 
 def test_units_and_covariances() -> None:

@@ -36,12 +36,16 @@ class TestMaxBotix(DriverContract):
         maxbotix(1000 + n) for n in range(4))
     samples = 9
     tokens = (b'R', b'\r', b'R1234', b'R12', b'R1234 P0\r', b'R123\r', b' P')
+    unknown = ('range',)  # REP 117
 
     def decoder(self) -> Any:
         return MaxBotixDecoder()
 
     def frame_size(self, frame: Any) -> int:
         return int(frame.size)
+
+    def covered(self, frame: bytes) -> tuple[int, ...]:
+        return ()  # it has no checksum
 
     def test_it_finds_its_way_out_of_garbage(self) -> None:
         # Readings are so short that garbage before one takes it along when it ends in R.

@@ -84,6 +84,11 @@ class TestNmea(DriverContract):
     samples = 4
     tokens = (b'$', b'\r\n', b'*', b'$GPGGA,', gga(), gga(quality='x'), rmc(), rmc(status='V'),
               gst(), sentence('GPGGA'), sentence('GPRMC,nan,A,inf,,,,,,999999'))
+    vectors = ((gga(), {'latitude': 48.1173, 'longitude': 11.516667, 'altitude': 592.3}),
+               (gga(position='4807.038,S,01131.000,W'),
+                {'latitude': -48.1173, 'longitude': -11.516667}))
+    # The message says so where there is no fix, or no height.
+    unknown = ('latitude', 'longitude', 'altitude')
 
     def decoder(self) -> Any:
         return NmeaDecoder()

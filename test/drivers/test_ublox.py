@@ -29,6 +29,7 @@ from rt_robot_os.drivers.decoders.ubx import UbxDecoder
 from rt_robot_os.drivers.encoders import nmea
 from rt_robot_os.drivers.encoders import ubx as encode
 from rt_robot_os.drivers.ublox import Ublox
+from test_ublox_decoder import FROM_PYUBX2
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
 NOON_S = int(NOON.timestamp())
@@ -46,6 +47,13 @@ class TestUblox(DriverContract):
     tokens = (b'\xb5', SYNC, SYNC + b'\x01\x07\x5c\x00', pvt(7), encode.acknowledge(6, 1), b'$GP',
               nmea.sentence('GPGSV,1,1,00'), encode.message(1, 7, bytes(84)))
     pending_limit = 3000
+    # The receiver tells its velocity north, east, down.
+    vectors = ((FROM_PYUBX2, {
+        'latitude': 52.5163456, 'longitude': -13.3777123, 'altitude': 81.234,
+        'twist.twist.linear.x': 2.5, 'twist.twist.linear.y': -1.5,
+        'twist.twist.linear.z': 0.3}),)
+    # The message says so where there is no fix.
+    unknown = ('latitude', 'longitude', 'altitude')
 
     def decoder(self) -> Any:
         return UbxDecoder()

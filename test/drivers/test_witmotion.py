@@ -54,6 +54,16 @@ class TestWitMotion(DriverContract):
     stream = b''.join(b''.join(instant(n)) for n in range(1, 5))
     samples = 8
     tokens = (b'\x55', b'\x55\x51', *instant(7), bytes(instant(9)[2][:9]))
+    # An eighth of the full scale is 2 g, 250 degrees a second and 22.5 degrees.
+    vectors = ((2 * (encode.frame(ACC, 4096, -4096, 8192, 0)
+                     + encode.frame(GYRO, -4096, 4096, 2048, 0)
+                     + encode.frame(MAG, 100, -200, 300, 0)
+                     + encode.frame(QUAT, 16384, -16384, 16384, 16384)), {
+        'linear_acceleration.x': 19.6133, 'linear_acceleration.y': -19.6133,
+        'linear_acceleration.z': 39.2266, 'angular_velocity.x': -4.36332,
+        'angular_velocity.y': 4.36332, 'angular_velocity.z': 2.18166, 'magnetic_field.x': 1.5e-5,
+        'magnetic_field.y': -3e-5, 'magnetic_field.z': 4.5e-5, 'orientation.w': 0.5,
+        'orientation.x': -0.5, 'orientation.y': 0.5, 'orientation.z': 0.5}),)
 
     def decoder(self) -> Any:
         return WitMotionDecoder()

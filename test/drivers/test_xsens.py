@@ -56,6 +56,12 @@ class TestXsens(DriverContract):
     tokens = (b'\xfa', b'\xfa\xff', b'\xfa\xff\x36', sample(7), encode.message(0x36, bytes(9)),
               encode.message(encode.ERROR, b'\x21'), encode.message(0x31))
     pending_limit = 2100
+    vectors = ((sample(1, quaternion=(0.5, -0.5, 0.5, 0.5)), {
+        'linear_acceleration.x': 1.0, 'linear_acceleration.y': 2.0, 'linear_acceleration.z': 4.0,
+        'angular_velocity.x': 0.1, 'angular_velocity.y': 0.2, 'angular_velocity.z': 0.3,
+        'magnetic_field.x': 0.5 * 4.9e-5, 'magnetic_field.y': -0.25 * 4.9e-5,
+        'magnetic_field.z': 4.9e-5, 'orientation.w': 0.5, 'orientation.x': -0.5,
+        'orientation.y': 0.5, 'orientation.z': 0.5}),)
 
     def decoder(self) -> Any:
         return XbusDecoder()

@@ -38,6 +38,7 @@ class TestBatteryGauge(DriverContract):
     stream = encode(12.34, 1.2, 73) + encode(11.0, -2.5, 40) + encode(9.9, -10.0, 3)
     samples = 3
     tokens = (b'$', b'$B12.34,', b'*5A\r\n', b'\r\n')
+    vectors = ((b'$B12.34,-01.20,073*5C\r\n', {'voltage': 12.34, 'current': -1.2}),)
 
     def decoder(self) -> GaugeDecoder:
         return GaugeDecoder()

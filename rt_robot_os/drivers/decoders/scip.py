@@ -48,6 +48,8 @@ _LINE: Final = LINE_CHARACTERS + 2
 # An echo of two letters, a status with its sum, and three line ends.
 _SHORTEST: Final = 8
 _NO_LINE_END: Final = re.compile(rb'[^\n]|\Z').search
+_PRINTED: Final = re.compile(rb'[ -~]{2,}').fullmatch
+_DIGITS: Final = re.compile(rb'[0-o]{4}').fullmatch
 _ECHO: Final = re.compile(rb'(?:M[DS]\d{13}|[A-Z]{2}|SCIP2\.0)(?:;[ -~]{0,16})?$').search
 
 Steps = npt.NDArray[np.int32]
@@ -147,7 +149,7 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
             if all(map(_informs, lines)):
                 return ScipFrame(echo, number, tuple(line[:-1] for line in lines), None, 0, size,
                                  end)
-        elif len(rest) >= 6 and rest[5:6] == b'\n' and _sums_up(rest[:5]):
+        elif len(rest) >= 6 and rest[5:6] == b'\n' and _sums_up(rest[:5]) and _DIGITS(rest[:4]):
             distances = _distances(rest[6:])
             if distances is not None:
                 return ScipFrame(echo, number, (), distances, _number(rest[:4]), size, end)
@@ -166,7 +168,8 @@ def _sums_up(line: bytes) -> bool:
 
 
 def _informs(line: bytes) -> bool:
-    return len(line) > 1 and checksum(line[:-1].removesuffix(b';')) == line[-1]
+    # The sum does not see the highest bits.
+    return _PRINTED(line) is not None and checksum(line[:-1].removesuffix(b';')) == line[-1]
 
 
 def checksum(content: bytes) -> int:
