@@ -100,6 +100,9 @@ class TestBlocks(DecoderContract):
     def frame_size(self, frame: Frame) -> int:
         return 3
 
+    def covered(self, frame: bytes) -> tuple[int, ...]:
+        return ()  # it has no checksum
+
 
 def test_a_frame_inside_of_what_is_none_is_found() -> None:
     good = box(b'abc')

@@ -30,6 +30,8 @@ MAX_PAYLOAD: Final = 1023
 _HEADER: Final = 3
 _OVERHEAD: Final = 6
 _POLYNOMIAL: Final = 0x1864CFB
+# Bytes whose checksum costs less than a product.
+_SHORT: Final = 16
 
 
 class RtcmFrame(NamedTuple):
@@ -111,6 +113,8 @@ class PartialCrc:
 
     def of(self, buffer: bytes, begin: int, end: int) -> int:
         """Give the checksum of a part of at most 1029 bytes."""
+        if end - begin <= _SHORT:
+            return crc24q(buffer[begin:end])
         if buffer is not self._buffer:
             self._buffer = buffer
             self._states = [0]
