@@ -27,6 +27,7 @@ from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 import io
+import math
 from pathlib import Path
 import re
 from typing import Any
@@ -120,8 +121,9 @@ def styles(labels: Sequence[str]) -> Sequence[tuple[str, str]]:
 
 
 def _draw(axes: Any, plot: Plot) -> None:
-    chosen = styles([series.label for series in plot.series])
-    for number, (series, (colour, dashes)) in enumerate(zip(plot.series, chosen)):
+    curves = [series for series in plot.series if len(series.x)]
+    chosen = styles([series.label for series in curves])
+    for number, (series, (colour, dashes)) in enumerate(zip(curves, chosen)):
         _curve(axes, series, colour, dashes, number)
     axes.set_title(plot.title, loc='left', fontsize=10)
     axes.set_xlabel(plot.x_label)
@@ -135,16 +137,17 @@ def _draw(axes: Any, plot: Plot) -> None:
     for axis, logarithmic in ((axes.xaxis, plot.x_log), (axes.yaxis, plot.y_log)):
         if logarithmic:
             low, high = axis.get_view_interval()
-            axis.set_major_formatter(_plain_numbers('1'))
+            floor = plot.y_floor if axis is axes.yaxis else None
+            axis.set_major_formatter(_plain_numbers('1', floor))
             axis.set_minor_formatter(_plain_numbers('25' if high < 700 * low else ''))
     axes.tick_params(which='minor', pad=5)  # in line with the longer major ones
     if plot.x_ticks:
         _ticks(axes.xaxis, plot.x_ticks)
-    if plot.series and all(series.style == 'steps' for series in plot.series):
+    if curves and all(series.style == 'steps' for series in curves):
         _ticks(axes.yaxis, _TAIL_TICKS)
     axes.grid(True, which='major', color='#dddddd', linewidth=0.6)
     axes.set_axisbelow(True)
-    if len(plot.series) > 1:
+    if len(curves) > 1:
         axes.legend(loc='upper left', bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8)
 
 
@@ -158,13 +161,16 @@ def _ticks(axis: Any, ticks: Sequence[tuple[float, str]]) -> None:
     axis.set_minor_locator(ticker.NullLocator())
 
 
-def _plain_numbers(digits: str) -> Any:
+def _plain_numbers(digits: str, floor: tuple[float, str] | None = None) -> Any:
     """
     Write 0.001 and 100,000 as such, which people read faster than powers.
 
     :param digits: only numbers that begin with one of them.
+    :param floor: a value, and what is written there instead.
     """
     def text(value: float, position: object) -> str:
+        if floor is not None and math.isclose(value, floor[0]):
+            return floor[1]
         plain = f'{value:,.0f}' if value >= 1 else f'{value:g}'
         return plain if plain.lstrip('0.')[:1] in tuple(digits) else ''
 

@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 _POINTS = 240
 _BINS = 120
+# A picture whose values differ by less than this part of them shows nothing.
+_FLAT = 0.02
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Plot:
     :ivar x_log: the horizontal axis is logarithmic.
     :ivar y_from_zero: the vertical axis begins at 0, so that small changes look small.
     :ivar x_ticks: where the horizontal axis is labelled, and how; empty: at round numbers.
+    :ivar y_floor: a power of ten to which smaller values are raised, and what is written there.
     """
 
     name: str
@@ -63,6 +66,14 @@ class Plot:
     y_log: bool = False
     y_from_zero: bool = False
     x_ticks: Sequence[tuple[float, str]] = ()
+    y_floor: tuple[float, str] | None = None
+
+    def flat(self) -> tuple[float, float] | None:
+        """Give the least and the largest value when they are all but the same; else None."""
+        values = [y for series in self.series for y in series.y]
+        if len(values) < 2 or max(values) - min(values) > _FLAT * abs(max(values)):
+            return None
+        return min(values), max(values)
 
     def as_json(self) -> dict[str, Any]:
         """Give what it is about; the samples are elsewhere."""
@@ -79,7 +90,7 @@ def tail(label: str, samples: NDArray[np.int64], unit_ns: float) -> Series:
     ordered = np.sort(samples)
     count = len(ordered)
     if not count:
-        return Series(label, (), ())
+        return Series(label, (), (), 'steps')
     # As many points in each decade of what is above, the very last sample included.
     above = np.unique(np.geomspace(1, count, _POINTS).round().astype(np.int64))[::-1]
     values = np.maximum(ordered[count - above] / unit_ns, 0.1)

@@ -99,7 +99,11 @@ def _case(result: CaseResult) -> Iterator[Block]:
         yield from _notes(table)
     if drawing.available():
         for plot in result.plots:
-            if any(series.x for series in plot.series):
+            flat = plot.flat()
+            if flat is not None:
+                yield Paragraph(f'{plot.title}: {flat[0]:.4g} to {flat[1]:.4g} ({plot.y_label}), '
+                                'so there is no picture.')
+            elif any(series.x for series in plot.series):
                 yield Picture(plot, f'{result.name}-{plot.name}')
     for table in result.tables:
         if table.title:

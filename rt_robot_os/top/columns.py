@@ -74,23 +74,18 @@ def rate(value: float | None) -> str:
 
 
 def microseconds(value: float | None) -> str:
-    """Write a duration given in microseconds in at most five characters."""
+    """Write a duration in microseconds, whatever it is: those of a column can be compared."""
     if value is None:
         return '-'
-    if value < 99.95:
-        return f'{value:.1f}' if value else '0'
-    if value < 9999.5:
-        return f'{value:.0f}'
-    return f'{value / 1e3:.0f}ms' if value < 999_500 else f'{value / 1e6:.1f}s'
+    return f'{value:.1f}' if 0 < value < 99.95 else f'{value:.0f}'
 
 
 def seconds(value: float | None) -> str:
-    """Write an age."""
+    """Write an age in seconds, whatever it is."""
     if value is None:
         return '-'
-    if value < 0.9995:
-        return f'{value * 1e3:.0f}ms'
-    return f'{value:.1f}s' if value < 99.95 else f'{value:.0f}s'
+    digits = 3 if value < 9.9995 else 1 if value < 99.95 else 0
+    return f'{value:.{digits}f}'
 
 
 def _late(row: TaskRow) -> str:
@@ -156,7 +151,7 @@ TOPICS: tuple[Column, ...] = (
     _column('name', 'TOPIC'),
     _column('rate_hz', 'Hz', rate, style=_silent),
     _column('declared_hz', 'of', lambda hz: rate(hz) if hz else '-', style=lambda row: 'dim'),
-    _column('age_s', 'AGE', seconds),
+    _column('age_s', 'AGE s', seconds),
     _column('slot_bytes', 'BYTES', rank=3),
     _column('depth', 'DEPTH', rank=4),
     _column('published', 'SENT', rank=5),
@@ -170,7 +165,7 @@ DEVICES: tuple[Column, ...] = (
     _column('name', 'DEVICE'),
     _column('state', 'STATE', style=_state),
     _column('rate_hz', 'Hz', rate),
-    _column('age_s', 'AGE', seconds),
+    _column('age_s', 'AGE s', seconds),
     _column('faults', 'FAULTS'),
     _column('opened', 'OPENED', rank=4),
     _column('lost_samples', 'LOST', rank=2),
@@ -188,7 +183,7 @@ CLIENTS: tuple[Column, ...] = (
     _column('limited', 'LIMITED', rank=1),
     _column('skipped', 'SKIPPED', rank=4),
     _column('dropped', 'DROPPED', rank=5),
-    _column('quiet_s', 'QUIET', seconds),
+    _column('quiet_s', 'QUIET s', seconds),
 )
 
 TABLES: dict[str, tuple[Column, ...]] = {

@@ -26,15 +26,20 @@ import pytest
 from rt_robot_os.bench.advice import needs
 from rt_robot_os.bench.blocks import Bullets
 from rt_robot_os.bench.blocks import Grid
+from rt_robot_os.bench.blocks import Paragraph
 from rt_robot_os.bench.drawing import styles
+from rt_robot_os.bench.drawing import svg
 from rt_robot_os.bench.machine import describe
 from rt_robot_os.bench.machine import warnings
 from rt_robot_os.bench.markdown import markdown
 from rt_robot_os.bench.page import page
 from rt_robot_os.bench.plot import histogram
+from rt_robot_os.bench.plot import Plot
+from rt_robot_os.bench.plot import Series
 from rt_robot_os.bench.plot import tail
 from rt_robot_os.bench.progress import duration
 from rt_robot_os.bench.progress import Progress
+from rt_robot_os.bench.report import _case
 from rt_robot_os.bench.result import Aim
 from rt_robot_os.bench.result import CaseResult
 from rt_robot_os.bench.result import Metric
@@ -70,6 +75,33 @@ def test_a_histogram_leaves_no_sample_out(values: list[int]) -> None:
 
 def test_nothing_measured_is_no_curve() -> None:
     assert tail('x', np.zeros(0, np.int64), 1e3).x == ()
+
+
+def test_a_picture_of_what_does_not_change_is_a_sentence() -> None:
+    def plot(*values: float) -> Plot:
+        return Plot('memory', 'Memory over time', 'time, s', 'resident size, MB',
+                    [Series('rt_robot_os', range(len(values)), values, 'marks')])
+
+    assert plot(33.4, 33.4, 33.5).flat() == (33.4, 33.5)
+    assert plot(33.4, 40.0).flat() is None
+    assert plot().flat() is None
+    blocks = list(_case(CaseResult('x', 'x', (), (), (plot(33.4, 33.4), plot(1.0, 2.0)))))
+    said = [block.text for block in blocks if isinstance(block, Paragraph)]
+    assert 'Memory over time: 33.4 to 33.4 (resident size, MB), so there is no picture.' in said
+
+
+def test_a_floor_is_named_and_an_empty_curve_is_left_out() -> None:
+    pytest.importorskip('matplotlib', reason='matplotlib is not installed')
+    plot = Plot('error', 'Error', 'Hz', 'error, %', [
+        Series('rclpy', (200, 500), (1e-4, 1.0), 'marks'), Series('HORUS', (), (), 'marks')],
+        y_log=True, y_floor=(1e-4, 'none at all'))
+    drawn = svg(plot, 'x')
+    assert 'none at all' in drawn and '0.0001' not in drawn
+    assert 'HORUS' not in drawn
+    tails = svg(Plot('tail', 'Tail', 'us', 'part', [
+        tail('rclpy', np.arange(1, 5000), 1.0), tail('HORUS', np.zeros(0, np.int64), 1.0)],
+        x_log=True, y_log=True), 'y')
+    assert '1 % (p99)' in tails
 
 
 def test_a_need_tells_who_gives_it() -> None:

@@ -32,6 +32,8 @@ from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.facts import CoreStatistics
 from rt_robot_os.link.records import TaskCounts
 from rt_robot_os.top.columns import check_sort
+from rt_robot_os.top.columns import microseconds
+from rt_robot_os.top.columns import seconds
 from rt_robot_os.top.compare import compare
 from rt_robot_os.top.compare import Sample
 from rt_robot_os.top.controls import Controls
@@ -131,6 +133,15 @@ def test_it_fits_every_terminal(width: int, height: int, part: str) -> None:
     assert len(lines) <= height
     if width >= 60:  # below, what matters most is cut by the terminal
         assert all(sum(len(text) for text, _ in line) <= width for line in lines)
+
+
+@pytest.mark.parametrize('write', [microseconds, seconds])
+@given(values=st.lists(st.floats(0.0, 1e8), min_size=2, max_size=2))
+def test_the_figures_of_a_column_can_be_compared_as_they_stand(
+        write: Any, values: list[float]) -> None:
+    small, large = sorted(values)
+    assert float(write(small)) <= float(write(large))
+    assert float(write(large)) == pytest.approx(large, abs=0.6)
 
 
 def test_in_80_columns_what_matters_most_is_there() -> None:

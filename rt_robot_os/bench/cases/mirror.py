@@ -42,6 +42,8 @@ from rt_robot_os.units import NS_PER_US
 
 _RATE_HZ = 2000
 _GATHER_MS = 5.0
+# Between those that are drawn: the table has them.
+_NOT_DRAWN = ('mirror 1', 'mirror 10')
 _WARMUP_NS = 600 * NS_PER_MS
 _START_S = 1.2
 _LIMIT_US = 5.0
@@ -140,7 +142,7 @@ def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
                 'part of the calls that is later',
                 [tail(outcomes.runs[key].label, np.concatenate(
                     [punctual.timing_of(o).latencies for o in outcomes.measured(key)]), 1e3)
-                 for key in keys if outcomes.measured(key)],
+                 for key in keys if outcomes.measured(key) and key not in _NOT_DRAWN],
                 'The closer the curves, the less the ROS side reaches the core.', True, True)
     return Table('The core while the ROS side is busy', _ISOLATION_COLUMNS, rows,
                  _ISOLATION_NOTES), aims, plot

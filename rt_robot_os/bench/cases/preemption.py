@@ -218,7 +218,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
          Table('Three levels, and native code', _LEVEL_COLUMNS, levels, _LEVEL_NOTES)), aims,
-        (_intervals_plot(outcomes), _tails_plot(outcomes)), needs)
+        (_intervals_plot(outcomes), *_tails_plots(outcomes)), needs)
 
 
 def _level_rows(outcomes: Outcomes, key: str) -> list[Row]:
@@ -250,16 +250,23 @@ def _intervals_plot(outcomes: Outcomes) -> Plot:
                 True, True)
 
 
-def _tails_plot(outcomes: Outcomes) -> Plot:
-    series = []
+def _tails_plots(outcomes: Outcomes) -> tuple[Plot, ...]:
+    floors, peers = [], []
     for key, run in outcomes.runs.items():
         latencies = [_timing(outcome).latencies for outcome in outcomes.measured(key)]
         if latencies and not key.startswith(('levels', 'native', 'multi free')):
-            series.append(tail(run.label, np.concatenate(latencies), NS_PER_US))
-    return Plot('latency', 'How late the 1 kHz task is', 'latency, us',
-                'part of the calls that is later', series,
-                'Further left and lower is better: where a curve crosses 1 % is its p99.', True,
-                True)
+            curve = tail(run.label, np.concatenate(latencies), NS_PER_US)
+            if key.startswith('floor') or key == 'kernel':
+                floors.append(curve)
+            if not key.startswith('floor'):
+                peers.append(curve)
+    caption = 'Further left and lower is better: where a curve crosses 1 % is its p99.'
+    return tuple(
+        Plot(name, title, 'latency, us', 'part of the calls that is later', series, caption, True,
+             True)
+        for name, title, series in (
+            ('latency', 'How late the 1 kHz task is, beside what the machine can do', floors),
+            ('latency-peers', 'How late the 1 kHz task is in each system', peers)))
 
 
 CASE = Case('preemption', 'a 1 kHz task over one that computes: latency and jitter', _plan,

@@ -165,20 +165,23 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 
 def _plots(outcomes: Outcomes) -> Sequence[Plot]:
-    delays, memory = [], []
+    delays: dict[str, list[Series]] = {'mean': [], 'max': []}
+    memory = []
     unit, unit_s = _time_unit(outcomes)
     for key, run in outcomes.runs.items():
         for outcome in outcomes.measured(key)[:1]:
             moments = (outcome.samples['time_s'] / unit_s).tolist()
-            delays += [Series(f'{run.label}, {name}', moments,
-                              np.maximum(outcome.samples[f'delay_{name}_us'], 0.1).tolist(),
-                              'marks') for name in ('mean', 'max')]
+            for name, series in delays.items():
+                series.append(Series(
+                    run.label, moments,
+                    np.maximum(outcome.samples[f'delay_{name}_us'], 0.1).tolist(), 'marks'))
             if key == 'kernel':
                 memory.append(Series(run.label, moments,
                                      (outcome.samples['resident_kb'] / 1000).tolist(), 'marks'))
-    return (Plot('delay', 'Delay of the attitude over time', f'time, {unit}', 'delay, us', delays,
-                 'Lower and flatter is better. A point is a row: mean and maximum of its time.',
-                 False, True),
+    return (Plot('delay', 'Mean delay of the attitude over time', f'time, {unit}', 'delay, us',
+                 delays['mean'], 'Lower and flatter is better. A point is a row.', False, True),
+            Plot('delay-max', 'Largest delay of the attitude over time', f'time, {unit}',
+                 'delay, us', delays['max'], 'Lower is better. A point is a row.', False, True),
             Plot('memory', 'Memory of the process over time', f'time, {unit}', 'resident size, MB',
                  memory, 'Flat is right.', y_from_zero=True))
 
