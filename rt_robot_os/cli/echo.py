@@ -17,7 +17,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import sys
+from types import FrameType
 
 
 def main() -> int:
@@ -30,6 +33,18 @@ def main() -> int:
     parser.add_argument('--timeout', type=float, default=10.0,
                         help='seconds to wait for somebody to publish (default %(default)g)')
     arguments = parser.parse_args(sys.argv[1:])
+    stops: list[int] = []
+
+    def stop(signum: int, frame: FrameType | None) -> None:
+        stops.append(signum)
+
+    # Now already: loading rclpy takes long enough to be interrupted.
+    for signo in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signo, stop)
     from rt_robot_os.ros.echo import echo
-    return echo(arguments.topic, hz=arguments.hz, count=arguments.count,
-                timeout_s=arguments.timeout)
+    try:
+        return echo(arguments.topic, hz=arguments.hz, count=arguments.count,
+                    timeout_s=arguments.timeout, stopping=lambda: bool(stops))
+    except BrokenPipeError:  # who read, such as `head`, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0

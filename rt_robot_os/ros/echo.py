@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Iterator
 import sys
 import time
@@ -23,13 +24,14 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.topics.resolve import message_class
 
 _ITEMS_SHOWN = 16
+_LOOK_S = 0.1
 
 
 def lines_of(value: Any, name: str = '', indent: int = 0) -> Iterator[str]:
@@ -56,13 +58,14 @@ def lines_of(value: Any, name: str = '', indent: int = 0) -> Iterator[str]:
         yield f'{pad}{name}: [{", ".join(map(str, items[:_ITEMS_SHOWN]))}{cut}]'
 
 
-def _type_of(node: Node, topic: str, timeout_s: float) -> str | None:
+def _type_of(node: Node, topic: str, timeout_s: float, stopping: Callable[[], bool]
+             ) -> str | None:
     deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
+    while time.monotonic() < deadline and not stopping():
         for name, types in node.get_topic_names_and_types():
             if name == topic:
                 return str(types[0])
-        rclpy.spin_once(node, timeout_sec=0.1)
+        rclpy.spin_once(node, timeout_sec=_LOOK_S)
     return None
 
 
@@ -86,17 +89,23 @@ class _Printer:
             self.left -= 1
 
 
-def echo(topic: str, *, hz: bool, count: int, timeout_s: float) -> int:
+def echo(topic: str, *, hz: bool, count: int, timeout_s: float,
+         stopping: Callable[[], bool]) -> int:
     """
-    Print a topic until Ctrl-C or so many times.
+    Print a topic until told to stop, or so many times.
 
+    :param stopping: whether to stop, asked ten times a second. Signals are the caller's: rclpy's
+        own handlers would pull the context away from under whatever is being made.
     :return: the exit code; 1 when nobody publishes it.
+    :raises BrokenPipeError: nobody reads what is printed any more.
     """
     topic = topic if topic.startswith('/') else f'/{topic}'
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('rt_robot_os_echo')
     try:
-        type_name = _type_of(node, topic, timeout_s)
+        type_name = _type_of(node, topic, timeout_s, stopping)
+        if stopping():
+            return 0
         if type_name is None:
             print(f'echo: nobody publishes {topic} (waited {timeout_s:g} s); there are: '
                   + ', '.join(sorted(n for n, _ in node.get_topic_names_and_types())),
@@ -105,10 +114,8 @@ def echo(topic: str, *, hz: bool, count: int, timeout_s: float) -> int:
         printer = _Printer(hz, count)
         # Best effort takes part with publishers of either kind.
         node.create_subscription(message_class(type_name), topic, printer, qos_profile_sensor_data)
-        while printer.left:
-            rclpy.spin_once(node, timeout_sec=0.5)
-        return 0
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while printer.left and not stopping():
+            rclpy.spin_once(node, timeout_sec=_LOOK_S)
         return 0
     finally:
         node.destroy_node()

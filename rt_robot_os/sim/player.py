@@ -18,11 +18,13 @@ Play a recorded byte log through a pty, as the device would have sent it.
 
 The bytes are those of the log. Lines that begin with ``#`` are notes of whoever recorded it and
 are left out; in a log that is not text only those at its beginning, as ``#`` may be data later on.
+A log is text although some bytes of it are not: lines are noisy, and receivers are switched on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import dropwhile
 import os
 from pathlib import Path
 from typing import Final
@@ -41,6 +43,9 @@ _LOOK_FOR_READER_NS: Final = 20 * NS_PER_MS
 # Unplugging throws away what the reader has not fetched yet.
 _LINGER_NS: Final = NS_PER_S
 _PIECE: Final = 1024
+_TEXT: Final = bytes((*range(0x20, 0x7f), *b'\t\r\n'))
+# One byte in so many may be none of a text.
+_NOISE_MOST: Final = 20
 _DAY_NS: Final = 86_400 * NS_PER_S
 # Where the time of day stands in the sentences that have one.
 _TIME_FIELD: Final = {b'GGA': 1, b'RMC': 1, b'GST': 1, b'ZDA': 1, b'GNS': 1, b'GBS': 1, b'GLL': 5}
@@ -63,8 +68,9 @@ def load_log(path: str | os.PathLike[str]) -> tuple[bytes, ...]:
         data = Path(path).read_bytes()
     except OSError as error:
         raise ConfigError([f'{path} cannot be read ({error.strerror}): check the path']) from error
-    lines = data.splitlines(keepends=True) if data.isascii() else _binary_lines(data)
-    kept = tuple(line for line in lines if not line.startswith(b'#')) if data.isascii() else lines
+    lines = data.splitlines(keepends=True)
+    kept = ([line for line in lines if not line.startswith(b'#')] if _is_text(data) else
+            list(dropwhile(lambda line: line.startswith(b'#'), lines)))
     if not kept:
         raise ConfigError([f'{path} holds nothing to play: choose another log'])
     return tuple(kept)
@@ -226,15 +232,15 @@ class Player:
         return round(step_ns / self._speed)
 
 
-def _binary_lines(data: bytes) -> tuple[bytes, ...]:
-    while data.startswith(b'#'):
-        data = data.partition(b'\n')[2]
-    return (data,) if data else ()
+def _is_text(data: bytes) -> bool:
+    return len(data.translate(None, _TEXT)) * _NOISE_MOST <= len(data)
 
 
 def _time_of_day_ns(line: bytes) -> int | None:
-    fields = line.split(b'*')[0].split(b',')
-    place = _TIME_FIELD.get(fields[0][3:]) if line.startswith(b'$') else None
+    # What stands before the sentence is noise, or another protocol of the same receiver.
+    _, dollar, sentence = line.rpartition(b'$')
+    fields = sentence.split(b'*')[0].split(b',')
+    place = _TIME_FIELD.get(fields[0][2:]) if dollar else None
     if place is None or len(fields) <= place:
         return None
     text = fields[place]

@@ -228,6 +228,33 @@ def test_only_leading_notes_are_left_out_of_a_log_that_is_not_text(tmp_path: Pat
     assert b''.join(load_log(tmp_path / 'x.log')) == b'\x55\xff\n#\x00data'
 
 
+@pytest.mark.parametrize('noise', [b'\xff', b'\0', b'\xb5\x62\x01\x07'])
+@pytest.mark.parametrize('place', [0, 30, 1000, -1])
+def test_noise_on_the_line_makes_no_one_line_of_a_log(noise: bytes, place: int, tmp_path: Path
+                                                      ) -> None:
+    clean = [b'# recorded on the roof\r\n', *(
+        b'$GPGGA,1200%02d.00,4717.11,N,00833.91,E,1,08,1.01,499.6,M,48.0,M,,*5B\r\n' % second
+        for second in range(30)), b'# the end\r\n']
+    data = b''.join(clean[1:-1])
+    at = place % len(data)
+    data = data[:at] + noise + data[at:]
+    (tmp_path / 'x.log').write_bytes(clean[0] + data + clean[-1])
+    lines = load_log(tmp_path / 'x.log')
+    assert b''.join(lines) == data
+    pieces = by_nmea_time(lines)
+    assert pieces[-1][0] == 29 * S
+    assert len({offset for offset, _ in pieces}) >= 29
+
+
+def test_sentences_between_frames_of_another_protocol_have_their_times(tmp_path: Path) -> None:
+    frame = bytes(range(0x80, 0xe0)) + b'\n#\0'
+    data = b''.join(frame + b'$GNRMC,1200%02d.00,A,,,,,,,,,,A*7A\r\n' % n for n in range(5))
+    (tmp_path / 'x.ubx').write_bytes(data)
+    lines = load_log(tmp_path / 'x.ubx')
+    assert b''.join(lines) == data
+    assert sorted({offset for offset, _ in by_nmea_time(lines)}) == [n * S for n in range(5)]
+
+
 @pytest.mark.parametrize('arguments, message', [
     ({'baud': 9600, 'speed': 0.0}, 'speed 0'),
     ({'baud': 9600, 'speed': float('nan')}, 'speed nan'),
