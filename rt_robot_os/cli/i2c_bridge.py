@@ -47,6 +47,7 @@ from rt_robot_os.sim.i2c_port import I2cPort
 
 OK, FAILED, BAD_ARGUMENTS = 0, 1, 2
 _WAIT_S = 0.5
+_PINNED_BY_S = 5.0
 
 
 class Bridge:
@@ -132,6 +133,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return BAD_ARGUMENTS
     if arguments.with_parent:
+        # One that is started again inherits what the core has: its CPU and its priority.
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         _leave_cpu(arguments.with_parent)
     if arguments.priority:
         result = set_fifo(arguments.priority)
@@ -139,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f'i2c_bridge: {result}', file=sys.stderr)
     print(port.socket_path, flush=True)
     try:
-        _serve(port, 0 if arguments.with_parent else None)
+        _serve(port, arguments.with_parent)
     finally:
         port.unplug()
         bridge.close()
@@ -173,7 +176,6 @@ def open_transport(path: str) -> I2cTransport:
 
 def _leave_cpu(parent: int) -> None:
     """Leave the CPU of a core that is pinned to it alone, if there is another."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     try:
         of_core = os.sched_getaffinity(parent)
         others = set(range(os.cpu_count() or 1)) - of_core
@@ -183,26 +185,32 @@ def _leave_cpu(parent: int) -> None:
         pass  # it has ended, or these are not ours: then it stays where it is
 
 
-def _serve(port: I2cPort, lifeline: int | None) -> None:
+def _serve(port: I2cPort, parent: int) -> None:
     """
     Serve until a signal comes.
 
-    :param lifeline: descriptor whose end of file is the end, too; Ctrl-C is then left to who
-        holds its other end.
+    :param parent: the core that started it, or 0. The end of the standard input is then the end,
+        too, and Ctrl-C is left to the core.
     """
     stopped: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda signum, frame: stopped.append(signum))
-    if lifeline is not None:
+    if parent:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     # One that is started again by a core that runs begins with the signals that it had blocked.
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
-    watched = [port.fileno()] + ([] if lifeline is None else [lifeline])
+    lifeline = sys.stdin.fileno() if parent else -1
+    watched = [port.fileno()] + [lifeline] * bool(parent)
+    # The core is pinned after it has started this process.
+    look_at = time.monotonic() + _PINNED_BY_S if parent else float('inf')
     while not stopped:
         readable, _, _ = select.select(watched, [], [], _WAIT_S)
         if lifeline in readable:
             break
         port.serve(time.monotonic_ns())
+        if time.monotonic() > look_at:
+            look_at = float('inf')
+            _leave_cpu(parent)
 
 
 if __name__ == '__main__':

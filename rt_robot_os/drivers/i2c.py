@@ -80,13 +80,11 @@ class I2cTransport(Protocol):
 
 
 class I2cConnection(Protocol):
-    """
-    What carries the transactions of one device; it has at most one under way.
+    """What carries the transactions of one device; it has at most one under way."""
 
-    :ivar gone: it is of no use any more, and has to be opened anew.
-    """
-
-    gone: bool
+    @property
+    def gone(self) -> bool:
+        """Say whether it is of no use any more, and has to be opened anew."""
 
     def begin(self, address: int, data: bytes, size: int) -> None:
         """

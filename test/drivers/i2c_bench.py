@@ -28,8 +28,10 @@ from typing import Any
 
 from driver_fakes import bind
 from driver_fakes import settings_of
+from rt_robot_os.drivers.i2c import DirectConnection
 from rt_robot_os.drivers.i2c import I2cBus
 from rt_robot_os.drivers.i2c import I2cBuses
+from rt_robot_os.drivers.i2c import I2cTransport
 from rt_robot_os.drivers.i2c import Transfer
 from rt_robot_os.drivers.i2c_device import I2cDevice
 from rt_robot_os.errors import DeviceError
@@ -96,6 +98,44 @@ def i2c_rig(simulator: type[SimulatedChip], driver: type[I2cDevice],
         made.device.open()
     yield made
     made.device.close()
+
+
+class LateConnection:
+    """A bus whose answers are there with the next look, as those of another process."""
+
+    def __init__(self, transport: I2cTransport) -> None:
+        self.direct = DirectConnection(transport)
+        self.waiting = False
+
+    @property
+    def gone(self) -> bool:
+        return self.direct.gone
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        self.waiting = True
+        self.direct.begin(address, data, size)
+
+    def answer(self) -> bytes | None:
+        if self.waiting:
+            self.waiting = False
+            return None
+        return self.direct.answer()
+
+    def fileno(self) -> int | None:
+        return None
+
+    def close(self) -> None:
+        self.direct.close()
+
+
+class LateBuses(I2cBuses):
+    """Buses whose answers come late."""
+
+    def take(self, path: str) -> I2cBus:
+        bus = super().take(path)
+        assert isinstance(bus.connection, DirectConnection)
+        bus.connection = LateConnection(bus.connection.transport)
+        return bus
 
 
 class ScriptedTransport:

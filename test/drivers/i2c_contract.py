@@ -37,6 +37,7 @@ from i2c_bench import ERRORS
 from i2c_bench import failing
 from i2c_bench import i2c_rig
 from i2c_bench import I2cRig
+from i2c_bench import LateBuses
 from i2c_bench import MS
 from i2c_bench import S
 from i2c_bench import ScriptedTransport
@@ -120,6 +121,60 @@ class I2cContract:
 
             rig.run(2000, each=look)
             assert 0 < longest < 3 * MS
+
+    # --- answers that come later ---------------------------------------------------------------
+
+    def late_rig(self, sim: dict[str, Any] | None = None) -> Any:
+        """Give a rig whose answers are there with the next poll."""
+        rig = I2cRig(self.simulator, self.driver, sim or {}, {})
+        rig.device.buses = LateBuses(rig.open_bus)
+        rig.device.open()
+        return rig
+
+    def test_samples_keep_their_rate_when_answers_come_later(self) -> None:
+        rig = self.late_rig()
+        rig.run(1000, step_ms=0.25)
+        before = rig.device.statistics()
+        samples = rig.run(3000, step_ms=0.25)
+        statistics = rig.device.statistics()
+        assert samples == pytest.approx(3 * self.per_second(rig), rel=0.05)
+        assert statistics.lost_samples == before.lost_samples
+        assert statistics.rejected_frames == 0
+        stamps = rig.publishers[0].stamps
+        assert all(a < b for a, b in zip(stamps, stamps[1:]))
+        rig.device.close()
+
+    @pytest.mark.parametrize('fault, said', [
+        ('nack', 'no device answers'), ('wrong', 'it is probably a'), ('hold', 'SDA or SCL low'),
+        ('vanish', 'the bus is gone')])
+    def test_what_is_wrong_is_told_when_answers_come_later(self, fault: str, said: str) -> None:
+        rig = self.late_rig({'faults': [f'{fault} at 0 for 100']})
+        assert said in rig.run_until_error(500)
+        rig.device.close()
+        assert rig.device.buses.open_count == 0
+
+    def test_a_job_that_is_aborted_anywhere_spoils_nothing(self) -> None:
+        class Aborted(BaseException):
+            pass
+
+        for at in range(1, 12):
+            rig = self.late_rig()
+            rig.run(800, step_ms=0.25)
+            begin, calls = rig.device._bus.begin, 0
+
+            def cut(transfer: Any, now_ns: int) -> None:
+                nonlocal calls
+                calls += 1
+                begin(transfer, now_ns)
+                if calls == at:
+                    raise Aborted
+
+            rig.device._bus.begin = cut
+            with pytest.raises(Aborted):
+                rig.run(2000, step_ms=0.25)
+            rig.run(500, step_ms=0.25)
+            assert rig.run(1000, step_ms=0.25) == pytest.approx(self.per_second(rig), rel=0.1)
+            rig.device.close()
 
     # --- the chip and the bus ------------------------------------------------------------------
 
