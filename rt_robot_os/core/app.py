@@ -204,7 +204,7 @@ class Core:
         :return: why it stopped.
         :raises RtRobotError: a module or the link could not be prepared.
         """
-        collector = SlackCollector(self.kernel.now_ns)
+        collector = SlackCollector(self.kernel.now_ns, self.kernel.clock.computed_ns)
         collector.on_overdue = functools.partial(self.note, Severity.WARN, 'core')
         self.kernel.on_idle = collector.idle
         try:
@@ -278,6 +278,7 @@ class Core:
     def _watch(self) -> None:
         """Tell people of failed jobs and save the black box, at the lowest priority."""
         self._drain_taps()
+        self.kernel.guard_handlers()
         self._failures.watch()
         self.black_box.watch()
         self.guard.ready()

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 import gc
 
@@ -26,9 +27,13 @@ from rt_robot_os.units import NS_PER_US
 INTERVAL_NS = NS_PER_S
 _SHORTEST_GUESS_NS = 20 * NS_PER_US
 _MARGIN = 2
-# So many intervals without a gap that is wide enough: less margin then, later a word to people.
+# So many intervals without a gap that is wide enough: less margin then, then less than the
+# longest, later a word to people.
 _PATIENCE = 10
+_IMPATIENCE = 30
 _OVERDUE = 60
+# Only so many runs are remembered: one that met a busy moment must not count for ever.
+_REMEMBERED = 8
 
 
 class SlackCollector:
@@ -36,18 +41,22 @@ class SlackCollector:
     Run the collector about once a second, only in a gap that is long enough.
 
     A collection cannot be preempted, so it is only started when the next release is at least
-    twice as far away as the longest collection so far took; as far, when it has waited for long.
+    twice as far away as the longest of the last ones took; as far, when it has waited for long; in
+    the end as far as the shortest of them. What counts is computing time: what Linux took
+    meanwhile says nothing about the next one.
 
+    :param computed_ns: computing time of this thread; by default the time.
     :ivar collections: how many there were.
-    :ivar longest_ns: the longest of them, also of that at the start.
     :ivar on_overdue: told once when no gap was wide enough for a minute.
     """
 
-    def __init__(self, now_ns: Callable[[], int], interval_ns: int = INTERVAL_NS) -> None:
+    def __init__(self, now_ns: Callable[[], int], computed_ns: Callable[[], int] | None = None,
+                 interval_ns: int = INTERVAL_NS) -> None:
         self.collections = 0
-        self.longest_ns = 0
         self.on_overdue: Callable[[str], object] | None = None
         self._now_ns = now_ns
+        self._computed_ns = computed_ns or now_ns
+        self._took_ns: deque[int] = deque([0], maxlen=_REMEMBERED)
         self._interval_ns = interval_ns
         self._next_ns = 0
         self._told = False
@@ -55,10 +64,22 @@ class SlackCollector:
     def prime(self) -> None:
         """Collect before the loop starts, and learn how long it takes."""
         for _ in range(2):  # the first finds what the start left behind
-            begin_ns = self._now_ns()
-            gc.collect()
-            self.longest_ns = self._now_ns() - begin_ns
+            took_ns = self._collect()
+        self._took_ns.clear()
+        self._took_ns.append(took_ns)
         self._next_ns = self._now_ns() + self._interval_ns
+
+    @property
+    def longest_ns(self) -> int:
+        """Give the computing time of the longest of the last collections."""
+        return max(self._took_ns)
+
+    def _collect(self) -> int:
+        begin_ns = self._computed_ns()
+        gc.collect()
+        took_ns = self._computed_ns() - begin_ns
+        self._took_ns.append(took_ns)
+        return took_ns
 
     def idle(self, slack_ns: int) -> None:
         """
@@ -70,17 +91,21 @@ class SlackCollector:
         waited_ns = now_ns - self._next_ns
         if waited_ns < 0:
             return
-        margin = _MARGIN if waited_ns < _PATIENCE * self._interval_ns else 1
-        wanted_ns = margin * max(self.longest_ns, _SHORTEST_GUESS_NS)
+        if waited_ns < _IMPATIENCE * self._interval_ns:
+            margin = _MARGIN if waited_ns < _PATIENCE * self._interval_ns else 1
+            wanted_ns = margin * max(self.longest_ns, _SHORTEST_GUESS_NS)
+        else:
+            wanted_ns = min(self._took_ns)
         if slack_ns < wanted_ns:
             if waited_ns > _OVERDUE * self._interval_ns and not self._told:
                 self._tell(wanted_ns)
             return
-        gc.collect()
-        end_ns = self._now_ns()
+        took_ns = self._collect()
+        if waited_ns >= _IMPATIENCE * self._interval_ns:  # longer ones were the exception
+            self._took_ns.clear()
+            self._took_ns.append(took_ns)
         self.collections += 1
-        self.longest_ns = max(self.longest_ns, end_ns - now_ns)
-        self._next_ns = end_ns + self._interval_ns
+        self._next_ns = self._now_ns() + self._interval_ns
 
     def _tell(self, wanted_ns: int) -> None:
         self._told = True

@@ -26,6 +26,7 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Callable
 from collections.abc import Iterable
+from functools import partial
 import signal
 import threading
 import time
@@ -46,16 +47,26 @@ INTERRUPT_SIGNAL = signal.SIGRTMIN + 6
 Handler = Callable[..., None]
 
 
+def signal_name(signo: int) -> str:
+    """Name a signal; those of real time have numbers only."""
+    try:
+        return signal.Signals(signo).name
+    except ValueError:
+        return f'signal {signo}'
+
+
 class Clock(ABC):
     """
     What a kernel needs of a clock.
 
     :ivar now_ns: a callable that gives the time in nanoseconds; never runs backwards.
+    :ivar computed_ns: a callable that gives the computing time of the kernel's thread.
     :cvar has_signals: file descriptors interrupt what runs.
     :cvar preemptive: the alarm interrupts what runs.
     """
 
     now_ns: Callable[[], int]
+    computed_ns: Callable[[], int]
     has_signals: ClassVar[bool] = False
     preemptive: ClassVar[bool] = True
 
@@ -70,6 +81,13 @@ class Clock(ABC):
     @abstractmethod
     def detach(self) -> None:
         """Undo :meth:`attach`; may be called twice."""
+
+    def wrap_handlers(self, run: Callable[..., None]) -> None:
+        """
+        Let other handlers of signals be called by a function, until :meth:`detach`.
+
+        :param run: gets the handler and its arguments; sets the recursion limit at its end.
+        """
 
     @abstractmethod
     def arm(self, deadline_ns: int) -> None:
@@ -120,10 +138,12 @@ class MonotonicClock(Clock):
 
     def __init__(self, wake_signals: Iterable[int] = ()) -> None:
         self.now_ns = time.monotonic_ns
+        self.computed_ns = time.thread_time_ns
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
         self._previous: dict[int, Any] = {}
+        self._wrapped: dict[int, tuple[Any, Any]] = {}
 
     def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
         if threading.current_thread() is not threading.main_thread():
@@ -162,6 +182,15 @@ class MonotonicClock(Clock):
         self.admit = self._gate.admit  # type: ignore[method-assign]
         self._sigwait = self._gate.wait
 
+    def wrap_handlers(self, run: Callable[..., None]) -> None:
+        for signo in signal.valid_signals():
+            handler = signal.getsignal(signo)
+            if (callable(handler) and signo not in self._previous
+                    and handler is not self._wrapped.get(signo, (None, None))[0]):
+                wrapper = with_room(partial(run, handler))
+                self._wrapped[signo] = (wrapper, handler)
+                signal.signal(signo, wrapper)
+
     def detach(self) -> None:
         if not self._timers:
             return
@@ -178,6 +207,10 @@ class MonotonicClock(Clock):
             self._timers.pop().close()
 
     def _restore_handlers(self) -> None:
+        while self._wrapped:
+            signo, (wrapper, handler) = self._wrapped.popitem()
+            if signal.getsignal(signo) is wrapper:
+                signal.signal(signo, handler)
         while self._previous:
             signo, handler = self._previous.popitem()
             signal.signal(signo, handler)
@@ -228,7 +261,7 @@ class VirtualClock(Clock):
         self._alarm_ns = NEVER_NS
         self._spare_ns = NEVER_NS
         self._on_tick: Handler | None = None
-        self.now_ns = self._read
+        self.now_ns = self.computed_ns = self._read
 
     def _read(self) -> int:
         return self._now_ns

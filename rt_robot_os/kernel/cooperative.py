@@ -41,6 +41,7 @@ class CooperativeClock(Clock):
 
     def __init__(self) -> None:
         self.now_ns = time.monotonic_ns
+        self.computed_ns = time.thread_time_ns
         self._alarm_ns = NEVER_NS
         self._spare_ns = NEVER_NS
 

@@ -35,9 +35,11 @@ class Collected:
         self.clock = VirtualClock()
         self.kernel = Kernel(self.clock)
         self.takes_ns = takes_ns
+        self.stolen_ns = 0
+        self.computed_ns = 0
         self.at: list[int] = []
         monkeypatch.setattr(gc, 'collect', self.collect)
-        self.collector = SlackCollector(self.clock.now_ns)
+        self.collector = SlackCollector(self.clock.now_ns, lambda: self.computed_ns)
         self.told: list[str] = []
         self.collector.on_overdue = self.told.append
         self.kernel.on_idle = self.collector.idle
@@ -46,7 +48,8 @@ class Collected:
 
     def collect(self) -> None:
         self.at.append(self.clock.now_ns())
-        self.clock._now_ns += self.takes_ns  # a native call: nothing preempts it
+        self.clock._now_ns += self.takes_ns + self.stolen_ns  # a native call: nothing preempts it
+        self.computed_ns += self.takes_ns
 
 
 def test_beside_a_fast_task_it_runs_in_the_gaps_about_once_a_second(
@@ -90,3 +93,30 @@ def test_after_a_long_wait_it_takes_a_gap_without_a_margin(
                           rate_hz=1000.0)
     robot.kernel.run(15 * S)
     assert len(robot.at) == 1 and 11 * S <= robot.at[0] < 12 * S
+
+
+def test_time_that_linux_took_during_a_collection_keeps_none_of_the_next_away(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Collected(monkeypatch, 300 * US)
+    robot.kernel.add_task('imu', lambda: robot.clock.spend(200 * US), priority=50, rate_hz=200.0)
+    robot.stolen_ns = 700 * MS  # as when the process is stopped
+    robot.collector.prime()
+    robot.stolen_ns = 0
+    robot.at.clear()
+    robot.kernel.run(100 * S)
+    assert len(robot.at) > 90
+    assert robot.told == []
+
+
+def test_a_collection_that_took_long_once_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Collected(monkeypatch, 300 * US)
+    robot.kernel.add_task('imu', lambda: robot.clock.spend(200 * US), priority=50, rate_hz=200.0)
+    robot.kernel.add_task('rare', lambda: None, priority=40, rate_hz=0.2)
+    robot.kernel.run(5 * S)
+    robot.takes_ns = 20 * MS  # cold caches, a busy machine
+    robot.kernel.run(S + 500 * MS)
+    robot.takes_ns = 300 * US
+    robot.at.clear()
+    robot.kernel.run(200 * S)
+    assert len(robot.at) > 20
+    assert robot.told == []

@@ -18,10 +18,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterator
 import fcntl
 import os
 import signal
 import threading
+import time
 
 from kernel_tools import balance
 from kernel_tools import MS
@@ -292,3 +294,93 @@ def test_a_program_that_handles_ctrl_c_itself_keeps_its_handler() -> None:
         assert kernel.run() == 'mine'
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+# ---- handlers of others -----------------------------------------------------------------------
+
+
+def refuse(signum: int, frame: object) -> None:
+    raise ValueError('the handler fails')
+
+
+@pytest.fixture
+def sends() -> Iterator[None]:
+    before = signal.signal(signal.SIGUSR2, refuse)
+    yield
+    signal.signal(signal.SIGUSR2, before)
+
+
+def press(kernel: Kernel, times: int) -> None:
+    """Send the signal now and then, in idle time and in jobs."""
+    main = threading.main_thread().ident
+    assert main is not None
+    for _ in range(times):
+        seen = kernel.failures_total
+        signal.pthread_kill(main, signal.SIGUSR2)
+        end = time.monotonic() + 60
+        while kernel.failures_total == seen and time.monotonic() < end:
+            time.sleep(0.0005)
+
+
+def test_what_a_handler_of_somebody_else_raises_is_contained(
+        clean: Callable[[], None], sends: None) -> None:
+    kernel = Kernel(MonotonicClock())
+    thread = threading.Thread(target=press, args=(kernel, 100))
+    kernel.add_task('busy', lambda: kernel.clock.spend(500 * 1000), priority=50, rate_hz=1000.0)
+    last = kernel.add_task(
+        'last', lambda: kernel.stop('enough') if thread.ident and not thread.is_alive() else None,
+        priority=1, rate_hz=100.0)
+    kernel.on_idle = lambda _: None if thread.ident else thread.start()
+    assert kernel.run(60 * 10 ** 9) == 'enough'
+    thread.join()
+    assert not any(task.failures for task in kernel.tasks)
+    assert last.runs
+    assert kernel.failures_total == 100
+    assert {(f.task, f.error) for f in kernel.failures} == {
+        ('handler of SIGUSR2', 'ValueError: the handler fails')}
+    assert signal.getsignal(signal.SIGUSR2) is refuse
+
+
+def test_a_handler_that_was_installed_meanwhile_is_contained_when_it_is_guarded(
+        clean: Callable[[], None], sends: None) -> None:
+    kernel = Kernel(MonotonicClock())
+    seen: list[int] = []
+
+    def later(signum: int, frame: object) -> None:
+        seen.append(signum)
+        raise ValueError
+
+    def job() -> None:
+        signal.signal(signal.SIGUSR2, later)
+        kernel.guard_handlers()
+        signal.raise_signal(signal.SIGUSR2)
+        kernel.stop()
+
+    task = kernel.add_task('task', job, priority=50, rate_hz=10.0)
+    kernel.run()
+    assert (task.runs, task.failures, kernel.failures_total) == (1, 0, 1)
+    assert seen == [signal.SIGUSR2]
+    assert signal.getsignal(signal.SIGUSR2) is later
+
+
+def test_a_handler_that_exits_ends_the_kernel_in_order(clean: Callable[[], None]) -> None:
+    def leave(signum: int, frame: object) -> None:
+        raise SystemExit(7)
+
+    kernel = Kernel(MonotonicClock())
+    before = signal.signal(signal.SIGUSR2, leave)
+    ended: list[bool] = []
+
+    def job() -> None:
+        signal.raise_signal(signal.SIGUSR2)
+        ended.append(True)
+
+    task = kernel.add_task('task', job, priority=50, rate_hz=10.0)
+    try:
+        with pytest.raises(SystemExit) as raised:
+            kernel.run()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    assert raised.value.code == 7
+    assert (ended, task.failures) == ([True], 0)
+    clean()
