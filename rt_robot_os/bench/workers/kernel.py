@@ -207,7 +207,7 @@ def garbage(harness: Harness) -> Measured:
     collections = 0
     if a['slack']:
         # More often than the core's once a second, for enough of them in a short run.
-        collector = SlackCollector(tested.now_ns, NS_PER_S // 5)
+        collector = SlackCollector(tested.now_ns, interval_ns=NS_PER_S // 5)
         tested.on_idle = collector.idle
         tested.run(total_ns)
         collections = collector.collections
