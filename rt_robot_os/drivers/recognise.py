@@ -24,6 +24,7 @@ the entry-point group of the drivers (``FRAMES`` and ``recognises`` of its class
 from __future__ import annotations
 
 from collections.abc import Callable
+import re
 from typing import Final
 
 from rt_robot_os.drivers.decoders.maxbotix import MaxBotixDecoder
@@ -39,8 +40,24 @@ from rt_robot_os.drivers.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 
 
-def _is_nmea(data: bytes) -> bool:
+# What satellite receivers send; other devices, such as VectorNav's, speak in sentences too.
+_OF_RECEIVERS: Final = frozenset(('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GSV', 'GST', 'VTG', 'ZDA',
+                                  'TXT', 'GBS', 'DTM'))
+# Three packets of 20 bytes, one behind the other.
+_BLUETOOTH_WITMOTION: Final = re.compile(rb'(?:\x55[\x61\x71].{18}){2}\x55[\x61\x71]',
+                                         re.DOTALL).search
+
+
+def _is_sentences(data: bytes) -> bool:
     return bool(NmeaDecoder().feed(data))
+
+
+def _is_nmea(data: bytes) -> bool:
+    return any(frame.address[2:] in _OF_RECEIVERS for frame in NmeaDecoder().feed(data))
+
+
+def _is_bluetooth_witmotion(data: bytes) -> bool:
+    return _BLUETOOTH_WITMOTION(data) is not None
 
 
 def _is_ubx(data: bytes) -> bool:
@@ -75,6 +92,14 @@ _KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
     ('SCIP scans', 'hokuyo', _is_scip),
     ('WitMotion frames', 'witmotion', _is_witmotion),
     ('MaxBotix readings', 'maxbotix', _is_maxbotix),
+)
+# What no driver here reads, and what to do.
+_STRANGERS: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
+    ("packets of WitMotion's Bluetooth models (55 61)",
+     'type: witmotion reads the serial models (55 51 to 55 5a): use one of those, or write a '
+     'driver (docs/writing_a_driver.md)', _is_bluetooth_witmotion),
+    ('sentences with a checksum, but none of a satellite receiver',
+     'choose the driver of the device, or write one (docs/writing_a_driver.md)', _is_sentences),
 )
 
 
@@ -129,7 +154,8 @@ def recognised(data: bytes, baud: int) -> str:
         if _fits(fits, data):
             speed = f' at {baud} baud' if baud else ''
             return f'these are {what}{speed}: set type: {driver}, or swap the ports'
-    return ''
+    return next((f'these are {what}: {remedy}' for what, remedy, fits in _STRANGERS if fits(data)),
+                '')
 
 
 def _fits(recognises: Callable[[bytes], bool], data: bytes) -> bool:

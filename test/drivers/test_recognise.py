@@ -106,7 +106,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> ForeignRecognisers:
 
 def test_the_bytes_of_another_package_are_recognised(foreign: ForeignRecognisers) -> None:
     stream = nmea.sentence('SONAR,1.25') * 3
-    assert 'set type: nmea,' in recognised(stream, 9600)  # nothing is imported in the loop
+    assert 'none of a satellite' in recognised(stream, 9600)  # nothing is imported in the loop
     recognise.prepare_recognisers()
     assert recognised(stream, 9600) == (
         'these are sonar frames at 9600 baud: set type: my_sonar, or swap the ports')
@@ -121,3 +121,19 @@ def test_they_are_prepared_before_the_loop_runs(foreign: ForeignRecognisers) -> 
     assert foreign.all()
     device._strange = nmea.sentence('SONAR,1.25') * 3
     assert 'these are sonar frames at 9600 baud: set type: my_sonar' in device.diagnosis()
+
+
+def test_packets_of_the_bluetooth_models_of_witmotion_get_a_hint() -> None:
+    chance = random.Random(6)
+    packets = [b'\x55\x61' + chance.randbytes(18) for _ in range(20)]
+    for stream in (b''.join(packets), b''.join(packets)[7:], b''.join(packets[:3]) + b'\x55'):
+        text = recognised(stream, 115200)
+        assert "WitMotion's Bluetooth models (55 61)" in text
+        assert 'type: witmotion reads the serial models' in text
+    assert recognised(packets[0] + b'\x00' + packets[1] + packets[2], 115200) == ''
+
+
+def test_sentences_of_no_receiver_are_not_called_those_of_one() -> None:
+    vectornav = nmea.sentence('VNYMR,+100.9,-000.3,+003.5,+1.0,+0.1,+1.9,+00.1,-00.7,-09.8')
+    assert 'none of a satellite receiver: choose the driver' in recognised(vectornav * 2, 115200)
+    assert 'set type: nmea' in recognised(vectornav + nmea.sentence('GPGSV,1,1,00'), 9600)

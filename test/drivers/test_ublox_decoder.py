@@ -121,3 +121,10 @@ def test_the_checksum_is_that_of_the_standard() -> None:
         a = (a + byte) & 0xFF
         b = (b + a) & 0xFF
     assert wire.fletcher(content) == bytes((a, b))
+
+
+@pytest.mark.parametrize('kind', [0x03, 0x0C])
+def test_messages_for_the_makers_own_use_are_messages(kind: int) -> None:
+    decoder = UbxDecoder()
+    frame, = decoder.feed(encode.message(kind, 0x10, bytes(20)) + SENTENCE[:-3])
+    assert (frame.kind, decoder.rejected_bytes) == (kind, 0)

@@ -95,6 +95,19 @@ def test_without_an_orientation_to_rely_on_its_covariance_says_so(changes: Any) 
         assert imu.samples[0].linear_acceleration_covariance[0] > 0
 
 
+@pytest.mark.parametrize('status, valid', [(0x00, False), (0x01, False), (0x02, True),
+                                           (0x07, True), (0xFD, False)])
+def test_a_status_byte_says_as_much_as_a_status_word(status: int, valid: bool) -> None:
+    data = encode.mtdata2([
+        (wire.STATUS_BYTE, bytes((status,))),
+        (wire.QUATERNION, encode.reals((1.0, 0.0, 0.0, 0.0))),
+        (wire.ACCELERATION, encode.reals((0.0, 0.0, 9.81)))])
+    with scripted(Xsens, [data]) as (device, (imu, _)):
+        assert device.read(1) == 1
+    assert (imu.samples[0].orientation_covariance[0] > 0) == valid
+    assert imu.samples[0].linear_acceleration_covariance[0] > 0
+
+
 def test_numbers_that_are_none_count_as_absent() -> None:
     with scripted(Xsens, [sample(1, rate=(math.inf, 0, 0))]) as (device, (imu, _)):
         device.read(1)

@@ -43,10 +43,11 @@ EULER: Final = 0x2030
 ACCELERATION: Final = 0x4020
 RATE_OF_TURN: Final = 0x8020
 MAGNETIC_FIELD: Final = 0xC020
+STATUS_BYTE: Final = 0xE010
 STATUS_WORD: Final = 0xE020
 
 ENU, NED, NWU = 0x0, 0x4, 0x8
-# Bits of the status word.
+# Bits of the status word; the status byte is its lowest byte.
 SELF_TEST_OK: Final = 0x1
 FILTER_VALID: Final = 0x2
 
@@ -54,7 +55,7 @@ Quaternion = tuple[float, float, float, float]
 
 _HEADER: Final = struct.Struct('>HB')
 _LAYOUTS: Final = 8
-_WORDS: Final = {PACKET_COUNTER: 'H', SAMPLE_TIME_FINE: 'I', STATUS_WORD: 'I'}
+_WORDS: Final = {PACKET_COUNTER: 'H', SAMPLE_TIME_FINE: 'I', STATUS_BYTE: 'B', STATUS_WORD: 'I'}
 _REALS: Final = {TEMPERATURE: 1, QUATERNION: 4, EULER: 3, ACCELERATION: 3, RATE_OF_TURN: 3,
                  MAGNETIC_FIELD: 3}
 # Format of one number and its size.
@@ -78,7 +79,7 @@ class MtSample(NamedTuple):
     :ivar rate: rad/s.
     :ivar field: magnetic field as multiple of that of the place where it was calibrated.
     :ivar temperature_c: of the device.
-    :ivar status: the status word.
+    :ivar status: the status word, or its lowest byte, which some devices send instead.
     """
 
     counter: int | None = None
@@ -93,7 +94,8 @@ class MtSample(NamedTuple):
 
 _PLACES: Final = {
     PACKET_COUNTER: 0, SAMPLE_TIME_FINE: 1, QUATERNION: 2, EULER: 2, ACCELERATION: 3,
-    RATE_OF_TURN: 4, MAGNETIC_FIELD: 5, TEMPERATURE: 6, STATUS_WORD: 7}
+    RATE_OF_TURN: 4, MAGNETIC_FIELD: 5, TEMPERATURE: 6, STATUS_BYTE: 7,
+    STATUS_WORD: 7}
 
 Finish = Callable[[tuple[Any, ...]], Any]
 
