@@ -43,6 +43,7 @@ class Pulse:
     def look(self, now_ns: int) -> str:
         """Say why the task is not healthy; empty when it is. Safe in the real-time loop."""
         task = self.task
+        task.account()
         if task.state is not TaskState.ACTIVE:
             self._alive_ns = now_ns  # it begins anew when it is active again
             return f'task {task.name!r} is held ({task.state.value})'

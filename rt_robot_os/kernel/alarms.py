@@ -35,7 +35,7 @@ class Alarms(Consequences):
 
     def _arm_for(self, task: Task, level: int) -> None:
         """Let the alarm come for the next release, or at the end of the budget of a new job."""
-        alarm_ns = due_ns = self._timers[0][0]
+        alarm_ns = due_ns = self._firsts[0][0]
         if self.spin_ns:
             alarm_ns = self._early_ns(level)
         if task.aborts:
@@ -68,7 +68,7 @@ class Alarms(Consequences):
         :param level: of what goes on then.
         :param look_ns: when its budget may end.
         """
-        first, second, third = self._timers[0], self._timers[1][0], self._timers[2][0]
+        first, second, third = self._firsts[:3]
         alarm_ns = due_ns = first[0] if not self._stopping else NEVER_NS
         spin_ns = self.spin_ns
         if spin_ns and not self._stopping:
@@ -77,11 +77,17 @@ class Alarms(Consequences):
             alarm_ns = look_ns
             spare_ns = due_ns - spin_ns
         else:
-            spare_ns = due_ns + first[3] if first[3] else NEVER_NS
-            if due_ns < second < spare_ns:
-                spare_ns = second
-            if due_ns < third < spare_ns:
-                spare_ns = third
+            timers = self._timers[first[1]]
+            period_ns = timers[0][3]
+            spare_ns = due_ns + period_ns if period_ns else NEVER_NS
+            if due_ns < second[0] < spare_ns and second[1] > level:
+                spare_ns = second[0]
+            if due_ns < third[0] < spare_ns and third[1] > level:
+                spare_ns = third[0]
+            if due_ns < timers[1][0] < spare_ns:
+                spare_ns = timers[1][0]
+            if due_ns < timers[2][0] < spare_ns:
+                spare_ns = timers[2][0]
             spare_ns -= spin_ns
         self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
         if alarm_ns != self._armed_ns:
@@ -92,14 +98,14 @@ class Alarms(Consequences):
 
     def _early_ns(self, level: int) -> int:
         """Give the time of the alarm before the first release, early if that is worth spinning."""
-        due_ns, _, task, period_ns = self._timers[0]
-        if period_ns and task.priority > level:
+        due_ns, first_level = self._firsts[0]
+        if first_level > level and self._timers[first_level][0][3]:
             return due_ns - self.spin_ns
         return due_ns
 
     def _spin(self, now_ns: int, level: int) -> int:
         """Spin to the first release, if it is near and above a level."""
-        due_ns = self._timers[0][0]
+        due_ns = self._firsts[0][0]
         if now_ns < due_ns and self._early_ns(level) <= now_ns:
             read_ns = self.now_ns
             while now_ns < due_ns:

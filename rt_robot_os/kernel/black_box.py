@@ -24,7 +24,7 @@ plain tuple, its first element says what it is:
 JOB        task, release_ns, start_ns, end_ns, outcome
 PUBLISH    task or None, at_ns, topic, number of the sample
 INTERRUPT  task that it released, at_ns, source
-OVERRUN    task, at_ns, how many releases
+OVERRUN    task, when the first of them fell due, how many releases; made when its job has ended
 ABORT      task, at_ns, used_ns
 CEILING    task, enter_ns, leave_ns, resource
 BLOCKED    task whose native call held up an alarm, at_ns, for how long

@@ -30,75 +30,78 @@ from rt_robot_os.kernel.policy import FailurePolicy
 from rt_robot_os.kernel.policy import OverrunPolicy
 from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.ran_instead import ran_instead
-from rt_robot_os.kernel.state import KernelState
+from rt_robot_os.kernel.releases import Releases
+from rt_robot_os.kernel.state import Timer
 from rt_robot_os.kernel.task import FOLLOW
 from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
-REMOVED = -1
 BLOCKED_NS = 50 * NS_PER_US
 _SUSPECTS_EVERY_NS = 10 * NS_PER_MS
 
 
-class Consequences(KernelState):
+class Consequences(Releases):
     """The rare half of the scheduler. All methods are called locked."""
 
     __slots__ = ()
 
     # ---- overruns ----------------------------------------------------------------------------
 
-    def _release_late(self, task: Task, due_ns: int, period_ns: int, now_ns: int) -> int:
+    def _reckon(self, task: Task, timer: Timer, now_ns: int) -> Timer | None:
         """
-        Release a task more than a period late, or whose job before is not finished.
+        Account for the points of a task's grid that passed while its job waited or ran.
 
-        :param period_ns: that led to this release.
-        :return: when it is due next, or ``REMOVED`` from the timers until that job has ended.
+        :param timer: the first of them.
+        :return: the timer for the next, or None: the grid begins anew when that job has ended.
         """
-        occupied = task.pending or task.busy
-        if not occupied:
-            self._queue(task, due_ns, period_ns)
-        next_ns = due_ns + task.period_ns
-        passed = 0
-        if next_ns <= now_ns:
-            passed = (min(now_ns, self._end_ns - 1) - next_ns) // task.period_ns + 1
-            task.releases += passed
-            next_ns += passed * task.period_ns
-        unserved = passed + occupied
-        if not unserved:
-            return next_ns
+        due_ns, index = timer[:2]
+        period_ns = task.period_ns
+        unserved = (min(now_ns, self._end_ns - 1) - due_ns) // period_ns + 1
+        if unserved <= 0:
+            return timer
+        task.releases += unserved
+        after: Timer = (due_ns + unserved * period_ns, index, task, period_ns)
         if task.state is not TaskState.ACTIVE:
             task.missed += unserved
-            return next_ns
+            return after
         task.overruns += unserved
-        self.record((OVERRUN, task, now_ns, unserved))
+        self.record((OVERRUN, task, due_ns, unserved))
         if task.skips:  # nothing else is asked for: an overload must not cost more than it has to
             task.missed += unserved
-            return next_ns
+            return after
         if task.spec.overrun_limit:
             self._fill_bucket(task, unserved, now_ns)
-        return self._overrun(task, unserved, next_ns, now_ns)
-
-    def _overrun(self, task: Task, unserved: int, next_ns: int, now_ns: int) -> int:
         policy = task.spec.overrun
         if policy is OverrunPolicy.CATCH_UP:
-            first_ns = next_ns - unserved * task.period_ns
             kept = min(unserved, task.spec.catch_up - len(task.backlog))
-            task.backlog.extend(first_ns + n * task.period_ns for n in range(kept))
+            task.backlog.extend(due_ns + n * period_ns for n in range(kept))
             task.missed += unserved - kept
             task.follow |= FOLLOW
         elif policy is OverrunPolicy.REPHASE:
             task.missed += unserved - 1
             task.rephasing = True
             task.follow |= FOLLOW
-            return REMOVED
+            return None
         else:
             task.missed += unserved
             if policy is OverrunPolicy.STOP:
                 self._demand(task, FailurePolicy.STOP, f'{unserved} releases found the job '
                              'before unfinished (overrun: stop)', now_ns)
-        return next_ns
+        return after
+
+    def _account(self, task: Task, now_ns: int) -> None:
+        """Bring what a task counts up to date, before it is read or begun anew."""
+        level = task.priority
+        now_ns = min(now_ns, self._end_ns - 1)
+        if self._timers[level][0][0] <= now_ns:
+            self._take_in(level, now_ns)
+            if level > self._level:
+                self.pending = True
+        timer = task.timer
+        if timer is not None and timer[0] <= now_ns:
+            task.timer = self._reckon(task, timer, now_ns)
 
     def _fill_bucket(self, task: Task, overruns: int, now_ns: int) -> None:
         spec = task.spec
@@ -110,13 +113,6 @@ class Consequences(KernelState):
                          f'with {spec.overrun_leak} jobs without (overrun_limit: '
                          f'{spec.overrun_limit})', now_ns)
             task.bucket = 0
-
-    def _queue(self, task: Task, release_ns: int, period_ns: int) -> None:
-        task.pending = True
-        task.release_ns = release_ns
-        task.interval_ns = period_ns
-        self._queues[task.priority].append(task)
-        self._ready |= self._bits[task.priority]
 
     # ---- limits ------------------------------------------------------------------------------
 
@@ -192,10 +188,12 @@ class Consequences(KernelState):
         if task.rephasing:
             self._rephase(task, now_ns)
         elif task.backlog and not task.pending:
+            self._take_in(task.priority, now_ns)  # what came before
             self._queue(task, task.backlog.popleft(), task.period_ns)
             task.follow |= FOLLOW
         for successor in task.successors:
             self._make_ready(successor, now_ns)
+        self._listen_again(task)
 
     def _after_strikes(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
@@ -212,9 +210,14 @@ class Consequences(KernelState):
         if task.pending:  # held, or released by an event as well
             task.missed += 1
         else:
+            self._take_in(task.priority, now_ns)
             self._queue(task, now_ns, task.period_ns)
-        heapq.heappush(
-            self._timers, (now_ns + task.period_ns, task.index, task, task.period_ns))
+        self._put_back(task, (now_ns + task.period_ns, task.index, task, task.period_ns))
+
+    def _put_back(self, task: Task, timer: Timer) -> None:
+        task.timer = None
+        heapq.heappush(self._timers[task.priority], timer)
+        self._expect(task.priority)
 
     def _demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
         """Apply a policy for another reason than an exception, when its job has ended."""
@@ -240,7 +243,8 @@ class Consequences(KernelState):
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
             self._schedule(task.resume_ns,
-                           functools.partial(self._end_backoff, task, task.resume_ns))
+                           functools.partial(self._end_backoff, task, task.resume_ns),
+                           task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED
@@ -254,8 +258,14 @@ class Consequences(KernelState):
         """Let a held task make jobs again."""
         if task.state is TaskState.ACTIVE:
             return
+        timer = task.timer
+        if timer is not None and not task.busy:
+            timer = self._reckon(task, timer, now_ns)
+            if timer is not None:
+                self._put_back(task, timer)
         self._withdraw(task)
         task.state = TaskState.ACTIVE
+        self._listen_again(task)
         if task.on_restart is not None:
             self._run_next(task, task.on_restart, now_ns)
 

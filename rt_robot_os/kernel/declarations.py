@@ -183,6 +183,16 @@ class Declarations(Scheduler):
             known = ', '.join(self._by_name) or 'none'
             raise TaskError(f'no task {name!r}; there are: {known}') from None
 
+    def account(self, task: Task) -> None:
+        """Bring the counters of a task up to date; as :meth:`Task.account`."""
+        if not self.running:
+            return
+        locked, self.locked = self.locked, True
+        self._account(task, self.now_ns())
+        self.locked = locked
+        if self.pending and not locked:
+            self.settle()
+
     # ---- holding -----------------------------------------------------------------------------
 
     def hold(self, task: Task, policy: FailurePolicy, reason: str) -> None:

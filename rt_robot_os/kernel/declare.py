@@ -66,7 +66,7 @@ def make_task(
         raise TaskError(f'task {name!r}: failure safe_state needs on_safe_state, which brings '
                         'about the safe state; give it, or choose failure stop')
     return Task(spec, function, index, on_restart=on_restart, on_safe_state=on_safe_state,
-                rearm=kernel.rearm)
+                rearm=kernel.rearm, account=kernel.account)
 
 
 def check_async(name: str, function: Any, declared: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -24,14 +24,17 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
 from rt_robot_os.kernel.statistics import SourceStatistics
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.linux.interrupt import hush
 from rt_robot_os.linux.interrupt import no_signal_when_readable
 from rt_robot_os.linux.interrupt import signal_when_readable
+from rt_robot_os.linux.interrupt import speak
 
 
 class Source:
     """A descriptor, its task, and how often it was heard."""
 
-    __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred')
+    __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred',
+                 'waits')
 
     def __init__(self, fd: int, name: str, task: Task, separation_ns: int) -> None:
         self.fd = fd
@@ -39,6 +42,7 @@ class Source:
         self.task = task
         self.separation_ns = separation_ns
         self.open_ns = 0
+        self.waits = False
         self.flags: int | None = None
         self.arrivals = 0
         self.deferred = 0
@@ -57,18 +61,18 @@ class InterruptSources:
 
     A source that is heard again before its separation has passed is not listened to until then:
     it sends no signals meanwhile, so that a flood costs no more than one handler a separation.
-
-    :ivar again_ns: when to call :meth:`reopen`; 0 when there is no need, cleared by the caller.
+    Nor is one that is heard while a job of its task waits, until that has ended: the job will read
+    all, so that a flood costs nothing as long as the task does not have its turn.
     """
 
-    __slots__ = ('again_ns', '_signals', '_armed', '_sources', '_deaf', '_poll')
+    __slots__ = ('_signals', '_armed', '_sources', '_deaf', '_early', '_poll')
 
     def __init__(self, clock: Clock) -> None:
-        self.again_ns = 0
         self._signals = clock.has_signals
         self._armed = False
         self._sources: dict[int, Source] = {}
         self._deaf: list[Source] = []
+        self._early: list[Source] = []
         self._poll = select.poll()
 
     def add(self, fd: int, task: Task, separation_ns: int = 0, name: str = '') -> None:
@@ -109,7 +113,7 @@ class InterruptSources:
     def disarm(self) -> None:
         """Let none send signals any more; may be called twice."""
         self._armed = False
-        self.again_ns = 0
+        self._early.clear()
         for source in self._sources.values():
             self._unwatch(source)
         while self._deaf:
@@ -125,30 +129,51 @@ class InterruptSources:
                 source.open_ns = now_ns + source.separation_ns
                 found.append(source)
             else:
-                self._defer(source)
+                self.defer(source)
+                source.waits = False
+                self._early.append(source)
         return found
 
-    def reopen(self, now_ns: int) -> None:
-        """Listen again to those whose separation has passed; look at :meth:`ready` afterwards."""
-        for source in [s for s in self._deaf if s.open_ns <= now_ns]:
-            self._deaf.remove(source)
-            self._poll.register(source.fd, select.POLLIN)
-            if self._armed:
-                with suppress(OSError):  # closed without telling: poll says so to its reader
-                    self._watch(source)
-        self.again_ns = min((s.open_ns for s in self._deaf), default=0)
+    def early(self) -> list[Source]:
+        """Give, once, those that were not heard because they came too early."""
+        early, self._early = self._early, []
+        return early
+
+    def defer(self, source: Source) -> None:
+        """Do not listen to a source for now: until the job of its task that waits has ended."""
+        source.deferred += 1
+        source.waits = True
+        self._poll.unregister(source.fd)
+        if source.flags is not None:
+            with suppress(OSError):  # closed without telling: nothing left to do
+                hush(source.fd)
+        self._deaf.append(source)
+
+    def waiting_for(self, task: Task) -> list[Source]:
+        """Give, once, the deferred sources for which a job of a task had to end."""
+        found = [source for source in self._deaf if source.waits and source.task is task]
+        for source in found:
+            source.waits = False
+        return found
+
+    def reopen(self, source: Source) -> bool:
+        """
+        Listen again to a source that was deferred; look at :meth:`ready` afterwards.
+
+        :return: False when it was forgotten meanwhile.
+        """
+        if source not in self._deaf:
+            return False
+        self._deaf.remove(source)
+        self._poll.register(source.fd, select.POLLIN)
+        if source.flags is not None:
+            with suppress(OSError):  # closed without telling: poll says so to its reader
+                speak(source.fd)
+        return True
 
     def statistics(self) -> tuple[SourceStatistics, ...]:
         """Take the statistics of all."""
         return tuple(source.statistics() for source in self._sources.values())
-
-    def _defer(self, source: Source) -> None:
-        source.deferred += 1
-        self._poll.unregister(source.fd)
-        self._unwatch(source)
-        self._deaf.append(source)
-        if not self.again_ns or source.open_ns < self.again_ns:
-            self.again_ns = source.open_ns
 
     def _watch(self, source: Source) -> None:
         if self._signals:

@@ -41,8 +41,10 @@ from rt_robot_os.kernel.declare import check_chains
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.state import IDLE_LEVEL
+from rt_robot_os.kernel.state import LEVEL_END
 from rt_robot_os.kernel.state import Timer
 from rt_robot_os.kernel.statistics import KernelStatistics
+from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 
 _RECURSION_LIMIT = 5000
@@ -126,7 +128,7 @@ class Kernel(Declarations):
 
     def _prepare(self, duration_ns: int | None) -> None:
         self._interrupted = True  # something may be readable already
-        self.pending, self._ready = False, 0
+        self.pending = False
         self.ended = []
         self._armed_ns = self._armed_due_ns = self._spare_ns = 0
         start_ns = self.now_ns()
@@ -134,33 +136,44 @@ class Kernel(Declarations):
             start_ns += _START_DELAY_NS
         self.start_ns = start_ns
         self._end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
-        # The first comes before what is due at the same time. The others only spare the question
-        # whether there are as many.
-        self._timers = [(self._end_ns, -1, self._end, 0)]
-        self._timers += [(NEVER_NS, order, None, 0) for order in (-4, -3, -2)]
-        heapq.heapify(self._timers)
+        self._clear_timers()
+        self._schedule(self._end_ns, self._end, LEVEL_END)
         for task in self._tasks:
             task.rest()
             if task.coroutine is not None:
                 task.coroutine.close()
                 task.coroutine.finished = False
-                self._schedule(start_ns + task.spec.phase_ns,
-                               functools.partial(self._make_ready, task))
+                at_ns = start_ns + task.spec.phase_ns
+                self._schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
             elif task.period_ns and task.logical is None:
                 timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, task.period_ns)
-                heapq.heappush(self._timers, timer)
+                heapq.heappush(self._timers[task.priority], timer)
+                self._expect(task.priority)
         self._interrupts.arm()
         self.running = True
+
+    def _begin(self, task: Task, at_ns: int, now_ns: int) -> None:
+        self._arrive(task, at_ns)
 
     def _end(self, now_ns: int) -> None:
         self.stop('duration')
 
     def _abandon(self) -> None:
         """Count what was released and does not run any more as missed."""
+        now_ns = min(self.now_ns(), self._end_ns - 1)
+        for timers in self._timers:
+            for timer in sorted(timers):
+                if timer[0] <= now_ns and timer[3]:
+                    self._release(timer)
         for task in self._tasks:
+            timer = task.timer
+            if timer is not None and timer[0] <= now_ns:
+                self._reckon(task, timer, now_ns)
             self._withdraw(task)
             task.missed += task.rephasing
-        self._timers.clear()
+            task.timer = None
+            task.rephasing = False
+        self._clear_timers()
 
     def _close_coroutines(self) -> None:
         """Let them clean up, for a while; what that raises is contained like what a job raises."""
@@ -184,18 +197,23 @@ class Kernel(Declarations):
 
     def _loop(self) -> None:
         clock = self.clock
+        end_ns = 0
         while not self._stopping:
             self.locked = True
             self.pending = False
+            self.ticks += 1
             now_ns = self.now_ns()
+            end_ns = end_ns or now_ns
             if self.spin_ns:
                 now_ns = self._spin(now_ns, IDLE_LEVEL)
-            self._release_due(now_ns)
-            if self._ready or self._stopping:
-                self._dispatch(IDLE_LEVEL)
+            self._notice(now_ns)
+            if self._ready:
+                end_ns = self._dispatch(IDLE_LEVEL, now_ns, end_ns)
                 continue
-            next_ns = self._timers[0][0]
+            next_ns = self._firsts[0][0]
             self._arm_ahead(IDLE_LEVEL, NEVER_NS)
+            self.overhead_ns += self.now_ns() - end_ns
+            end_ns = 0
             if self.on_idle is not None:
                 self._idle(self.on_idle, next_ns - now_ns)
             clock.hold()
@@ -266,6 +284,7 @@ class Kernel(Declarations):
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
+            ticks=self.ticks, overhead_ns=self.overhead_ns,
             tasks=tuple(task.statistics() for task in self._tasks),
             resources=tuple(r.statistics() for r in self._resources.values()),
             sources=self._interrupts.statistics())

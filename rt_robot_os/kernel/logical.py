@@ -80,12 +80,14 @@ class Logical:
             for fix in self.inputs:
                 fix()
             release_ns = releaser.release_ns
+            kernel._take_in(task.priority, release_ns)  # what came before
             kernel._queue(task, release_ns, task.period_ns)
-            kernel._schedule(release_ns + task.deadline_ns, self._end)
+            kernel._schedule(
+                release_ns + task.deadline_ns, self._end, self._publisher.priority)
         kernel.locked = False
 
     def _end(self, now_ns: int) -> None:
-        self._kernel._make_ready(self._publisher, now_ns)
+        self._kernel._arrive(self._publisher, now_ns)
 
     def _publish(self) -> None:
         late = self.task.busy or self.task.pending

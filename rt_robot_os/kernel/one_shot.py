@@ -70,8 +70,9 @@ class OneShot:
                             'it from a task')
         locked, kernel.locked = kernel.locked, True
         if self._timer is not None:
-            kernel._cancel(self._timer)
-        self._timer = kernel._schedule(time_ns, self._fire)
+            kernel._cancel(self._timer, self.task.priority)
+        self._timer = kernel._schedule(
+            max(time_ns, kernel.now_ns()), self._fire, self.task.priority)
         kernel.locked = locked
         if kernel.pending and not locked:
             kernel.settle()
@@ -81,12 +82,14 @@ class OneShot:
         kernel = self._kernel
         locked, kernel.locked = kernel.locked, True
         if self._timer is not None:
-            kernel._cancel(self._timer)
+            kernel._cancel(self._timer, self.task.priority)
             self._timer = None
         kernel.locked = locked
         if kernel.pending and not locked:
             kernel.settle()
 
     def _fire(self, now_ns: int) -> None:
+        # When it was due: the kernel comes to it later if something higher runs.
+        due_ns = now_ns if self._timer is None else self._timer[0]
         self._timer = None
-        self._kernel._make_ready(self.task, now_ns)
+        self._kernel._arrive(self.task, due_ns)

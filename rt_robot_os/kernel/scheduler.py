@@ -31,19 +31,16 @@ round an alarm would be lost in between.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import heapq
 import sys
 
 from rt_robot_os.kernel.abort import TaskAborted
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import FAILED
-from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import OK
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import BLOCKED_NS
-from rt_robot_os.kernel.consequences import REMOVED
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.strikes import RECURSION_ROOM
 from rt_robot_os.kernel.strikes import Strikes
@@ -131,6 +128,7 @@ class Scheduler(Strikes):
         """Serve one alarm that interrupted a task, or none; locked."""
         stolen_ns = self._stolen_ns
         self.pending = False
+        self.ticks += 1
         entry_ns = now_ns = self.now_ns()
         late_ns = 0
         if current is not None and not self._stopping:
@@ -138,65 +136,28 @@ class Scheduler(Strikes):
                 self._armed_ns if self._armed_ns > current.start_ns else current.start_ns)
         if self.spin_ns:
             now_ns = self._spin(now_ns, level)
-        if self._timers[0][0] <= now_ns or self._interrupted:
-            self._release_due(now_ns)
+        firsts = self._firsts
+        if firsts[0][0] <= now_ns or self._interrupted:
+            self._notice(now_ns)
         if current is not None and (
                 late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
             self._held_up(current, level, entry_ns, late_ns)
+        done_ns = entry_ns
         if self._ready.bit_length() - 1 > level:
-            self._dispatch(level)
+            done_ns = self._dispatch(level, now_ns, entry_ns)
+        if firsts[0][1] <= level:
+            self._set_aside(level, now_ns)
         if current is not None and (current.limit_ns or self._stopping):
             self._arm_ahead(
                 level, self._police(current, entry_ns - current.start_ns - stolen_ns))
-        elif self._timers[0][0] != self._armed_due_ns or not self._spare_ns:
+        elif firsts[0][0] != self._armed_due_ns or not self._spare_ns:
             self._arm_ahead(level, NEVER_NS)
         self._current, self._level = current, level
-        self._stolen_ns = stolen_ns + self.now_ns() - entry_ns
+        end_ns = self.now_ns()
+        self.overhead_ns += end_ns - done_ns
+        self._stolen_ns = stolen_ns + end_ns - entry_ns
 
     # ---- releases ----------------------------------------------------------------------------
-
-    def _release_due(self, now_ns: int) -> None:
-        """Make ready what is due; locked."""
-        timers = self._timers
-        while timers[0][0] <= now_ns and not self._stopping:
-            due_ns, index, task, period_ns = timers[0]
-            if not period_ns:
-                heapq.heappop(timers)
-                task(now_ns)
-                continue
-            task.releases += 1
-            next_ns = due_ns + task.period_ns
-            if task.pending or task.busy or next_ns <= now_ns:
-                next_ns = self._release_late(task, due_ns, period_ns, now_ns)
-                if next_ns == REMOVED:
-                    heapq.heappop(timers)
-                    continue
-            else:
-                task.pending = True
-                task.release_ns = due_ns
-                task.interval_ns = period_ns
-                self._queues[task.priority].append(task)
-                self._ready |= self._bits[task.priority]
-            heapq.heapreplace(timers, (next_ns, index, task, task.period_ns))
-        if self._interrupted:
-            self._interrupted = False
-            for source in self._interrupts.ready(now_ns):
-                self.record((INTERRUPT, source.task, now_ns, source.name))
-                self._make_ready(source.task, now_ns)
-            again_ns = self._interrupts.again_ns
-            if again_ns:
-                self._interrupts.again_ns = 0
-                self._schedule(again_ns, self._look_again)
-
-    def _look_again(self, now_ns: int) -> None:
-        self._interrupts.reopen(now_ns)
-        self._interrupted = True
-
-    def wake(self, tasks: Sequence[Task], now_ns: int) -> None:
-        """Release tasks while ``locked`` is set; for topics. Ignored while not running."""
-        if self.running:
-            for task in tasks:
-                self._make_ready(task, now_ns)
 
     def release(self, task: Task) -> None:
         """
@@ -213,24 +174,48 @@ class Scheduler(Strikes):
 
     # ---- dispatch ----------------------------------------------------------------------------
 
-    def _dispatch(self, floor: int) -> None:
-        """Run every ready task above ``floor``; locked on entry and on return."""
-        now_ns, queues, timers, trace = self.now_ns, self._queues, self._timers, self.trace
+    def _dispatch(self, floor: int, looked_ns: int, end_ns: int) -> int:
+        """
+        Run every ready task above ``floor``; locked on entry and on return.
+
+        :param looked_ns: when the clock was read last.
+        :param end_ns: when the last job ended, or whatever the kernel did not do itself.
+        :return: the same, on return.
+        """
+        now_ns, queues, trace = self.now_ns, self._queues, self.trace
+        all_timers, watched_ns, firsts = self._timers, self._watched_ns, self._firsts
         while not self._stopping:
             level = self._ready.bit_length() - 1
             if level <= floor:
                 break
-            queue = queues[level]
-            task = queue.popleft()
-            if not queue:
-                self._ready ^= self._bits[level]
-            task.pending = False
+            queue, timers = queues[level], all_timers[level]
+            due_ns = timers[0][0]
+            if due_ns > looked_ns:
+                if not queue:
+                    self._ready ^= self._bits[level]
+                    if due_ns < watched_ns[level]:
+                        self._watch(level, due_ns)
+                    continue
+                task = queue.popleft()
+                task.pending = False
+                release_ns = task.release_ns  # an event may release it again while it runs
+            elif queue or not timers[0][3] or timers[0][2].pending:
+                self._take_in(level, looked_ns)
+                if self._interrupted:
+                    self._hear(looked_ns)
+                continue
+            else:  # the usual case, without the way through the queue
+                release_ns, index, task, task.interval_ns = heapq.heappop(timers)
+                task.releases += 1
+                task.release_ns = release_ns
+                period_ns = task.period_ns
+                task.timer = (release_ns + period_ns, index, task, period_ns)
             task.busy = True
-            release_ns = task.release_ns  # an event may release it again while it runs
             self._current, self._level = task, level
-            if task.aborts or timers[0][0] != self._armed_due_ns:
+            if task.aborts or firsts[0][0] != self._armed_due_ns:
                 self._arm_for(task, level)
             start_ns = now_ns()
+            self.overhead_ns += start_ns - end_ns
             previous_ns, task.start_ns = task.start_ns, start_ns
             self._stolen_ns = 0
             if trace is not None:
@@ -289,15 +274,32 @@ class Scheduler(Strikes):
                         task.jitter.maximum_ns = jitter_ns
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
+            timer = task.timer
+            if timer is None and task.period_ns and timers[0][0] <= end_ns:
+                self._take_in(level, end_ns)  # an event had released it; was it due as well?
+                timer = task.timer
+            if timer is not None:
+                if timer[0] <= end_ns:
+                    timer = self._reckon(task, timer, end_ns)
+                task.timer = None
+                if timer is not None:
+                    heapq.heappush(timers, timer)
             task.busy = False
             if failure is not None or task.follow:
                 self._follow(task, failure, outcome, end_ns)
+            due_ns = timers[0][0]
+            if due_ns > end_ns and not queue:  # nothing more to do at this level
+                self._ready ^= self._bits[level]
+                if due_ns < watched_ns[level]:
+                    self._watch(level, due_ns)
+            looked_ns = end_ns
             # The second condition finds an alarm whose handler had no room left on the stack.
-            if self.pending or timers[0][0] <= end_ns:
+            if self.pending or firsts[0][0] <= end_ns:
                 self.pending = False
-                end_ns = now_ns()
-                late_ns = end_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
-                self._release_due(end_ns)
+                looked_ns = now_ns()
+                late_ns = looked_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
+                self._notice(looked_ns)
                 if late_ns > BLOCKED_NS:  # it ended in a native call
-                    self._held_up(task, level, end_ns, late_ns)
+                    self._held_up(task, level, looked_ns, late_ns)
         self._current, self._level = None, floor
+        return end_ns

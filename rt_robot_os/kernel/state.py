@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-import heapq
 from typing import Any
 
 from rt_robot_os.kernel.black_box import BlackBox
@@ -29,16 +28,15 @@ from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interrupts import InterruptSources
 from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
-from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.task import Task
 
 IDLE_LEVEL = 0
 # Above every task: what happens at a point in time rather than in a job.
+LEVEL_END = PRIORITY_MAXIMUM + 3
 LEVEL_OUTPUTS = PRIORITY_MAXIMUM + 2
 LEVEL_INPUTS = PRIORITY_MAXIMUM + 1
-_LEVELS = LEVEL_OUTPUTS + 1
+LEVELS = LEVEL_END + 1
 _FAILURES_KEPT = 32
-_ONE_SHOT_ORDER = 1 << 32
 
 TraceHook = Callable[[int, str, str], None]
 # (time, order among equals, task or action, period in force until then; 0: it comes once)
@@ -57,6 +55,15 @@ class KernelState:
     :ivar spin_ns: wake this much before a release and spin until it.
     :ivar stop_grace_ns: jobs that run so long after :meth:`stop` are ended; by default never.
     :ivar ended: the tasks whose jobs were, since the kernel was started.
+    :ivar overhead_ns: what the kernel itself computed for: releasing, dispatching, setting alarms.
+
+    Of what is not public:
+
+    - ``_timers``, of each level: a heap of what falls due;
+    - ``_queues``, of each level: tasks whose job waits, in the order of their releases;
+    - ``_ready``: bits of the levels at which something waits, or may have fallen due;
+    - ``_firsts``: a heap of (due, level) with the first timer of each level that has no bit there;
+    - ``_watched_ns``, of each level: which entry of ``_firsts`` counts.
     """
 
     # Slots are the fastest attributes, and there are more than an inline dictionary holds.
@@ -65,8 +72,9 @@ class KernelState:
         'failures', 'black_box', 'record', 'spin_ns', '_interrupts', '_interrupted',
         '_stopping', '_stop_reason',
         '_stop_ns', 'stop_grace_ns', 'ended', '_current', '_level', '_stolen_ns', '_armed_ns',
-        '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
-        '_recursion_limit', '_one_shots', '_resources', '_suspects_ns')
+        '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_firsts',
+        '_watched_ns', 'overhead_ns', '_end_ns', '_recursion_limit', '_one_shots',
+        '_resources', '_suspects_ns')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
@@ -94,62 +102,18 @@ class KernelState:
         self._armed_due_ns = 0  # the release that the alarm is for, if nothing else matters
         self._spare_ns = 0
         self._ready = 0
-        self._queues: list[deque[Task]] = [deque() for _ in range(_LEVELS)]
-        self._bits = [1 << level for level in range(_LEVELS)]
-        self._timers: list[Timer] = []
+        self._queues: list[deque[Task]] = [deque() for _ in range(LEVELS)]
+        self._bits = [1 << level for level in range(LEVELS)]
+        self._timers: list[list[Timer]] = []
+        self._firsts: list[tuple[int, int]] = []
+        self._watched_ns: list[int] = []
+        self.overhead_ns = 0
         self._end_ns = NEVER_NS
         self._recursion_limit = 0
         self._one_shots = 0
         self._suspects_ns = 0
         self._resources: dict[str, Any] = {}
 
-    def _make_ready(self, task: Task, now_ns: int) -> None:
-        """Note that an event released a task, also one that is running; locked."""
-        task.releases += 1
-        if task.pending:
-            if task.state is TaskState.ACTIVE:
-                task.coalesced += 1
-            else:
-                task.missed += 1
-            return
-        task.pending = True
-        task.release_ns = now_ns
-        self._queues[task.priority].append(task)
-        self._ready |= self._bits[task.priority]
-        if task.priority > self._level:
-            self.pending = True
-
-    def _withdraw(self, task: Task) -> None:
-        """Take back what would release a task, and count it as missed; locked."""
-        task.missed += len(task.backlog)
-        task.backlog.clear()
-        queue = self._queues[task.priority]
-        if task in queue:
-            queue.remove(task)
-            task.missed += 1
-            if not queue:
-                self._ready &= ~self._bits[task.priority]
-        task.pending = False
-
-    def _schedule(self, at_ns: int, action: Callable[[int], None]) -> Timer:
-        """
-        Call something once at a time; locked, as the action will be.
-
-        :param action: gets the time.
-        :return: what :meth:`_cancel` takes.
-        """
-        self._one_shots += 1
-        timer = (at_ns, _ONE_SHOT_ORDER + self._one_shots, action, 0)
-        heapq.heappush(self._timers, timer)
-        if self._timers[0] is timer:
-            self.pending = True  # the alarm must be set anew
-        return timer
-
-    def _cancel(self, timer: Timer) -> None:
-        """Undo :meth:`_schedule`, unless it has happened; locked."""
-        if timer in self._timers:
-            self._timers.remove(timer)
-            heapq.heapify(self._timers)
 
     def _note_failure(self, failure: FailureReport) -> None:
         self.failures_total += 1

@@ -116,6 +116,7 @@ class Task:
     The public attributes are for reading.
 
     :ivar pending: it waits for its turn, or is held (``state``).
+    :ivar timer: for its next release, while a job of it waits or runs, or it is held; else None.
     :ivar busy: a job of it is on the stack.
     :ivar follow: not 0: something is to be looked at when the job that runs now has ended. The
         bits of ``HELD`` count the resources that it is inside of.
@@ -134,7 +135,7 @@ class Task:
 
     __slots__ = (
         'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns',
-        'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending',
+        'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending', 'timer',
         'busy', 'follow', 'strikes', 'struck', 'over', 'backlog', 'rephasing', 'state', 'wanted',
         'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart', 'on_safe_state',
         'successors', 'logical', 'coroutine', 'release_ns', 'start_ns', 'releases',
@@ -143,12 +144,13 @@ class Task:
         'execution', 'jitter', 'gap_maximum_ns', 'blocked_maximum_ns',
         'response_maximum_ns', 'response_limit_ns', 'execution_limit_ns',
         'latency_counts', 'execution_counts', 'jitter_counts', 'execution_total_ns',
-        '_rearm')
+        '_rearm', '_account')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
                  on_restart: Callable[[], object] | None = None,
                  on_safe_state: Callable[[], object] | None = None,
-                 rearm: Callable[[Task], None] | None = None) -> None:
+                 rearm: Callable[[Task], None] | None = None,
+                 account: Callable[[Task], None] | None = None) -> None:
         self.spec = spec
         self.name = spec.name
         self.priority = spec.priority
@@ -172,6 +174,7 @@ class Task:
         self.jitter_counts = self.jitter.counts
         self.backlog: deque[int] = deque()  # times of releases that catch_up keeps
         self._rearm = rearm
+        self._account = account
         self.rest()
         self.reset_statistics()
 
@@ -179,6 +182,7 @@ class Task:
         """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
         self.function: Callable[[], object] = self.body
         self.pending = False
+        self.timer: tuple[int, int, Any, int] | None = None
         self.busy = False
         self.follow = FOLLOW if self.successors else 0
         self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
@@ -206,6 +210,15 @@ class Task:
         """
         if self._rearm is not None:
             self._rearm(self)
+
+    def account(self) -> None:
+        """
+        Bring the counters up to date.
+
+        The releases that pass while a job waits or runs are counted when it has ended, or here.
+        """
+        if self._account is not None:
+            self._account(self)
 
     def set_rate_hz(self, rate_hz: float) -> None:
         """
@@ -241,8 +254,10 @@ class Task:
 
     def reset_statistics(self) -> None:
         """Begin to count anew; a job that waits or runs now counts as released."""
+        self.account()
         waits = self.pending and self.state is TaskState.ACTIVE
-        self.releases = int(waits) + int(self.busy) + len(self.backlog)
+        self.releases = int(waits) + int(self.busy) + len(self.backlog) + int(
+            self.rephasing)
         self.runs = self.missed = self.coalesced = self.failures = 0
         self.overruns = self.aborted = self.budget_exceeded = self.deadline_missed = 0
         self.bucket_runs = 0
@@ -255,6 +270,7 @@ class Task:
 
     def statistics(self) -> TaskStatistics:
         """Take the statistics; costs about 100 us, so not for the real-time loop."""
+        self.account()
         return TaskStatistics(
             name=self.name, priority=self.priority, period_ns=self.period_ns,
             releases=self.releases, runs=self.runs, missed=self.missed, coalesced=self.coalesced,

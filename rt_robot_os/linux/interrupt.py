@@ -43,6 +43,24 @@ def signal_when_readable(fd: int, signo: int) -> int:
     return flags
 
 
+def hush(fd: int) -> None:
+    """
+    Let a descriptor of :func:`signal_when_readable` send no signals; reading still never blocks.
+
+    :raises OSError: the descriptor is closed.
+    """
+    fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) & ~fcntl.FASYNC)
+
+
+def speak(fd: int) -> None:
+    """
+    Undo :func:`hush`.
+
+    :raises OSError: the descriptor is closed.
+    """
+    fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) | fcntl.FASYNC)
+
+
 def no_signal_when_readable(fd: int, flags: int) -> None:
     """
     Undo :func:`signal_when_readable`.

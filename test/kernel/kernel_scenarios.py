@@ -26,6 +26,7 @@ from collections.abc import Callable
 
 from kernel_tools import MS
 from kernel_tools import spin_until
+from kernel_tools import waits
 import pytest
 
 from rt_robot_os.kernel import BudgetPolicy
@@ -74,7 +75,7 @@ def publication(kernel: Kernel) -> None:
 def equals(kernel: Kernel) -> None:
     """Release equals while a higher one runs: by release time, then by declaration."""
     def block() -> None:
-        spin_until(kernel, lambda: all(task.pending for task in tasks))
+        spin_until(kernel, lambda: all(waits(task) for task in tasks))
 
     kernel.add_task('blocker', block, priority=90, rate_hz=ONCE_HZ)
     tasks = [kernel.add_task(name, lambda: None, priority=30, rate_hz=ONCE_HZ, phase_ns=at * MS)
@@ -130,7 +131,7 @@ def ceiling(kernel: Kernel) -> None:
 
     def low_job() -> None:
         with shared:
-            spin_until(kernel, lambda: user.pending and middle.pending and above.runs)
+            spin_until(kernel, lambda: waits(user) and waits(middle) and above.runs)
         kernel.stop()
 
     def user_job() -> None:

@@ -71,6 +71,12 @@ def balance(task: Task) -> int:
     return task.releases - task.runs - task.missed - task.coalesced
 
 
+def waits(task: Task) -> bool:
+    """Whether a task waits for its turn, as of now."""
+    task.account()
+    return task.pending
+
+
 def run_program(program: str, *arguments: str, timeout_s: float = 60.0,
                 **options: object) -> subprocess.CompletedProcess[str]:
     """Run Python code in a process of its own, with this package."""

@@ -141,7 +141,7 @@ def test_overruns_failures_sections_and_marks_are_there(kernel: Kernel) -> None:
     kernel.run(15 * MS)
     t = 5 * S
     assert [record[0] for record in kernel.black_box.records] == [
-        black_box.CEILING, black_box.OVERRUN, black_box.MARK, black_box.JOB, black_box.MISS]
+        black_box.CEILING, black_box.MARK, black_box.JOB, black_box.MISS, black_box.OVERRUN]
     assert records(kernel, black_box.CEILING) == [(task, t, t + MS, 'shared')]
     assert records(kernel, black_box.OVERRUN) == [(task, t + 10 * MS, 1)]
     assert records(kernel, black_box.MARK) == [(None, t + 12 * MS, 'here')]

@@ -83,7 +83,7 @@ def test_a_timer_started_again_forgets_its_first_time(kernel: Kernel) -> None:
     kernel.add_task('feeder', lambda: timer.start(15 * MS), priority=50, rate_hz=100.0)
     kernel.run(S)
     assert task.runs == 0  # fed each 10 ms
-    assert len(kernel._timers) == 0
+    assert max(map(len, kernel._timers)) <= 3  # nothing but sentinels
 
 
 def test_a_cancelled_timer_releases_nothing_and_cancelling_twice_is_fine(kernel: Kernel) -> None:
