@@ -33,10 +33,10 @@ class Alarms(Consequences):
 
     __slots__ = ()
 
-    def _arm_for(self, task: Task, level: int) -> None:
+    def _arm_for(self, task: Task, level: int, due_ns: int) -> None:
         """Let the alarm come for the next release, or at the end of the budget of a new job."""
-        alarm_ns = due_ns = self._firsts[0][0]
-        if self.spin_ns:
+        alarm_ns = due_ns
+        if self.spin_ns and due_ns == self._firsts[0][0]:
             alarm_ns = self._early_ns(level)
         if task.aborts:
             task.limit_ns = task.budget_ns

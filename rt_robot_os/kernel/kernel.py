@@ -166,9 +166,8 @@ class Kernel(Declarations):
                 if timer[0] <= now_ns and timer[3]:
                     self._release(timer)
         for task in self._tasks:
-            timer = task.timer
-            if timer is not None and timer[0] <= now_ns:
-                self._reckon(task, timer, now_ns)
+            if task.timer is not None and task.timer[0] <= now_ns:
+                self._reckon(task, task.timer, now_ns)
             self._withdraw(task)
             task.missed += task.rephasing
             task.timer = None
@@ -201,7 +200,6 @@ class Kernel(Declarations):
         while not self._stopping:
             self.locked = True
             self.pending = False
-            self.ticks += 1
             now_ns = self.now_ns()
             end_ns = end_ns or now_ns
             if self.spin_ns:
@@ -284,7 +282,7 @@ class Kernel(Declarations):
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
-            ticks=self.ticks, overhead_ns=self.overhead_ns,
+            overhead_ns=self.overhead_ns,
             tasks=tuple(task.statistics() for task in self._tasks),
             resources=tuple(r.statistics() for r in self._resources.values()),
             sources=self._interrupts.statistics())

@@ -75,23 +75,19 @@ class Releases(KernelState):
 
     def _expect(self, level: int) -> None:
         """See to it that the first timer of a level is not overlooked."""
+        firsts, watched_ns = self._firsts, self._watched_ns
+        due_ns = self._timers[level][0][0]
         if level <= self._level:  # an alarm would be in vain: look when that has ended
             self._ready |= self._bits[level]
-            return
-        due_ns = self._timers[level][0][0]
-        if due_ns < self._watched_ns[level]:
-            self._watch(level, due_ns)
-            if self._firsts[0][0] == due_ns:
+        elif due_ns < watched_ns[level]:
+            watched_ns[level] = due_ns
+            heapq.heappush(firsts, (due_ns, level))
+            if firsts[0][0] == due_ns:
                 self.pending = True  # the alarm must be set anew
-
-    def _watch(self, level: int, due_ns: int) -> None:
-        """Let an alarm come for the first timer of a level, which is earlier than what was."""
-        self._watched_ns[level] = due_ns
-        heapq.heappush(self._firsts, (due_ns, level))
-        if len(self._firsts) > _FIRSTS_MOST:
-            self._firsts[:] = [entry for entry in self._firsts
-                               if entry[1] >= LEVELS or self._watched_ns[entry[1]] == entry[0]]
-            heapq.heapify(self._firsts)
+        if len(firsts) > _FIRSTS_MOST:
+            firsts[:] = {entry for entry in firsts
+                         if entry[1] >= LEVELS or watched_ns[entry[1]] == entry[0]}
+            heapq.heapify(firsts)
 
     def _notice(self, now_ns: int) -> None:
         """Note which levels have something due, and hear the interrupts."""

@@ -128,7 +128,6 @@ class Scheduler(Strikes):
         """Serve one alarm that interrupted a task, or none; locked."""
         stolen_ns = self._stolen_ns
         self.pending = False
-        self.ticks += 1
         entry_ns = now_ns = self.now_ns()
         late_ns = 0
         if current is not None and not self._stopping:
@@ -184,6 +183,7 @@ class Scheduler(Strikes):
         """
         now_ns, queues, trace = self.now_ns, self._queues, self.trace
         all_timers, watched_ns, firsts = self._timers, self._watched_ns, self._firsts
+        overhead_ns = 0
         while not self._stopping:
             level = self._ready.bit_length() - 1
             if level <= floor:
@@ -194,7 +194,8 @@ class Scheduler(Strikes):
                 if not queue:
                     self._ready ^= self._bits[level]
                     if due_ns < watched_ns[level]:
-                        self._watch(level, due_ns)
+                        watched_ns[level] = due_ns
+                        heapq.heappush(firsts, (due_ns, level))
                     continue
                 task = queue.popleft()
                 task.pending = False
@@ -212,10 +213,15 @@ class Scheduler(Strikes):
                 task.timer = (release_ns + period_ns, index, task, period_ns)
             task.busy = True
             self._current, self._level = task, level
-            if task.aborts or firsts[0][0] != self._armed_due_ns:
-                self._arm_for(task, level)
+            # Its own next release, which is above nobody now, is what comes when it has ended.
+            next_ns = firsts[0][0]
+            timer = task.timer
+            if timer is not None and timer[0] < next_ns:
+                next_ns = timer[0]
+            if task.aborts or next_ns != self._armed_due_ns:
+                self._arm_for(task, level, next_ns)
             start_ns = now_ns()
-            self.overhead_ns += start_ns - end_ns
+            overhead_ns += start_ns - end_ns
             previous_ns, task.start_ns = task.start_ns, start_ns
             self._stolen_ns = 0
             if trace is not None:
@@ -291,15 +297,19 @@ class Scheduler(Strikes):
             if due_ns > end_ns and not queue:  # nothing more to do at this level
                 self._ready ^= self._bits[level]
                 if due_ns < watched_ns[level]:
-                    self._watch(level, due_ns)
+                    watched_ns[level] = due_ns
+                    heapq.heappush(firsts, (due_ns, level))
             looked_ns = end_ns
             # The second condition finds an alarm whose handler had no room left on the stack.
             if self.pending or firsts[0][0] <= end_ns:
                 self.pending = False
+                self.overhead_ns += overhead_ns
+                overhead_ns = 0
                 looked_ns = now_ns()
                 late_ns = looked_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
                 self._notice(looked_ns)
                 if late_ns > BLOCKED_NS:  # it ended in a native call
                     self._held_up(task, level, looked_ns, late_ns)
+        self.overhead_ns += overhead_ns
         self._current, self._level = None, floor
         return end_ns

@@ -130,7 +130,6 @@ class KernelStatistics:
     :ivar elapsed_ns: since the kernel was started last.
     :ivar wakeups: times that it woke from idling.
     :ivar failures_dropped: failure reports that gave way to newer ones.
-    :ivar ticks: alarms and interrupts that were served, and rounds of the idle loop.
     :ivar overhead_ns: what the kernel itself computed for since it was made: releasing,
         dispatching, setting alarms. What Linux and Python need to deliver a signal is not in it.
     """
@@ -142,5 +141,4 @@ class KernelStatistics:
     tasks: tuple[TaskStatistics, ...]
     resources: tuple[ResourceStatistics, ...] = ()
     sources: tuple[SourceStatistics, ...] = ()
-    ticks: int = 0
     overhead_ns: int = 0

@@ -357,7 +357,7 @@ def test_a_native_call_at_the_end_of_a_job_is_charged_to_it() -> None:
 def test_a_native_call_that_holds_up_nobody_above_is_no_event() -> None:
     clock = StallingClock()
     kernel = Kernel(clock)
-    low = kernel.add_task('low', lambda: None, priority=10, rate_hz=1000.0)
+    low = kernel.add_task('low', lambda: None, priority=10, rate_hz=1000.0, phase_ns=MS)
     high = kernel.add_task('high', lambda: clock.stall(3 * MS), priority=90, rate_hz=100.0)
     kernel.run(20 * MS)
     assert high.blocked_maximum_ns == 2 * MS  # it is measured all the same
