@@ -21,7 +21,7 @@ comes to that level (:meth:`Releases._take_in`), in the order of time, and not b
 something higher runs, a due timer costs nothing, however many there are. All that is done before
 is to note that a level has to be looked at (:attr:`_ready`), once until it has been looked at.
 
-A periodic task whose job waits or runs has no timer in the heap; the next one is in ``task.timer``.
+A periodic task whose job waits or runs has no timer in the heap; the next is in ``task.timer``.
 When the job has ended, the points of the grid that passed meanwhile are reckoned in one step
 (``Consequences._reckon``), and the timer goes back.
 

@@ -114,7 +114,6 @@ class KernelState:
         self._suspects_ns = 0
         self._resources: dict[str, Any] = {}
 
-
     def _note_failure(self, failure: FailureReport) -> None:
         self.failures_total += 1
         self.failures.append(failure)
