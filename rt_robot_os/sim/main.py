@@ -31,6 +31,7 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import I2C_FAULTS
 from rt_robot_os.sim.player import at_line_speed
@@ -41,6 +42,7 @@ from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
+from rt_robot_os.sim.tcp_port import TcpPlug
 
 _USAGE_ERROR: Final = 2
 _FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}'
@@ -69,7 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         server.close()
         return _fail(error)
     for name, device in devices.items():
-        print(f'{name} {device.path}', flush=True)
+        where = device.port.url if isinstance(device.port, TcpPlug) else device.path
+        print(f'{name} {where}', flush=True)
     server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line))
     _run(server, arguments.keep_running)
     return 0
@@ -117,6 +120,7 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
             types[name] = kind
     bauds = _per_device(arguments.baud, types, '--baud', problems)
     rates = _per_device(arguments.rate, types, '--rate', problems)
+    numbers = _per_device(arguments.tcp, types, '--tcp', problems)
     faults = _faults(arguments.fault, types, problems)
     folder = _folder(arguments.dir, problems)
     place = Place(folder)
@@ -129,12 +133,22 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
             wanted = {'baud': int(bauds[name])} if name in bauds else {}
             device = SIMULATORS.load(kind).made_for(name, settings, place, wanted)
             device.check_speed()
+            if name in numbers:
+                _put_on_network(name, device, int(numbers[name]))
             devices[name] = device
         except ConfigError as error:
             problems.extend(error.problems)
     if problems:
         raise ConfigError(problems)
     return devices
+
+
+def _put_on_network(name: str, device: Simulated, number: int) -> None:
+    if not isinstance(device, SimulatedDevice):
+        raise ConfigError([f'--tcp {name}={number}: it is no serial device'])
+    if not 0 < number < 65536:
+        raise ConfigError([f'--tcp {name}={number}: the port must be from 1 to 65535'])
+    device.port = TcpPlug(number)
 
 
 def _simulator_parser() -> argparse.ArgumentParser:
@@ -153,6 +167,8 @@ def _simulator_parser() -> argparse.ArgumentParser:
                         help='samples a second')
     parser.add_argument('--fault', action='append', default=[], metavar='"NAME: FAULT at S for S"',
                         help='such as "imu: unplug at 5 for 2", seconds after the start')
+    parser.add_argument('--tcp', action='append', default=[], metavar='NAME=PORT',
+                        help='serve a serial device at tcp://127.0.0.1:PORT instead of a pty')
     parser.add_argument('--seed', type=int, default=1, help='of noise and faults')
     _add_keep_running(parser)
     return parser
