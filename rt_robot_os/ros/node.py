@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,14 +71,17 @@ class RobotNode(LifecycleNode):
     :param settings: checked already.
     :param name: of the node, before remapping.
     :param console: what counts the lines that nobody reads; None counts none.
+    :param stopping: whether the program is to end: nothing is waited for any more.
     :ivar held_up: somebody who does not read the console holds up a thread at the end.
     """
 
     def __init__(self, settings: RobotSettings, name: str = 'robot',
-                 console: Console | None = None) -> None:
+                 console: Console | None = None,
+                 stopping: Callable[[], bool] = lambda: False) -> None:
         super().__init__(name)
         self.settings = settings
         self._loaded = settings
+        self._stopping = stopping
         self._adopting = False
         self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
@@ -115,11 +119,11 @@ class RobotNode(LifecycleNode):
             watchdog_code=(self.settings.watchdog.exit_code if self.settings.watchdog.timeout_s
                            else 0))
         self._supervisor.start()
-        connected = self._supervisor.wait(_START_TIMEOUT_S)
+        connected = self._supervisor.wait(_START_TIMEOUT_S, self._stopping)
         if self.fatal:
             self._stop_core()
             return TransitionCallbackReturn.FAILURE
-        if process is not None and not connected:
+        if process is not None and not connected and not self._stopping():
             # The supervisor goes on trying, and /diagnostics says so meanwhile.
             self._log.note(int(Severity.WARN), f'the core is not there after '
                            f'{_START_TIMEOUT_S:g} s; is the machine that busy?')

@@ -63,9 +63,9 @@ class _NotStarted(Exception):
     """ROS 2 refuses the node."""
 
 
-def _make_node(settings: RobotSettings, console: Console) -> RobotNode:
+def _make_node(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> RobotNode:
     try:
-        return RobotNode(settings, console=console)
+        return RobotNode(settings, console=console, stopping=lambda: bool(stop.signo))
     except RtRobotError:
         raise
     except Exception as error:
@@ -106,7 +106,7 @@ def _spin(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> int
     code = FAILED
     try:
         with frequent_announcements():
-            node = _make_node(settings, console)
+            node = _make_node(settings, stop, console)
         code = _run(node, executor, stop)
     except KeyboardInterrupt:
         code = OK

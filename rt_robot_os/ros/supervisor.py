@@ -38,6 +38,7 @@ from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.silence import Silence
 
 _PUMP_S = 0.05
+_LOOK_S = 0.1
 _CONNECT_TRY_S = 0.05
 _PAUSE_FIRST_S = 0.5
 _PAUSE_MAXIMUM_S = 10.0
@@ -120,9 +121,16 @@ class Supervisor:
         if self._thread.is_alive():
             self._thread.join(_STOP_PATIENCE_S)
 
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until the core is connected, or cannot be; whether it is."""
-        self._ready.wait(timeout_s)
+    def wait(self, timeout_s: float, give_up: Callable[[], bool] = lambda: False) -> bool:
+        """
+        Wait until the core is connected, or cannot be; whether it is.
+
+        :param give_up: asked now and then whether to wait no longer.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while not give_up() and (left_s := deadline_s - time.monotonic()) > 0:
+            if self._ready.wait(min(left_s, _LOOK_S)):
+                break
         return self.connected.is_set()
 
     # ---- the thread --------------------------------------------------------------------------
