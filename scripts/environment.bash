@@ -99,7 +99,7 @@ choose_python() {
     without_venv=${without_venv:-$python}
   done < <(candidates)
   if [ -n "$without_venv" ]; then
-    if [ "$MODE" = ros ] && has_everything "$without_venv"; then
+    if [ "$MODE" = ros ] && [ "$KIND" = run ] && has_what_runs "$without_venv"; then
       BASE=$without_venv
       return
     fi
@@ -120,8 +120,11 @@ choose_python() {
 
 # ---- the virtual environment -----------------------------------------------------------------
 
+has_what_runs() { "$1" -c 'import colcon_core, colcon_ros, numpy, serial, yaml' >/dev/null 2>&1; }
+
+# With what `record`, `replay` and `top` need.
 has_everything() {
-  local modules='colcon_core, colcon_ros, numpy, serial, yaml'
+  local modules='colcon_core, colcon_ros, mcap, numpy, rich, serial, yaml'
   [ "$KIND" = run ] || modules="$modules, hypothesis, mypy, pytest"
   "$1" -c "import $modules" >/dev/null 2>&1
 }

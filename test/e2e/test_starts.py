@@ -31,6 +31,8 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from rt_robot_os.link import LinkClient  # noqa: E402
+from rt_robot_os.link.stamps import StampMapper  # noqa: E402
+from rt_robot_os.ros.supervisor import Supervisor  # noqa: E402
 
 Until = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
@@ -188,6 +190,14 @@ def test_the_links_of_a_killed_simulator_are_removed(world: Any, until: Until) -
     assert killed == 1
     assert robot.end() == 0
     assert world.leftovers() == []
+
+
+def test_who_is_to_end_waits_for_no_core(tmp_path: Path) -> None:
+    supervisor = Supervisor(
+        tmp_path / 'robot.sock', None, StampMapper(), lambda *_: None, lambda *_: None,
+        name='robot', on_connect=lambda _: None, on_disconnect=lambda: None, heartbeat_s=1.0,
+        statistics_period_s=1.0)
+    assert not supervisor.wait(1e9, iter([False, True]).__next__)
 
 
 def test_an_early_ctrl_c_shows_no_traceback(tmp_path: Path) -> None:

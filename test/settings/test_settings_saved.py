@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -161,3 +162,38 @@ def test_the_file_says_what_it_is(base: Path, tmp_path: Path) -> None:
     guard:
       rate_hz: 30.0
 """
+
+
+def test_what_a_namesake_has_saved_is_not_overwritten(base: Path, tmp_path: Path) -> None:
+    saved, other = tmp_path / 'robot.saved.yaml', tmp_path / 'other.yaml'
+    other.write_text(BASE)
+    now = {'guard.rate_hz': 30.0}
+    assert save(saved, 'robot', {}, now, files=[str(base)]) == now
+    text = saved.read_text()
+    with pytest.raises(ConfigError, match=f'another robot of this name.* by {base}, and is not '
+                       'overwritten: give this one another name or a parameters_file'):
+        save(saved, 'robot', {}, {'guard.rate_hz': 1.0}, files=[str(other)])
+    assert saved.read_text() == text
+    # The same robot, with what it has saved and one file more.
+    assert save(saved, 'robot', {}, {'guard.rate_hz': 2.0},
+                files=[str(base), str(other), str(saved)]) == {'guard.rate_hz': 2.0}
+    base.unlink()  # that robot is no more
+    other.rename(tmp_path / 'moved.yaml')
+    assert save(saved, 'robot', {}, {'guard.rate_hz': 3.0}, files=[str(tmp_path / 'moved.yaml')])
+
+
+def test_a_file_of_one_start_tells_no_robots_apart(tmp_path: Path) -> None:
+    saved, temporary = tmp_path / 'robot.saved.yaml', tmp_path / 'launch_params_x1'
+    temporary.write_text(BASE)
+    save(saved, 'robot', {}, {'guard.rate_hz': 30.0}, files=[str(temporary)])
+    save(saved, 'robot', {}, {'guard.rate_hz': 31.0}, files=[str(tmp_path / 'launch_params_y2')])
+    assert 'rate_hz: 31.0' in saved.read_text()
+
+
+def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+    victim = tmp_path / 'victim'
+    victim.write_text('mine')
+    saved = tmp_path / 'robot.saved.yaml'
+    (tmp_path / f'.robot.saved.yaml.{os.getpid()}').symlink_to(victim)
+    save(saved, 'robot', {}, {'guard.rate_hz': 30.0})
+    assert victim.read_text() == 'mine' and not saved.is_symlink()
