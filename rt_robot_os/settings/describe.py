@@ -66,6 +66,15 @@ robot:
 ros2 run rt_robot_os robot --ros-args --params-file my_robot.yaml -p imu.rate_hz:=100.0
 ```
 
+Without a parameter file the shipped `robot.yaml` counts: its devices are simulated, which the
+first line, `/diagnostics` (a warning) and `top` say. `robot --simulate` says that it is meant, and
+with `--params-file` it simulates the devices of that file, whatever their ports.
+
+A device or a module is switched off with `-p gps.enabled:=false`, or by a list on the command line
+that it is not in: `-p "devices:=[imu]"`. Its section is checked all the same. Its topics stay,
+silent, so that its mirrors and who reads them need no change. A mirror that is not in such a list
+is left out.
+
 ## How it is read
 
 - Every problem is told at once, with file, line, key, value and what would be right, before

@@ -56,7 +56,8 @@ ROBOT: Final = (
 
 CORE: Final = (
     Field('spawn', bool, True, 'start the core as a child; false: attach to one that runs'),
-    Field('cpu', int, -1, 'CPU it is pinned to; -1: the last one allowed; -2: not pinned',
+    Field('cpu', int, -1, 'CPU it is pinned to; -1: of those allowed the one with the fewest '
+          'robots, of these the last; -2: not pinned',
           minimum=-2, maximum=1023),
     Field('scheduler_priority', int, 80, 'SCHED_FIFO priority; 0: stay an ordinary process',
           minimum=0, maximum=99),

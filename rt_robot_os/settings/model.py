@@ -37,7 +37,7 @@ class CoreSettings:
     The process that runs the kernel.
 
     :ivar spawn: start it as a child; False attaches to one that runs.
-    :ivar cpu: the CPU it is pinned to; -1 the last one allowed, -2 none.
+    :ivar cpu: the CPU it is pinned to; -1 the least used one allowed, -2 none.
     :ivar scheduler_priority: SCHED_FIFO 1..99; 0 stays an ordinary process.
     :ivar lock_memory: keep all pages in memory.
     :ivar heartbeat_s: silence after which the other side counts as dead.
