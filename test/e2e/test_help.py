@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `--help` says of the programs that start a robot; written anew with the command below."""
+"""What `--help` says of the programs that start a robot; kept as it is meant to be."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_help_of_what_starts_a_robot(program: str) -> None:
     path = GOLDEN / f'{program}_help.txt'
     if 'UPDATE_GOLDEN' in os.environ:
         path.write_text(done.stdout)
-    assert done.stdout == path.read_text(), 'wrong, or written anew: UPDATE_GOLDEN=1 ./scripts/test'
+    assert done.stdout == path.read_text(), 'if it is right: UPDATE_GOLDEN=1 ./scripts/test ...'
 
 
 @pytest.mark.parametrize('program', [*PROGRAMS, 'simulator', 'player'])

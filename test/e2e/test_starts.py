@@ -152,12 +152,9 @@ def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[st
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = world.start('rt_robot_os.cli.robot', *arguments)
 
-    def told() -> Any:
-        return next((status for message in list(diagnostics) for status in message.status
-                     if status.name == 'robot: simulation'), None)
-
-    status = until(told, 'the status')
-    assert (status.level, status.message) == (level, 'simulated: imu, gps')
+    until(lambda: any((status.name, status.level, status.message) ==
+                      ('robot: simulation', level, 'simulated: imu, gps')
+                      for message in list(diagnostics) for status in message.status), 'the status')
     assert 'simulated: imu, gps' in robot.lines[0]
     assert ('WARNING' in robot.lines[0]) == (not arguments)
     top = run('top', '--once', folder=world.folder)
