@@ -26,6 +26,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections import Counter
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 from urllib.parse import unquote
 from urllib.parse import urlsplit
@@ -53,6 +54,7 @@ _NTRIP_PORT: Final = 2101
 _SILENCE_NS: Final = 30 * NS_PER_S
 _RETRY_NS: Final = NS_PER_S
 _RETRY_MAXIMUM_NS: Final = 30 * NS_PER_S
+_POSITION_NS: Final = 10 * NS_PER_S
 _READY_MESSAGES: Final = 64
 _NUMBERS: Final = 32
 _HEAD: Final = 64
@@ -66,11 +68,14 @@ class Corrections:
     :ivar numbers: messages by their number; 0 stands for those beyond the first 32 kinds.
     """
 
-    def __init__(self, name: str, port: str, baud: int, log: Logger) -> None:
+    def __init__(self, name: str, port: str, baud: int, log: Logger,
+                 position: Callable[[], bytes] = bytes) -> None:
         """
         Check the port; nothing is opened.
 
         :param name: of the device, for errors.
+        :param position: gives an NMEA sentence with the position, for a caster that computes a
+            base station there; empty when it is not known.
         :raises ConfigError: the port is neither a path nor an address.
         """
         self.problem = 'not opened yet'
@@ -82,6 +87,8 @@ class Corrections:
         self._setting = port
         self._baud = baud
         self._log = log
+        self._position = position
+        self._position_due_ns = 0
         self._decoder = RtcmDecoder()
         self._port: Port | None = None
         self._head = b''
@@ -102,6 +109,7 @@ class Corrections:
                     return
                 self._port = self._open()
                 self._opened_ns, self._head = now_ns, b''
+                self._position_due_ns = now_ns
                 self._decoder.reset()
             self._read(self._port, now_ns)
         except DeviceError as error:
@@ -162,6 +170,14 @@ class Corrections:
             raise DeviceError(self._why_nothing(port))
         if self._caster is not None:
             self._check_answer()
+            self._tell_position(port, now_ns)
+
+    def _tell_position(self, port: Port, now_ns: int) -> None:
+        if now_ns >= self._position_due_ns and self._head:
+            sentence = self._position()
+            if sentence:
+                port.write(sentence)
+                self._position_due_ns = now_ns + _POSITION_NS
 
     def _why_nothing(self, port: Port) -> str:
         said = silence_of(port)

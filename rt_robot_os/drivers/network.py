@@ -34,6 +34,7 @@ import struct
 from typing import Final
 from urllib.parse import urlsplit
 
+from rt_robot_os.drivers.device import Value
 from rt_robot_os.drivers.lookup import HostAddress
 from rt_robot_os.drivers.transport import StreamPort
 from rt_robot_os.errors import DeviceError
@@ -233,6 +234,10 @@ class UdpPort:
             self.dropped_write_bytes += len(data)
         except OSError as error:
             raise self._problem(error) from error
+
+    def more(self) -> dict[str, Value]:
+        """Give what only this kind of port has to tell."""
+        return {'foreign_datagrams': self.foreign_datagrams} if self._listens else {}
 
     def silence(self) -> str:
         """Say what to check when nothing comes."""

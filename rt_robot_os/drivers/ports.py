@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from rt_robot_os.drivers.device import Value
 from rt_robot_os.drivers.lookup import host_name
 from rt_robot_os.drivers.lookup import numeric
 from rt_robot_os.drivers.network import GPSD
@@ -102,3 +103,9 @@ def silence_of(port: Port | None) -> str:
     """Say what a port says about nothing coming; empty when it says nothing."""
     silence = getattr(port, 'silence', None)
     return str(silence()) if silence is not None else ''
+
+
+def more_of(port: Port | None) -> dict[str, Value]:
+    """Give what only this kind of port has to tell, by name."""
+    more = getattr(port, 'more', None)
+    return dict(more()) if more is not None else {}

@@ -39,6 +39,7 @@ from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.drivers.device import SamplePublisher
 from rt_robot_os.drivers.device import Value
 from rt_robot_os.drivers.ports import address_of
+from rt_robot_os.drivers.ports import more_of
 from rt_robot_os.drivers.ports import open_port
 from rt_robot_os.drivers.ports import Port
 from rt_robot_os.drivers.ports import prepare_port
@@ -336,7 +337,7 @@ class SerialDevice(Device, Generic[FrameT]):
             contradicted_samples=contradicted,
             dropped_write_bytes=self._dropped_write_bytes
             + (port.dropped_write_bytes if port else 0),
-            more=more or {},
+            more={**more_of(port), **(more or {})},
             deferred_bytes=self._deferred_bytes,
         )
 

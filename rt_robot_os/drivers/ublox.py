@@ -54,6 +54,7 @@ from rt_robot_os.drivers.device import DeviceStatistics
 from rt_robot_os.drivers.device import Publication
 from rt_robot_os.drivers.device import SamplePublisher
 from rt_robot_os.drivers.device import Value
+from rt_robot_os.drivers.encoders.nmea import gga
 from rt_robot_os.drivers.nmea_fix import COVARIANCE_DIAGONAL_KNOWN
 from rt_robot_os.drivers.nmea_fix import COVARIANCE_UNKNOWN
 from rt_robot_os.drivers.nmea_fix import SERVICE_COMPASS
@@ -120,10 +121,12 @@ class Ublox(SerialDevice[UbxFrame]):
         self._waiting_ns = 0
         self._ahead: HighPrecision | None = None
         self._without_high_precision = 0
+        self._latest: NavPvt | None = None
         self._corrections: Corrections | None = None
         if settings['corrections']:
             self._corrections = Corrections(
-                name, settings['corrections'], settings['corrections_baud'], self.log)
+                name, settings['corrections'], settings['corrections_baud'], self.log,
+                self._gga)
 
     def publications(self) -> tuple[Publication, ...]:
         """Say what is published: NavSatFix, and velocity and time with a topic."""
@@ -228,6 +231,7 @@ class Ublox(SerialDevice[UbxFrame]):
         return self._counters(more=more)
 
     def _begin_epoch(self, pvt: NavPvt, arrival_ns: int) -> int:
+        self._latest = pvt
         samples = self._publish_coarse() if self._waiting is not None else 0
         ahead, self._ahead = self._ahead, None
         if not self._high_precision or not pvt.has_fix:
@@ -245,6 +249,17 @@ class Ublox(SerialDevice[UbxFrame]):
             return 0
         self._waiting = None
         return self._publish_fix(pvt, precise, self._waiting_ns)
+
+    def _gga(self) -> bytes:
+        """Give the position for a caster; not in the loop."""
+        pvt = self._latest
+        utc = _utc(pvt) if pvt is not None and pvt.has_fix else None
+        if pvt is None or utc is None:
+            return b''
+        return gga(datetime.fromtimestamp(utc[0], timezone.utc), pvt.latitude * _DEGREES,
+                   pvt.longitude * _DEGREES, satellites=min(pvt.satellites, 99),
+                   altitude_m=pvt.sea_height_mm * _METRES,
+                   separation_m=(pvt.height_mm - pvt.sea_height_mm) * _METRES)
 
     def _publish_coarse(self) -> int:
         pvt, self._waiting = self._waiting, None

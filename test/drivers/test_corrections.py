@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterator
+from datetime import datetime
+from datetime import timezone
 from pathlib import Path
 import select
 import socket
@@ -35,6 +37,7 @@ from rt_robot_os.drivers.corrections import Corrections
 from rt_robot_os.drivers.decoders.rtcm import crc24q
 from rt_robot_os.drivers.decoders.rtcm import PartialCrc
 from rt_robot_os.drivers.decoders.rtcm import RtcmDecoder
+from rt_robot_os.drivers.encoders import ubx as encode
 from rt_robot_os.drivers.encoders.rtcm import message
 from rt_robot_os.drivers.ublox import Ublox
 from rt_robot_os.errors import ConfigError
@@ -175,6 +178,33 @@ def test_a_caster_is_asked_for_its_mount_point(station: socket.socket) -> None:
     assert made.take() == STATION
     made.close()
     client.close()
+
+
+def test_a_caster_is_told_where_the_receiver_is(station: socket.socket) -> None:
+    port = f'ntrip://127.0.0.1:{station.getsockname()[1]}/NEAREST'
+    noon = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
+    with scripted(Ublox, [encode.nav_pvt(noon, 52.5, 13.25, 81.0, separation_m=40.0)],
+                  corrections=port) as (device, _):
+        made = device._corrections
+        made.maintain(S)
+        client = station.accept()[0]
+        client.settimeout(10)
+        client.sendall(b'ICY 200 OK\r\n\r\n')
+        maintain_until(made, lambda: made._head != b'')
+        assert made._position() == b''  # not known yet
+        device.read(S)
+        made.maintain(S)
+        told = b''
+        while not told.endswith(b'\r\n') or b'GPGGA' not in told:
+            told += client.recv(1000)
+        assert b'$GPGGA,120000' in told
+        assert b',5230.0000' in told and b',01315.0000' in told and b',41.00,M,40.0,M' in told
+        for now_ns in range(2 * S, 11 * S, S):
+            made.maintain(now_ns)
+        assert not select.select([client], [], [], 0)[0]
+        made.maintain(11 * S)
+        assert b'GPGGA' in client.recv(1000)
+        client.close()
 
 
 @pytest.mark.parametrize('answer, said', [

@@ -419,8 +419,19 @@ def test_others_than_the_one_heard_first_are_not_mixed_in(tmp_path: Path) -> Non
         while found != b'firstsecond':
             assert select.select([port.fileno()], [], [], 10)[0], found
             found += port.read()
-    assert port.foreign_datagrams == 1
+    assert port.more() == {'foreign_datagrams': 1}
     port.close()
+    far.go()
+
+
+def test_what_was_not_used_is_seen_in_the_counters_of_the_device(tmp_path: Path) -> None:
+    far = ListenFar(tmp_path)
+    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port, baud=0))
+    bind(device)
+    assert device.statistics().more == {}
+    device.open()
+    assert device.statistics().more == {'foreign_datagrams': 0}
+    device.close()
     far.go()
 
 
