@@ -261,6 +261,7 @@ class Answers:
     def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
         for task in self._core.kernel.tasks:
             task.reset_statistics()
+        self._core.kernel.stolen.reset()
         return {}
 
     def _stop(self, session: Session, arguments: Arguments) -> Arguments:
@@ -321,11 +322,13 @@ class Answers:
             yield 'client', client.as_json()
         for name in resource_names(core.settings):
             yield 'resource', asdict(core.kernel.resource(name).statistics())
-        watchdog = core.watchdog
+        watchdog, stolen = core.watchdog, core.kernel.stolen
         yield 'core', {
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'stolen': stolen.events, 'stolen_total_ns': stolen.total_ns,
+            'stolen_maximum_ns': stolen.times.maximum_ns,
             'parameters': core.parameters.digest(),
             'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
             'black_box': core.black_box.statistics(), 'log_lines': core.reports.total,

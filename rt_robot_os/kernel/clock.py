@@ -35,6 +35,7 @@ from typing import ClassVar
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.linux.recursion import with_room
+from rt_robot_os.linux.schedule import WaitingTime
 from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
@@ -61,12 +62,14 @@ class Clock(ABC):
 
     :ivar now_ns: a callable that gives the time in nanoseconds; never runs backwards.
     :ivar computed_ns: a callable that gives the computing time of the kernel's thread.
+    :ivar was_stopped: the process was stopped (SIGSTOP) and went on; whoever looks clears it.
     :cvar has_signals: file descriptors interrupt what runs.
     :cvar preemptive: the alarm interrupts what runs.
     """
 
     now_ns: Callable[[], int]
     computed_ns: Callable[[], int]
+    was_stopped: bool = False
     has_signals: ClassVar[bool] = False
     preemptive: ClassVar[bool] = True
 
@@ -121,6 +124,10 @@ class Clock(ABC):
         :return: True when it may have been something else than the alarm.
         """
 
+    def waited_ns(self) -> int:
+        """Give the time that the thread waited for a CPU so far, if the system tells."""
+        return 0
+
     @abstractmethod
     def spend(self, duration_ns: int) -> None:
         """Pretend to compute: what a task calls in a simulation or a test."""
@@ -139,6 +146,7 @@ class MonotonicClock(Clock):
     def __init__(self, wake_signals: Iterable[int] = ()) -> None:
         self.now_ns = time.monotonic_ns
         self.computed_ns = time.thread_time_ns
+        self.waited_ns = WaitingTime().read  # type: ignore[method-assign]
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
@@ -172,6 +180,9 @@ class MonotonicClock(Clock):
             self._gate = SignalGate({*handlers, *wakes})
             self._timers.append(SignalTimer(TICK_SIGNAL))
             self._timers.append(SignalTimer(TICK_SIGNAL))
+            # Not in the gate: it is noted at once, before an alarm that came meanwhile.
+            if signal.getsignal(signal.SIGCONT) is signal.SIG_DFL:
+                self._previous[signal.SIGCONT] = signal.signal(signal.SIGCONT, self._on_continue)
         except BaseException:
             self._close_timers()
             self._restore_handlers()
@@ -181,6 +192,9 @@ class MonotonicClock(Clock):
         self.hold = self._gate.hold  # type: ignore[method-assign]
         self.admit = self._gate.admit  # type: ignore[method-assign]
         self._sigwait = self._gate.wait
+
+    def _on_continue(self, signum: int, frame: object) -> None:
+        self.was_stopped = True
 
     def wrap_handlers(self, run: Callable[..., None]) -> None:
         for signo in signal.valid_signals():

@@ -26,12 +26,14 @@ from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.policy import FailurePolicy
 from rt_robot_os.kernel.policy import OverrunPolicy
 from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.ran_instead import ran_instead
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.state import Timer
+from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import FOLLOW
 from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
@@ -118,6 +120,14 @@ class Consequences(Releases):
 
     def _long_execution(self, task: Task, execution_ns: int) -> None:
         """Look at a job that computed for longer than the longest so far, or than its budget."""
+        if execution_ns > LOOKS_LONG_NS:
+            taken_ns = self._claim(task, self.now_ns(), execution_ns)
+            if taken_ns:
+                self._ended = (task, task.start_ns, taken_ns)
+                task.execution_counts[bucket(execution_ns)] -= 1
+                task.execution_total_ns -= taken_ns
+                execution_ns -= taken_ns
+                task.execution_counts[bucket(execution_ns)] += 1
         longest_ns = task.execution.maximum_ns = max(task.execution.maximum_ns, execution_ns)
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
         task.budget_exceeded += execution_ns > task.budget_ns
@@ -143,16 +153,32 @@ class Consequences(Releases):
 
     # ---- blocking ----------------------------------------------------------------------------
 
-    def _held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> None:
+    def _held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
         """
         Charge an alarm that came late to the job that ran; what it released is ready by now.
 
-        :param at_ns: when the job could be interrupted again.
+        :param at_ns: when the job could be interrupted again, or when it had ended.
+        :return: how much of the job's time Linux took, as far as that was not known.
         """
+        taken_ns = 0
+        if late_ns > LOOKS_LONG_NS:
+            taken_ns = self._claim(task, at_ns, at_ns - task.start_ns - self._stolen_ns)
+            known = self._ended
+            late_ns -= taken_ns
+            if known[0] is task and known[1] == task.start_ns:  # found when the job ended
+                late_ns -= known[2]
         if late_ns > task.blocked_maximum_ns:
             task.blocked_maximum_ns = late_ns
         if late_ns > BLOCKED_NS and self._ready >> level + 1:
             self.record((BLOCKED, task, at_ns, late_ns))
+        return taken_ns
+
+    def _claim(self, task: Task, now_ns: int, window_ns: int) -> int:
+        taken_ns = self.stolen.claim(now_ns, window_ns)
+        if taken_ns > NS_PER_MS:
+            self.black_box.mark(now_ns, f'Linux took the CPU from {task.name} for '
+                                f'{taken_ns / NS_PER_MS:.1f} ms')
+        return taken_ns
 
     # ---- failures ----------------------------------------------------------------------------
 

@@ -44,6 +44,7 @@ from rt_robot_os.kernel.state import IDLE_LEVEL
 from rt_robot_os.kernel.state import LEVEL_END
 from rt_robot_os.kernel.state import Timer
 from rt_robot_os.kernel.statistics import KernelStatistics
+from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 
@@ -135,6 +136,7 @@ class Kernel(Declarations):
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS
         self.start_ns = start_ns
+        self.stolen.start(start_ns)
         self._end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
         self._clear_timers()
         self._schedule(self._end_ns, self._end, LEVEL_END)
@@ -202,6 +204,9 @@ class Kernel(Declarations):
             self.pending = False
             now_ns = self.now_ns()
             end_ns = end_ns or now_ns
+            late_ns = now_ns - self._armed_ns
+            if late_ns > LOOKS_LONG_NS and self._armed_ns and not self._ready:
+                self.stolen.claim(now_ns, late_ns)  # woken late
             if self.spin_ns:
                 now_ns = self._spin(now_ns, IDLE_LEVEL)
             self._notice(now_ns)
@@ -214,6 +219,7 @@ class Kernel(Declarations):
             end_ns = 0
             if self.on_idle is not None:
                 self._idle(self.on_idle, next_ns - now_ns)
+            self.stolen.keep_fresh(now_ns)
             clock.hold()
             # A signal that came before hold() has left its note; one after it is held.
             if not (self.pending or self._stopping) and clock.wait():
@@ -283,6 +289,7 @@ class Kernel(Declarations):
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
             overhead_ns=self.overhead_ns,
+            stolen=self.stolen.times.summary(), stolen_total_ns=self.stolen.total_ns,
             tasks=tuple(task.statistics() for task in self._tasks),
             resources=tuple(r.statistics() for r in self._resources.values()),
             sources=self._interrupts.statistics())

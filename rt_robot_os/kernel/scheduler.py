@@ -140,7 +140,7 @@ class Scheduler(Strikes):
             self._notice(now_ns)
         if current is not None and (
                 late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
-            self._held_up(current, level, entry_ns, late_ns)
+            stolen_ns += self._held_up(current, level, entry_ns, late_ns)
         done_ns = entry_ns
         if self._ready.bit_length() - 1 > level:
             done_ns = self._dispatch(level, now_ns, entry_ns)

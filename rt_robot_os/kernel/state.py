@@ -28,6 +28,7 @@ from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interrupts import InterruptSources
 from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
+from rt_robot_os.kernel.stolen import Stolen
 from rt_robot_os.kernel.task import Task
 
 IDLE_LEVEL = 0
@@ -53,6 +54,7 @@ class KernelState:
     :ivar black_box: the last things that happened.
     :ivar record: ``black_box.add``.
     :ivar spin_ns: wake this much before a release and spin until it.
+    :ivar stolen: time that Linux took from the jobs.
     :ivar stop_grace_ns: jobs that run so long after :meth:`stop` are ended; by default never.
     :ivar ended: the tasks whose jobs were, since the kernel was started.
     :ivar overhead_ns: what the kernel itself computed for: releasing, dispatching, setting alarms.
@@ -75,6 +77,8 @@ class KernelState:
         '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_firsts',
         '_watched_ns', 'overhead_ns', '_end_ns', '_recursion_limit', '_one_shots',
         '_resources', '_suspects_ns')
+        '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
+        '_recursion_limit', '_one_shots', '_resources', '_suspects_ns', 'stolen', '_ended')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
@@ -112,6 +116,8 @@ class KernelState:
         self._recursion_limit = 0
         self._one_shots = 0
         self._suspects_ns = 0
+        self.stolen = Stolen(clock)
+        self._ended: tuple[Task | None, int, int] = (None, 0, 0)
         self._resources: dict[str, Any] = {}
 
     def _note_failure(self, failure: FailureReport) -> None:

@@ -129,6 +129,8 @@ class KernelStatistics:
 
     :ivar elapsed_ns: since the kernel was started last.
     :ivar wakeups: times that it woke from idling.
+    :ivar stolen: times that Linux took the CPU while there was something to compute, as far as
+        that was noticed: where an alarm or a job was late by 0.2 ms or more.
     :ivar failures_dropped: failure reports that gave way to newer ones.
     :ivar overhead_ns: what the kernel itself computed for since it was made: releasing,
         dispatching, setting alarms. What Linux and Python need to deliver a signal is not in it.
@@ -142,3 +144,5 @@ class KernelStatistics:
     resources: tuple[ResourceStatistics, ...] = ()
     sources: tuple[SourceStatistics, ...] = ()
     overhead_ns: int = 0
+    stolen: Summary = Summary()
+    stolen_total_ns: int = 0

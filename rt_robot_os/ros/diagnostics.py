@@ -126,6 +126,8 @@ class Diagnostics:
         values = {r['step']: 'in force' if r['ok'] else r['reason'] for r in now.core['realtime']}
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
+                   'stolen_by_linux': now.core.get('stolen', 0),
+                   'stolen_by_linux_max_us': now.core.get('stolen_maximum_ns', 0) / 1000,
                    'clients_accepted': now.core['accepted'],
                    'simulators_restarted': now.core.get('simulators_restarted', 0),
                    'clients_refused': now.core['refused'], 'pid': now.core['pid'],

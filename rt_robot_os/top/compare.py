@@ -189,16 +189,18 @@ class _Interval:
         if before is not None and now.cpu_s is not None and before.cpu_s is not None:
             used = self._percent(now.cpu_s, before.cpu_s)
         return KernelRow(
-            'core', _grown({'failures': core['failures_total'], 'clients_refused': core['refused'],
-                            **core['black_box']},
-                           {'failures': old['failures_total'],
-                            'clients_refused': old['refused'], **old['black_box']}
-                           if old else None),
+            'core', _grown(_core_counters(core), _core_counters(old) if old else None),
             core['pid'], core['elapsed_ns'] / NS_PER_S, sum(shares) if shares else None, used,
             now.memory_bytes / _BYTES_PER_MB if now.memory_bytes is not None else None,
             self._rate(core['wakeups'], old['wakeups'] if old else None), core['failures_total'],
             core['refused'], core['watchdog'], core['black_box'], tuple(core['realtime']),
-            tuple(core.get('simulated', ())), bool(core.get('simulation_asked', True)))
+            tuple(core.get('simulated', ())), bool(core.get('simulation_asked', True)),
+            core.get('stolen', 0), _us(core.get('stolen_maximum_ns', 0)))
+
+
+def _core_counters(core: dict[str, Any]) -> dict[str, int]:
+    return {'failures': core['failures_total'], 'clients_refused': core['refused'],
+            'stolen': core.get('stolen', 0), **core['black_box']}
 
 
 def _percentiles(summary: Summary) -> tuple[float | None, float | None]:

@@ -105,7 +105,12 @@ def _blame(snapshot: Snapshot) -> list[Span]:
                       f'{more}  ', 'bad'))
     worst = max(snapshot.tasks, key=lambda row: row.blocked_us, default=None)
     if worst is not None and worst.blocked_us:
-        spans.append((f'longest native call: {worst.name} {microseconds(worst.blocked_us)}', ''))
+        spans.append((f'longest native call: {worst.name} {microseconds(worst.blocked_us)}  ', ''))
+    kernel = snapshot.kernel
+    if kernel.stolen:
+        spans.append((f'taken by Linux: {kernel.stolen} x, at most '
+                      f'{microseconds(kernel.stolen_maximum_us)}',
+                      'warn' if 'stolen' in kernel.new else ''))
     return spans
 
 

@@ -146,6 +146,7 @@ class KernelRow(Row):
     :ivar cpu_percent: of one CPU, by the tasks; the kernel's own work is not in it.
     :ivar process_cpu_percent: of one CPU, by the process, as Linux counts it.
     :ivar realtime: the real-time steps: step, ok, reason.
+    :ivar stolen: times that Linux took the CPU from a job.
     :ivar simulated: devices that are.
     :ivar simulation_asked: somebody wanted that; False for want of a configuration.
     """
@@ -163,6 +164,8 @@ class KernelRow(Row):
     realtime: tuple[dict[str, Any], ...]
     simulated: tuple[str, ...]
     simulation_asked: bool
+    stolen: int = 0
+    stolen_maximum_us: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,100 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Time that Linux took from the kernel's thread while it had something to compute.
+
+A job that was interrupted by another program, or whose process was stopped, took long without
+computing long. Only when something looks long are the clocks read that can tell: the thread's
+computing time, and the time that it waited for a CPU. They are compared with their values at the
+last reading, at most a few milliseconds before; so what is claimed is what Linux took since then,
+and never more than the time in question.
+
+A job that waits in a system call of its own (a disk) is not robbed: that remains its own.
+"""
+
+from __future__ import annotations
+
+from rt_robot_os.kernel.clock import Clock
+from rt_robot_os.kernel.histogram import Histogram
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_US
+
+# Below that nothing is asked: it is the way from an alarm to its handler.
+LOOKS_LONG_NS = 200 * NS_PER_US
+# Read again so often while the kernel idles, about 1 us each: what came before a job is not its.
+_FRESH_NS = 5 * NS_PER_MS
+_LEAST_NS = 50 * NS_PER_US
+
+
+class Stolen:
+    """
+    The account of it.
+
+    :ivar times: how long, each time.
+    :ivar events: how often.
+    :ivar total_ns: in all.
+    """
+
+    __slots__ = ('times', 'events', 'total_ns', '_clock', '_at_ns', '_computed_ns', '_waited_ns')
+
+    def __init__(self, clock: Clock) -> None:
+        self.times = Histogram()
+        self.events = self.total_ns = 0
+        self._clock = clock
+        self._at_ns = self._computed_ns = self._waited_ns = 0
+
+    def start(self, now_ns: int) -> None:
+        """Begin anew with the kernel."""
+        self.reset()
+        self.look(now_ns)
+
+    def reset(self) -> None:
+        """Begin to count anew."""
+        self.times.clear()
+        self.events = self.total_ns = 0
+
+    def keep_fresh(self, now_ns: int) -> None:
+        """Read the clocks if that is some time ago; about 1 us then."""
+        if now_ns - self._at_ns > _FRESH_NS:
+            self.look(now_ns)
+
+    def look(self, now_ns: int) -> None:
+        """Read the clocks."""
+        self._at_ns = now_ns
+        self._computed_ns = self._clock.computed_ns()
+        self._waited_ns = self._clock.waited_ns()
+
+    def claim(self, now_ns: int, window_ns: int) -> int:
+        """
+        Say how much of a time that looks long Linux took, and count it; locked.
+
+        :param window_ns: the time, up to now.
+        """
+        clock = self._clock
+        at_ns, computed_ns, waited_ns = self._at_ns, self._computed_ns, self._waited_ns
+        was_stopped, clock.was_stopped = clock.was_stopped, False
+        self.look(now_ns)
+        idle_ns = now_ns - at_ns - (self._computed_ns - computed_ns)  # or waiting, or stopped
+        taken_ns = self._waited_ns - waited_ns
+        if was_stopped:  # for as long as it did not compute
+            taken_ns = window_ns - (self._computed_ns - computed_ns)
+        taken_ns = min(taken_ns, idle_ns, window_ns)
+        if taken_ns < _LEAST_NS:
+            return 0
+        self.times.add(taken_ns)
+        self.events += 1
+        self.total_ns += taken_ns
+        return taken_ns

@@ -1,0 +1,210 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Time that Linux took is told as that, and charged to nobody."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from kernel_tools import MS
+from kernel_tools import ROOT
+from kernel_tools import S
+from kernel_tools import US
+import pytest
+
+from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.black_box import BLOCKED
+from rt_robot_os.kernel.black_box import MARK
+
+
+class SharedClock(VirtualClock):
+    """A virtual clock of a CPU that others use as well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.others_ns = 0
+        self.queued_ns = 0
+        self.computed_ns = lambda: self._now_ns - self.others_ns
+
+    def wait(self) -> bool:
+        before_ns = self._now_ns
+        found = super().wait()
+        self.others_ns += self._now_ns - before_ns  # idle
+        return found
+
+    def waited_ns(self) -> int:
+        return self.queued_ns
+
+    def take(self, duration_ns: int, stopped: bool = False) -> None:
+        """Let others compute, or the process be stopped: no alarm is heard meanwhile."""
+        self._now_ns += duration_ns
+        self.others_ns += duration_ns
+        if stopped:
+            self.was_stopped = True
+        else:
+            self.queued_ns += duration_ns
+        self.hear()
+
+    def block(self, duration_ns: int) -> None:
+        """Wait in a system call that no signal ends, as for a disk."""
+        self._now_ns += duration_ns
+        self.others_ns += duration_ns
+        self.hear()
+
+    def call(self, duration_ns: int) -> None:
+        """Compute in a native call."""
+        self._now_ns += duration_ns
+        self.hear()
+
+    def hear(self) -> None:
+        self.spend(1)
+        self._now_ns -= 1
+
+
+@pytest.fixture
+def clock() -> SharedClock:
+    return SharedClock()
+
+
+@pytest.fixture
+def kernel(clock: SharedClock) -> Kernel:
+    return Kernel(clock)
+
+
+@pytest.mark.parametrize('stopped', [False, True])
+def test_a_job_that_is_robbed_is_charged_with_its_own_time(
+        kernel: Kernel, clock: SharedClock, stopped: bool) -> None:
+    def job() -> None:
+        clock.spend(300 * US)
+        if task.runs == 3:
+            clock.take(700 * MS, stopped)
+        clock.spend(300 * US)
+
+    kernel.add_task('fast', lambda: None, priority=90, rate_hz=1000.0, phase_ns=500 * US)
+    task = kernel.add_task('imu', job, priority=50, rate_hz=100.0)
+    kernel.run(S)
+    assert task.blocked_maximum_ns < 50 * US
+    assert 500 * US < task.execution.maximum_ns < 700 * US
+    assert task.execution_total_ns < task.runs * 700 * US
+    assert sum(task.execution.counts) == task.runs
+    told = kernel.statistics()
+    assert told.stolen.count == 1
+    assert 699 * MS < told.stolen.maximum_ns <= 700 * MS
+    assert told.stolen_total_ns == told.stolen.maximum_ns
+    assert [r[3] for r in kernel.black_box.records if r[0] == MARK] == [
+        'Linux took the CPU from imu for 700.0 ms']
+    assert [r for r in kernel.black_box.records if r[0] == BLOCKED] == []
+
+
+def test_a_job_that_nothing_interrupts_is_charged_with_its_own_time_as_well(
+        kernel: Kernel, clock: SharedClock) -> None:
+    def job() -> None:
+        clock.spend(300 * US)
+        if task.runs == 3:
+            clock.take(4 * MS)
+
+    task = kernel.add_task('imu', job, priority=50, rate_hz=100.0)
+    kernel.run(S)
+    assert task.execution.maximum_ns == 300 * US
+    assert task.execution.summary().maximum_ns == 300 * US
+    assert task.execution_total_ns == 100 * 300 * US
+    assert kernel.statistics().stolen.maximum_ns == 4 * MS
+
+
+def test_native_calls_and_waiting_for_a_disk_remain_the_jobs_own(
+        kernel: Kernel, clock: SharedClock) -> None:
+    kernel.add_task('fast', lambda: None, priority=90, rate_hz=1000.0)
+    native = kernel.add_task('native', lambda: clock.call(20 * MS), priority=50, rate_hz=5.0,
+                             phase_ns=500 * US)
+    disk = kernel.add_task('disk', lambda: clock.block(30 * MS), priority=40, rate_hz=5.0,
+                           phase_ns=100 * MS + 500 * US)
+    kernel.run(S)
+    assert native.blocked_maximum_ns == 19500 * US
+    assert disk.blocked_maximum_ns == 29500 * US
+    assert native.execution.maximum_ns == 20 * MS
+    assert kernel.statistics().stolen.count == 0
+
+
+def test_a_budget_is_computing_time(kernel: Kernel, clock: SharedClock) -> None:
+    def job() -> None:
+        clock.spend(MS)
+        clock.take(50 * MS)
+        clock.spend(MS)
+
+    task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=3 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted, task.budget_exceeded) == (10, 0, 0)
+
+
+def test_a_late_wake_up_is_nobodys_fault(kernel: Kernel, clock: SharedClock,
+                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    wait = clock.wait
+
+    def late() -> bool:
+        wait()
+        if task.runs == 5:
+            clock._now_ns += 40 * MS
+            clock.others_ns += 40 * MS
+            clock.queued_ns += 40 * MS
+        return True
+
+    monkeypatch.setattr(clock, 'wait', late)
+    task = kernel.add_task('imu', lambda: clock.spend(300 * US), priority=50, rate_hz=100.0)
+    kernel.run(S)
+    assert (task.blocked_maximum_ns, task.execution.maximum_ns) == (0, 300 * US)
+    assert kernel.statistics().stolen.maximum_ns == 40 * MS
+
+
+STOPPED = """
+from rt_robot_os.kernel import Kernel
+
+def work():
+    kernel.clock.spend(2_000_000)
+
+kernel = Kernel()
+kernel.add_task('fast', lambda: None, priority=90, rate_hz=1000.0)
+task = kernel.add_task('imu', work, priority=50, rate_hz=250.0)
+print('begins', flush=True)
+kernel.run(3_000_000_000)
+told = kernel.statistics()
+print(task.blocked_maximum_ns, task.execution.maximum_ns, told.stolen.maximum_ns)
+"""
+
+
+def test_a_process_that_is_stopped_blames_none_of_its_tasks() -> None:
+    process = subprocess.Popen(
+        [sys.executable, '-c', STOPPED], stdout=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)})
+    assert process.stdout is not None
+    with process.stdout:
+        assert process.stdout.readline() == 'begins\n'
+        for _ in range(4):
+            time.sleep(0.1)
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(0.4)
+            process.send_signal(signal.SIGCONT)
+        blocked_ns, execution_ns, stolen_ns = map(int, process.stdout.read().split())
+    assert process.wait() == 0
+    assert stolen_ns > 300 * MS
+    assert blocked_ns < 200 * MS
+    assert execution_ns < 200 * MS
