@@ -76,9 +76,7 @@ class KernelState:
         '_stop_ns', 'stop_grace_ns', 'ended', '_current', '_level', '_stolen_ns', '_armed_ns',
         '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_firsts',
         '_watched_ns', 'overhead_ns', '_end_ns', '_recursion_limit', '_one_shots',
-        '_resources', '_suspects_ns')
-        '_armed_due_ns', '_spare_ns', '_ready', '_queues', '_bits', '_timers', '_end_ns',
-        '_recursion_limit', '_one_shots', '_resources', '_suspects_ns', 'stolen', '_ended')
+        '_resources', '_suspects_ns', 'stolen', '_ended')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
