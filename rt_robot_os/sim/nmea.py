@@ -21,6 +21,7 @@ from datetime import datetime
 from datetime import timedelta
 from datetime import timezone
 import math
+from typing import Any
 from typing import Final
 
 from rt_robot_os.drivers.encoders import nmea as encode
@@ -42,7 +43,7 @@ _ECCENTRICITY_2: Final = 0.00669437999014
 
 
 class SimulatedNmea(SimulatedDevice):
-    """A receiver that sends GGA, GSA, RMC and GST for each epoch."""
+    """A receiver that sends some sentences for each epoch."""
 
     SETTINGS = common_settings(1.0, 50.0) + (
         Field('latitude_deg', float, 52.5163, 'Centre of the circle.', unit='degrees',
@@ -53,6 +54,8 @@ class SimulatedNmea(SimulatedDevice):
               maximum=10_000.0),
         Field('speed_m_s', float, 1.0, 'Speed along the circle; 0 stands still.', unit='m/s',
               minimum=0.0, maximum=100.0),
+        Field('sentences', list, ('GGA', 'GSA', 'RMC', 'GST'), 'NMEA sentences of each epoch, in '
+              'this order.', choices=('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GST')),
     )
     BAUD = 9600
 
@@ -61,15 +64,20 @@ class SimulatedNmea(SimulatedDevice):
         settings = self.settings
         time = START + timedelta(seconds=round(time_s, 2))
         latitude_deg, longitude_deg, course_deg = self.position(time_s)
+        place: Any = (time, latitude_deg, longitude_deg)
+        height: dict[str, Any] = {'satellites': len(_SATELLITES), 'hdop': _HDOP,
+                                  'altitude_m': ALTITUDE_M, 'separation_m': SEPARATION_M}
         north_m, east_m, up_m = DEVIATIONS_M
-        return b''.join((
-            encode.gga(time, latitude_deg, longitude_deg, satellites=len(_SATELLITES), hdop=_HDOP,
-                       altitude_m=ALTITUDE_M, separation_m=SEPARATION_M),
-            encode.gsa(_SATELLITES, _PDOP, _HDOP, _VDOP),
-            encode.rmc(time, latitude_deg, longitude_deg, speed_m_s=settings['speed_m_s'],
-                       course_deg=course_deg),
-            encode.gst(time, 1.0, north_m, east_m, up_m),
-        ))
+        made = {
+            'GGA': lambda: encode.gga(*place, **height),
+            'GNS': lambda: encode.gns(*place, **height),
+            'RMC': lambda: encode.rmc(*place, speed_m_s=settings['speed_m_s'],
+                                      course_deg=course_deg),
+            'GLL': lambda: encode.gll(*place),
+            'GSA': lambda: encode.gsa(_SATELLITES, _PDOP, _HDOP, _VDOP),
+            'GST': lambda: encode.gst(time, 1.0, north_m, east_m, up_m),
+        }
+        return b''.join(made[kind]() for kind in settings['sentences'])
 
     def foreign(self) -> bytes:
         """Give what an inertial measurement unit sends."""

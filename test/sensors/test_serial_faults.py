@@ -269,3 +269,19 @@ def test_frames_of_another_kind_are_a_warning_and_no_fault(
     assert_says(dut.statistics().reason, 'valid frames, but no sample for 3 s: it sends NMEA sent'
                                          'ences and no NAV-PVT: set configure: true')
     assert bench.take('dut/gps/fix') == 0
+
+
+@pytest.mark.parametrize('sentences', [
+    ['GGA'], ['GNS'], ['RMC'], ['GLL'], ['RMC', 'GLL'], ['RMC', 'GSA', 'GST'],
+    ['GLL', 'RMC', 'GNS', 'GGA']], ids='-'.join)
+def test_a_receiver_gives_its_fixes_whatever_it_sends(
+        monkeypatch: pytest.MonkeyPatch, sentences: list[str]) -> None:
+    bench = SerialBench(monkeypatch)
+    dut = bench.add('dut', 'nmea', {'baud': 38400, 'output_rate_hz': 5.0},
+                    {'rate_hz': 5.0, 'sentences': sentences})
+    found: list[float] = []
+    bench.watch['dut/gps/fix'] = lambda msg, stamp_ns: found.append(msg.latitude)
+    bench.run(5)
+    assert (dut.state, dut.faults, dut.statistics().reason) == (DeviceState.ACTIVE, 0, '')
+    assert bench.take('dut/gps/fix') == pytest.approx(25, abs=2)
+    assert all(latitude == pytest.approx(52.5163, abs=1e-3) for latitude in found)

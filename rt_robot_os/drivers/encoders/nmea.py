@@ -54,6 +54,26 @@ def rmc(
         f'{knots:.2f},{course_deg % 360:.1f},{time:%d%m%y},,,{"A" if valid else "N"}')
 
 
+def gns(
+    time: datetime, latitude_deg: float, longitude_deg: float, *, mode: str = 'AA',
+    satellites: int = 8, hdop: float = 0.9, altitude_m: float = 0.0, separation_m: float = 0.0,
+) -> bytes:
+    """
+    Make a position sentence of several systems.
+
+    :param mode: a letter for each system, such as ``A`` (alone), ``D`` (corrected), ``N`` (none).
+    """
+    return sentence(
+        f'GNGNS,{_time(time)},{_position(latitude_deg, longitude_deg)},{mode},{satellites:02d},'
+        f'{hdop:.1f},{altitude_m:.2f},{separation_m:.1f},,')
+
+
+def gll(time: datetime, latitude_deg: float, longitude_deg: float, *, valid: bool = True) -> bytes:
+    """Make a sentence of position and time alone."""
+    status = 'A,A' if valid else 'V,N'
+    return sentence(f'GPGLL,{_position(latitude_deg, longitude_deg)},{_time(time)},{status}')
+
+
 def gsa(satellites: tuple[int, ...], pdop: float, hdop: float, vdop: float) -> bytes:
     """Make the sentence of the satellites used, at most twelve, in a three-dimensional fix."""
     used = [f'{number:02d}' for number in satellites[:12]]
