@@ -145,7 +145,7 @@ def picture_top(path: Path, tries: int, latency_us: float) -> bool:
             wrong = trouble(snapshot, latency_us)
             if not wrong:
                 source.lines.clear()
-                save_screen(snapshot, source, path, (132, 35))
+                save_screen(snapshot, source, path, (132, 39))
                 source.close()
                 return True
             print(f'not well, once more: {"; ".join(wrong[:3])}', file=sys.stderr)
@@ -159,7 +159,7 @@ def picture_trouble(path: Path) -> None:
         source = Source(socket_path('robot'))
         source.look()
         time.sleep(14.0)
-        save_screen(look(source), source, path, (132, 35))
+        save_screen(look(source), source, path, (132, 39))
         source.close()
 
 

@@ -18,6 +18,9 @@
 from __future__ import annotations
 
 from array import array
+import html
+from pathlib import Path
+import re
 from typing import Any
 
 from hypothesis import given
@@ -195,3 +198,14 @@ def test_no_key_breaks_it(typed: str) -> None:
         controls.press(key)
     assert ''.join(split_keys(typed)).replace('\x1b[', '\x1bO') == typed.replace('\x1b[', '\x1bO')
     assert len(controls.help_line()) > 20
+
+
+def test_the_picture_in_the_documentation_is_of_a_robot_that_is_well() -> None:
+    images = Path(__file__).resolve().parents[2] / 'docs' / 'images'
+    well, trouble = (html.unescape(re.sub(r'<style>.*?</style>|<[^>]+>', ' ', (
+        images / f'{name}.svg').read_text(), flags=re.DOTALL)).replace('\xa0', ' ')
+        for name in ('top', 'top_trouble'))
+    assert 'late now' not in well and 'late now' in trouble
+    for text in (well, trouble):
+        assert 'AGE s' in text
+        assert not re.search(r'\d(ms|s)\b', text.partition('TASK')[2].partition('TOPIC')[0])
