@@ -35,6 +35,8 @@ from rt_robot_os.drivers.encoders.i2c_packets import request
 from rt_robot_os.errors import DeviceError
 
 _NUMBERS: Final = 1 << 16
+# Answers to requests that were given up, of which one call passes over at most so many.
+_LATE_ANSWERS: Final = 8
 _PATIENCE_S: Final = 0.3
 
 
@@ -88,7 +90,7 @@ class SocketConnection:
 
         :raises OSError: the transaction failed, or nobody is there any more.
         """
-        while True:
+        for _ in range(_LATE_ANSWERS):
             try:
                 packet = self._socket.recv(MAXIMUM)
             except BlockingIOError:
@@ -108,6 +110,7 @@ class SocketConnection:
             if code:
                 raise OSError(code, answer.decode('utf-8', 'replace') or os.strerror(code))
             return answer
+        return None
 
     def fileno(self) -> int:
         """Give the descriptor that becomes readable with an answer."""

@@ -34,6 +34,7 @@ from i2c_bench import transact
 from i2c_bench import wait_until
 import pytest
 from rt_robot_os.drivers.bmp280 import Bmp280
+from rt_robot_os.drivers.encoders import i2c_packets
 from rt_robot_os.drivers.i2c import I2cBuses
 from rt_robot_os.drivers.i2c import Transfer
 from rt_robot_os.drivers.i2c_socket import SocketConnection
@@ -98,6 +99,26 @@ def test_what_was_given_up_is_not_done_later(tmp_path: Path) -> None:
     assert done == [b'\xd0'] and second.answer() == b'\0'
     second.close()
     port.unplug()
+
+
+def test_answers_without_end_are_looked_at_in_parts(tmp_path: Path) -> None:
+    # 30 of them, then the right one: each look takes some, and ends.
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(tmp_path / 'bus'))
+        listener.listen()
+        connection = SocketConnection(str(tmp_path / 'bus'))
+        server = listener.accept()[0]
+        connection.begin(0x76, b'', 1)
+        number = i2c_packets.parse_request(server.recv(100))
+        assert number is not None
+        for late in (*range(30_000, 30_030), number[0]):
+            server.send(i2c_packets.answer(late, 0, b'x'))
+        looks = 1
+        while connection.answer() is None:
+            looks += 1
+        assert looks == 4
+        server.close()
+    connection.close()
 
 
 def test_too_many_that_wait_for_a_process_is_an_error_not_a_wait(tmp_path: Path) -> None:
