@@ -63,6 +63,7 @@ from rt_robot_os.topics import Publisher
 
 _FEEDER: Final = 'replay/feeder'
 _ABOVE_ALL: Final = 99
+_NOTES_MOST: Final = 20
 
 Event = tuple[int, int, Callable[[], None]]
 
@@ -120,6 +121,7 @@ class Replay:
         self._events: deque[Event] = deque()
         self._first: Slice | None = first
         self._error: Exception | None = None
+        self._unrecorded: dict[str, int] = {}
         self._opened: set[str] = set()
         # Released once when the kernel starts, and then by its timer.
         feeder = self._kernel.add_task(_FEEDER, self._feed, priority=_ABOVE_ALL,
@@ -209,6 +211,9 @@ class Replay:
             core.close()
         if self._error is not None:
             raise self._error
+        if self._unrecorded:
+            self.notes.append('not recorded, so not given to the modules: ' + ', '.join(
+                f'{topic} ({count} samples)' for topic, count in self._unrecorded.items()))
 
     def _feed(self) -> None:
         """Do what is due; without this job nothing would happen any more, and never end."""
@@ -285,15 +290,16 @@ class Replay:
     def _inject(self, topic: str, number: int) -> None:
         """Publish what came from outside, or from a device that is not replayed."""
         sample = self._samples.pop((topic, number), None)
+        if sample is None:
+            self._unrecorded[topic] = self._unrecorded.get(topic, 0) + 1
+            return
         try:
             target = self.core.bus.topic(topic)
-            if sample is None:
-                raise RecordingError('it was not recorded')
             Publisher(target).publish_cdr(
                 without_stamp(sample.cdr, target.layout.stamp_offset), sample.stamp_ns)
         except (ValueError, OSError) as error:
             text = f'{topic}: a sample could not be given to the modules: {error}'
-            if text not in self.notes:
+            if text not in self.notes and len(self.notes) < _NOTES_MOST:
                 self.notes.append(text)
 
     def _add_round(self, managed: ManagedDevice, one: Round, events: list[Event]) -> None:
