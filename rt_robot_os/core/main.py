@@ -41,6 +41,7 @@ from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import hold_core
+from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.settings import from_json
@@ -120,6 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _run(settings, loaded, path, lock, arguments.duration, by_hand)
     finally:
         lock.release()
+        remove_dead_lock(path)
 
 
 def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime
 import os
 from pathlib import Path
@@ -92,6 +93,18 @@ def remove_leftovers(path: Path) -> None:
     if path.exists() and _take(lock):
         path.unlink(missing_ok=True)
         lock.release()
+
+
+def remove_dead_lock(path: Path) -> None:
+    """
+    Remove the lock that a killed node has left beside its core; one that is held stays.
+
+    :param path: of the core's socket.
+    """
+    lock = LockFile(path.with_suffix('.lock'))
+    with suppress(OSError):
+        if lock.path.exists() and holder(lock.path) is None and lock.acquire():
+            lock.release()
 
 
 def running_cores() -> dict[str, Mapping[str, Any]]:

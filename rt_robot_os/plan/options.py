@@ -26,6 +26,7 @@ from rt_robot_os.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.plan.given import MARGIN
 from rt_robot_os.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.plan.typical import shipped
+from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
@@ -116,7 +117,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--jitter-us', metavar='US', type=us,
                         help='how late timers are (default: as measured, else 0)')
     parser.add_argument('--json', action='store_true', help='write JSON instead of text')
-    arguments = parser.parse_args(argv)
+    arguments = parse_own(parser, argv)
     if arguments.save_measured is not None and arguments.measure is None:
         parser.error('--save-measured keeps what --measure finds: give --measure S as well')
     return arguments

@@ -140,7 +140,7 @@ class Diagnostics:
         names = ', '.join(now.core.get('simulated', ()))
         if names:
             asked = now.core['simulation_asked']
-            yield _status(f'{self._name}: simulation', OK if asked else WARN,
+            yield _status(f'{self._name}: simulated', OK if asked else WARN,
                           f'simulated: {names}', {'asked for': 'yes' if asked else
                                                   'no: no parameter file was given'})
 

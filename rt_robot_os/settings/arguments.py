@@ -39,10 +39,10 @@ def load_from_arguments(argv: Sequence[str], simulate: bool = False
     :raises ConfigError: with one line for each problem.
     """
     ros = parse_ros_args(argv)
-    # The shipped file is written for the node's usual name, wherever it runs.
-    node, namespace = ((ros.node_name, ros.namespace) if ros.params_files else ('robot', '/'))
-    settings = load(ros.params_files or [default_path()], ros.overrides, node, namespace,
-                    simulate=simulate)
+    files = ros.params_files or (default_path(),)
     # A launch file names the shipped one when its user names none.
-    shipped = settings.files == (os.path.realpath(default_path()),)
+    shipped = [os.path.realpath(path) for path in files] == [os.path.realpath(default_path())]
+    # That one is written for the node's usual name, wherever it runs.
+    node, namespace = ('robot', '/') if shipped else (ros.node_name, ros.namespace)
+    settings = load(files, ros.overrides, node, namespace, simulate=simulate)
     return replace(settings, simulation_asked=simulate or not shipped), ros

@@ -153,7 +153,7 @@ def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[st
     robot = world.start('rt_robot_os.cli.robot', *arguments)
 
     until(lambda: any((status.name, status.level, status.message) ==
-                      ('robot: simulation', level, 'simulated: imu, gps')
+                      ('robot: simulated', level, 'simulated: imu, gps')
                       for message in list(diagnostics) for status in message.status), 'the status')
     assert 'simulated: imu, gps' in robot.lines[0]
     assert ('WARNING' in robot.lines[0]) == (not arguments)

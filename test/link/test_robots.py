@@ -34,6 +34,7 @@ from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import core_lock_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
+from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.robots import running_cores
 from rt_robot_os.linux.lock_file import holder
@@ -123,6 +124,16 @@ def test_a_socket_that_is_served_is_not_removed() -> None:
     there.release()
     remove_leftovers(path)
     assert not path.exists() and not core_lock_path(path).exists()
+
+
+def test_what_a_killed_node_leaves_goes_with_its_core(folder: Path) -> None:
+    (folder / 'robot.lock').write_text('{}')
+    remove_dead_lock(socket_path())
+    assert list(folder.iterdir()) == []
+    there = hold_robot('robot')
+    remove_dead_lock(socket_path())
+    assert there.path.exists()
+    there.release()
 
 
 def test_a_lock_that_says_nothing_is_held_all_the_same(folder: Path) -> None:

@@ -159,7 +159,7 @@ def test_all_bad_input_is_told_at_once(
     (['--tick-us', 'nan'], "'nan': must be microseconds from 0"),
     (['--save-measured', 'x'], 'give --measure S as well'),
     (['--measure', '3', '--measured', 'x'], 'not allowed with'),
-    (['robot.yaml'], 'unrecognized arguments: robot.yaml')])
+    (['robot.yaml'], 'Write: plan --ros-args --params-file robot.yaml')])
 def test_a_bad_argument_ends_with_code_2(
         arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
