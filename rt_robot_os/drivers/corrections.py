@@ -57,6 +57,8 @@ _RETRY_MAXIMUM_NS: Final = 30 * NS_PER_S
 _POSITION_NS: Final = 10 * NS_PER_S
 _READY_MESSAGES: Final = 64
 _NUMBERS: Final = 32
+# What one job looks at; a station sends some kilobytes a second.
+_JOB_BYTES: Final = 8192
 _HEAD: Final = 64
 
 
@@ -91,7 +93,7 @@ class Corrections:
         self._position_due_ns = 0
         self._decoder = RtcmDecoder()
         self._port: Port | None = None
-        self._head = b''
+        self._head = self._left = b''
         self._ready: deque[bytes] = deque()
         self._dropped = self._last_ns = self._opened_ns = self._retry_at_ns = 0
         self._pause_ns = _RETRY_NS
@@ -108,7 +110,8 @@ class Corrections:
                 if now_ns < self._retry_at_ns:
                     return
                 self._port = self._open()
-                self._opened_ns, self._head = now_ns, b''
+                self._opened_ns = now_ns
+                self._head = self._left = b''
                 self._position_due_ns = now_ns
                 self._decoder.reset()
             self._read(self._port, now_ns)
@@ -151,7 +154,8 @@ class Corrections:
 
     def _read(self, port: Port, now_ns: int) -> None:
         port.write(b'')  # what did not go yet
-        data = port.read()
+        data = self._left or port.read()
+        data, self._left = data[:_JOB_BYTES], data[_JOB_BYTES:]
         if len(self._head) < _HEAD:
             self._head += data[:_HEAD - len(self._head)]
         for frame in self._decoder.feed(data):

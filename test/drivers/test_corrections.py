@@ -162,6 +162,21 @@ def test_what_nobody_takes_is_bounded_and_counted(station: socket.socket) -> Non
     client.close()
 
 
+def test_a_flood_is_looked_at_in_parts(station: socket.socket) -> None:
+    made = source(f'tcp://127.0.0.1:{station.getsockname()[1]}')
+    made.maintain(S)
+    client = station.accept()[0]
+    client.sendall(bytes(30_000) + STATION)
+    seen = [0]
+    while not made.numbers:
+        made.maintain(S)
+        seen.append(made._decoder.rejected_bytes)
+    assert max(b - a for a, b in zip(seen, seen[1:])) <= 8192
+    assert seen[-1] == 30_000
+    made.close()
+    client.close()
+
+
 def test_a_caster_is_asked_for_its_mount_point(station: socket.socket) -> None:
     number = station.getsockname()[1]
     made = source(f'ntrip://me:se%20cret@127.0.0.1:{number}/BASE')
