@@ -91,8 +91,11 @@ def remove_leftovers(path: Path) -> None:
     """Remove the socket of a core that was killed; one that is served stays."""
     lock = LockFile(core_lock_path(path))
     if path.exists() and _take(lock):
-        path.unlink(missing_ok=True)
-        lock.release()
+        try:
+            with suppress(OSError):  # a folder, say: the next core tells what is wrong
+                path.unlink(missing_ok=True)
+        finally:
+            lock.release()
 
 
 def remove_dead_lock(path: Path) -> None:

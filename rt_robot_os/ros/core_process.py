@@ -25,6 +25,7 @@ import subprocess
 import sys
 import time
 
+from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.robots import remove_leftovers
 
 CONFIGURATION_EXIT_CODE = 2
@@ -98,7 +99,7 @@ class CoreProcess:
             return True
         self.exit_code = code
         self._process = None
-        with suppress(OSError):  # somebody put a folder there: the next core says so
+        with suppress(OSError, RtRobotError):  # no descriptors, say: the next core sees to it
             remove_leftovers(self._path)
         return False
 

@@ -313,6 +313,9 @@ class Supervisor:
 
     def _why_ended(self) -> str:
         code = self.process.exit_code if self.process is not None else None
+        if code == CONFIGURATION_EXIT_CODE and self.connections:
+            # It ran with this configuration: what is wrong may pass, such as a lack of files.
+            return 'the core did not start again; see its message above'
         if code == CONFIGURATION_EXIT_CODE:
             self.fatal = 'the core refused its configuration; see its message above'
             self._log(ERROR, self.fatal)

@@ -175,3 +175,30 @@ def test_time_in_which_the_node_did_not_run_is_no_silence_of_the_core() -> None:
     now_s += 4.0  # stopped
     assert silence.look(1) < 1.0
     assert silence.look(2) == 0.0
+
+
+class Refusing(FakeProcess):
+    """A core that refuses at once what it is given."""
+
+    def start(self) -> None:
+        super().start()
+        self.running = False
+        self.exit_code = 2
+
+
+def test_a_core_that_refuses_its_configuration_is_not_started_again(folder: Path) -> None:
+    story = Story(folder / 'none.sock', Refusing())
+    story.supervisor.start()
+    wait_for(lambda: story.supervisor.fatal, 'the end')
+    story.supervisor.stop()
+
+
+def test_a_core_that_ran_before_is_tried_again_whatever_it_says(folder: Path) -> None:
+    process = Refusing()
+    story = Story(folder / 'none.sock', process)
+    story.supervisor.connections = 1
+    story.supervisor.start()
+    wait_for(lambda: process.starts > 3, 'more attempts')
+    assert not story.supervisor.fatal
+    assert story.told('did not start again')
+    story.supervisor.stop()
