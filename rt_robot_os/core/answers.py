@@ -327,6 +327,7 @@ class Answers:
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
             'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'threads': list(core.threads.found),
             'stolen': stolen.events, 'stolen_total_ns': stolen.total_ns,
             'stolen_maximum_ns': stolen.times.maximum_ns,
             'parameters': core.parameters.digest(),

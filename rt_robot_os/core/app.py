@@ -34,6 +34,7 @@ from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import declaration
+from rt_robot_os.core.threads import ThreadWatch
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.drivers.capture.device import CaptureDevice
 from rt_robot_os.drivers.registry import DRIVERS
@@ -61,6 +62,7 @@ from rt_robot_os.units import NS_PER_US
 UNPINNED = -2
 # From the order to stop until jobs that have not ended are ended.
 STOP_GRACE_NS = 500 * NS_PER_MS
+_LOOKS_A_SECOND = 10
 
 
 class Core:
@@ -96,6 +98,8 @@ class Core:
         self.kernel.stop_grace_ns = STOP_GRACE_NS
         self.bus = make_bus(self.kernel)
         self.reports = Reports()
+        self.threads = ThreadWatch(functools.partial(self.note, Severity.WARN, 'core'))
+        self._looks = 0
         self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
         self._failures = FailureLog(
             self.kernel, functools.partial(self.note, Severity.ERROR),
@@ -123,7 +127,7 @@ class Core:
             service_priority=settings.core.link_priority,
             command_priority=settings.core.command_priority,
             gather_ns=round(settings.core.link_gather_ms * NS_PER_MS))
-        self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=10.0)
+        self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=float(_LOOKS_A_SECOND))
         self.guard = ProcessGuard(settings.watchdog)
         self.watchdog: Watchdog | None = None
         if settings.watchdog.timeout_s:
@@ -287,6 +291,10 @@ class Core:
         now_ns = self.kernel.now_ns()
         for log in self.loggers.values():
             log.sweep(now_ns)
+        self._looks += 1
+        if self._looks % _LOOKS_A_SECOND == 0 and self.kernel.clock.has_signals:
+            self.threads.look([*((m.name, m) for m in self.modules),
+                               *((d.device.name, d.device) for d in self.sensors.devices)])
         self._write_reports()
 
     def _drain_taps(self) -> None:

@@ -120,12 +120,16 @@ class Diagnostics:
             'running')
         if starved:
             level, message = WARN, starved
+        threads = ', '.join(now.core.get('threads', ()))
+        if threads:
+            level, message = WARN, f'threads in the core, which hold up every task: {threads}'
         watchdog = now.core['watchdog']
         if watchdog not in ('off', 'healthy'):
             level, message = ERROR, f'watchdog: {watchdog}'
         values = {r['step']: 'in force' if r['ok'] else r['reason'] for r in now.core['realtime']}
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
+                   'threads': threads or 'none',
                    'stolen_by_linux': now.core.get('stolen', 0),
                    'stolen_by_linux_max_us': now.core.get('stolen_maximum_ns', 0) / 1000,
                    'clients_accepted': now.core['accepted'],

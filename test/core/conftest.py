@@ -36,7 +36,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 HERE = Path(__file__).resolve().parent
 S = 1_000_000_000
 MakeCore = Callable[[str], Core]
-Start = Callable[..., subprocess.Popen[str]]
 YAML = """\
 robot:
   ros__parameters:
@@ -84,7 +83,8 @@ def core_environment(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def start(folder: Path, core_environment: dict[str, str]) -> Iterator[Start]:
+def start(folder: Path, core_environment: dict[str, str]
+          ) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start the program core with one module."""
     started: list[subprocess.Popen[str]] = []
 

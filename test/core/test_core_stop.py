@@ -23,7 +23,7 @@ import subprocess
 import sys
 import time
 
-from conftest import Start
+from core_tools import Start
 import pytest
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')

@@ -25,7 +25,7 @@ import subprocess
 import time
 from typing import Any
 
-from conftest import Start
+from core_tools import Start
 import pytest
 
 from rt_robot_os.errors import LinkError
