@@ -29,11 +29,14 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import I2C_FAULTS
+from rt_robot_os.sim.paths import hold_paths
+from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log
@@ -64,17 +67,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ConfigError as error:
         return _fail(error)
     server = SimServer(tuple(devices.values()), report=_complain)
+    held: list[LockFile] = []
     try:
+        held = hold_paths(_folder(arguments.dir, []), devices)
         for device in devices.values():
             device.port.plug()
     except DeviceError as error:
         server.close()
+        release(held)
         return _fail(error)
     for name, device in devices.items():
         where = device.port.url if isinstance(device.port, TcpPlug) else device.path
         print(f'{name} {where}', flush=True)
     server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line))
-    _run(server, arguments.keep_running)
+    try:
+        _run(server, arguments.keep_running)
+    finally:
+        release(held)
     return 0
 
 
