@@ -62,7 +62,7 @@ def test_modules_alone_make_the_same_publications(recording: Path, robot: Any) -
     code, text = robot.run(REPLAY, str(recording), '--from', 'topics')
     # The first samples were published before the recorder could be there.
     assert 'cmd_vel_safe' in text
-    assert 'imu/mag ' not in text
+    assert not [line for line in text.splitlines() if line.startswith('imu/mag ')]
     assert code in (0, 1), text
 
 
