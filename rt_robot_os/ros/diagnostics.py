@@ -136,6 +136,7 @@ class Diagnostics:
                    'simulators_restarted': now.core.get('simulators_restarted', 0),
                    'clients_refused': now.core['refused'], 'pid': now.core['pid'],
                    'watchdog': watchdog,
+                   'tap_dropped': now.core.get('tap_dropped', 0),
                    **{f'black_box_{key}': n for key, n in now.core['black_box'].items()}}
         return _status(f'{self._name}: core', level, message, values)
 
