@@ -71,7 +71,7 @@ class BagFile:
         self._schemas: dict[str, int] = {}
         self._chunk = ChunkWriter(compression)
         self._kept_topics = 0
-        self._kept = ChunkWriter(compression)
+        self._kept = ChunkWriter(compression, repeats=True)
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:

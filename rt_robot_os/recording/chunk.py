@@ -83,11 +83,14 @@ class ChunkWriter:
     """
     Collect messages, and give them as a chunk.
 
+    :param repeats: what is defined stands in each chunk, so that each can be read by itself.
     :ivar size: bytes collected.
     """
 
-    def __init__(self, compression: str) -> None:
+    def __init__(self, compression: str, repeats: bool = False) -> None:
         self.size = 0
+        self._repeats = repeats
+        self._defined: list[bytes] = []
         self._name = '' if compression == 'none' else compression
         self._compress = compressor(compression)
         self._parts: list[Any] = []
@@ -105,6 +108,8 @@ class ChunkWriter:
         data = bytes(builder.end())
         self._parts.append(data)
         self.size += len(data)
+        if self._repeats:
+            self._defined.append(data)
 
     def add(self, channel: int, log_ns: int, cdr: Any, publish_ns: int, sequence: int) -> None:
         """Add a message."""
@@ -141,7 +146,7 @@ class ChunkWriter:
             chunk_length=len(record), message_index_offsets=offsets,
             message_index_length=len(indices), compression=self._name,
             compressed_size=len(packed), uncompressed_size=len(data))
-        self._parts.clear()
+        self._parts = list(self._defined)
         self._indices.clear()
-        self.size = 0
+        self.size = sum(map(len, self._defined))
         return record, place, counts, indices

@@ -26,7 +26,9 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 import pytest
 from rt_robot_os.cli.record import main
+from rt_robot_os.recording.bag_file import REPLAY
 from rt_robot_os.recording.chunk import COMPRESSIONS
+from rt_robot_os.recording.reading import Recording
 from rt_robot_os.recording.records import file_records
 from rt_robot_os.recording.repair import mend
 from rt_robot_os.recording.repair import mend_all
@@ -129,3 +131,21 @@ def test_one_file_that_cannot_be_mended_keeps_no_other_from_it(
     assert 'bag_0.mcap: whole' in told.out and 'bag_2.mcap: mended' in told.out
     assert 'metadata.yaml: written' in told.out
     assert len(read_every_way(tmp_path / 'bag_2.mcap')) >= 20
+
+
+def test_what_is_kept_for_a_replay_can_be_read_second_by_second(recording: Path,
+                                                                tmp_path: Path) -> None:
+    path = tmp_path / 'a.mcap'
+    data = bytearray(next(recording.glob('*.mcap')).read_bytes())
+    path.write_bytes(data)
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    kept = [each for each in summary.attachment_indexes if each.name == REPLAY]
+    assert len(kept) > 2
+    data[kept[0].offset + kept[0].length // 2] ^= 1
+    path.write_bytes(data)
+    assert '1 damaged record' in mend(path)
+    seen = Recording(path)
+    assert {'device/imu/bytes', 'core/schedule'} <= {each.topic for each in seen.samples()}
+    assert not seen.problems
