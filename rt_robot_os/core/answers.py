@@ -326,7 +326,8 @@ class Answers:
         yield 'core', {
             'pid': os.getpid(), 'now_ns': core.kernel.now_ns(),
             'elapsed_ns': core.kernel.now_ns() - core.kernel.start_ns,
-            'wakeups': core.kernel.wakeups, 'failures_total': core.kernel.failures_total,
+            'wakeups': core.kernel.wakeups, 'overhead_ns': core.kernel.overhead_ns,
+            'failures_total': core.kernel.failures_total,
             'threads': list(core.threads.found),
             'stolen': stolen.events, 'stolen_total_ns': stolen.total_ns,
             'stolen_maximum_ns': stolen.times.maximum_ns,

@@ -58,6 +58,7 @@ def _packed(histogram: Histogram) -> bytes:
 
 def encode_task(task: Task) -> bytes:
     """Pack the statistics of a task; about 20 us, each native call below 10 us."""
+    task.account()
     miss = task.last_miss
     others = _SEPARATOR.join(miss.ran_instead) if miss is not None else ''
     parts = [task.name.encode(), others.encode(),

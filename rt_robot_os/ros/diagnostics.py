@@ -130,6 +130,8 @@ class Diagnostics:
         values |= {'uptime_s': now.core['elapsed_ns'] / NS_PER_S,
                    'wakeups': now.core['wakeups'], 'failures': now.core['failures_total'],
                    'threads': threads or 'none',
+                   'kernel_percent': 100 * now.core.get('overhead_ns', 0) / max(
+                       1, now.core['elapsed_ns']),
                    'stolen_by_linux': now.core.get('stolen', 0),
                    'stolen_by_linux_max_us': now.core.get('stolen_maximum_ns', 0) / 1000,
                    'clients_accepted': now.core['accepted'],

@@ -195,7 +195,9 @@ class _Interval:
             self._rate(core['wakeups'], old['wakeups'] if old else None), core['failures_total'],
             core['refused'], core['watchdog'], core['black_box'], tuple(core['realtime']),
             tuple(core.get('simulated', ())), bool(core.get('simulation_asked', True)),
-            core.get('stolen', 0), _us(core.get('stolen_maximum_ns', 0)))
+            core.get('stolen', 0), _us(core.get('stolen_maximum_ns', 0)),
+            self._percent(core.get('overhead_ns', 0) / NS_PER_S,
+                          old.get('overhead_ns', 0) / NS_PER_S) if old else None)
 
 
 def _core_counters(core: dict[str, Any]) -> dict[str, int]:

@@ -125,8 +125,8 @@ def _load(kernel: KernelRow) -> list[Span]:
     memory = f'  memory {kernel.memory_mb:.0f} MB' if kernel.memory_mb is not None else ''
     process = kernel.process_cpu_percent
     spans = [(f'CPU {number(process if process is not None else kernel.cpu_percent)}%', ''),
-             (f' (tasks {number(kernel.cpu_percent)}%)' if process is not None
-              else ' (tasks alone)', 'dim'),
+             (f' (tasks {number(kernel.cpu_percent)}%, kernel {number(kernel.kernel_percent)}%)'
+              if process is not None else ' (tasks alone)', 'dim'),
              (f'  wake-ups {rate(kernel.wakeups_hz)}/s{memory}', ''),
              (f'  failures {kernel.failures}', 'bad' if 'failures' in kernel.new else '')]
     if kernel.clients_refused:

@@ -144,6 +144,7 @@ class KernelRow(Row):
     The core as a whole.
 
     :ivar cpu_percent: of one CPU, by the tasks; the kernel's own work is not in it.
+    :ivar kernel_percent: of one CPU, by the kernel: releasing, dispatching, setting alarms.
     :ivar process_cpu_percent: of one CPU, by the process, as Linux counts it.
     :ivar realtime: the real-time steps: step, ok, reason.
     :ivar stolen: times that Linux took the CPU from a job.
@@ -166,6 +167,7 @@ class KernelRow(Row):
     simulation_asked: bool
     stolen: int = 0
     stolen_maximum_us: float = 0.0
+    kernel_percent: float | None = None
 
 
 @dataclass(frozen=True)
