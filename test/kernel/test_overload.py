@@ -34,7 +34,6 @@ from hypothesis import strategies as st
 from kernel_tools import balance
 from kernel_tools import MS
 from kernel_tools import ROOT
-from kernel_tools import S
 from kernel_tools import US
 import pytest
 
