@@ -189,7 +189,7 @@ def _plot(options: Options, outcomes: Outcomes) -> Plot:
                                  [_lacking(y) for _, y in known], 'marks'))
     return Plot('frequency', 'What modules of 200 Hz lack of their frequency', 'modules',
                 'lacking frequency, %', series, 'Lower is better: the mean of all modules.', True,
-                True, y_floor=(_NOTHING_PERCENT, 'none (below 0.01)'),
+                True, y_floor=(_NOTHING_PERCENT, '0.01 or less'),
                 x_ticks=[(count, str(count)) for count in (20, 50, 100, 200, 500, 1000)])
 
 
