@@ -497,3 +497,16 @@ def test_a_path_that_is_too_long_or_nowhere_is_named(world: World) -> None:
         core = Core(load([world.path.parent / 'robot.yaml']), path, clock=VirtualClock())
         with pytest.raises(LinkError, match=str(path)):
             core.link.open()
+
+
+def test_a_client_mirrors_a_topic_that_has_no_room_for_another_module(world: World) -> None:
+    topic = world.core.bus.topic('cmd_vel')
+    while topic.counted < topic.max_subscribers:
+        world.core.bus.subscribe('cmd_vel', f'module {topic.counted}')
+    client = world.client()
+    answer = client.ask('mirror', topic='cmd_vel', policy='drain')
+    assert answer.get('ok') is not False and 'error' not in answer, answer
+    world.publish(3)
+    world.run()
+    client.receive()
+    assert len(client.samples) == 3
