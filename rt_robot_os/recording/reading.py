@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from rt_robot_os.recording.records import file_records
 from rt_robot_os.recording.records import Message
 from rt_robot_os.recording.records import parsed
 from rt_robot_os.recording.records import RECORD
+from rt_robot_os.recording.records import summary_definitions
 from rt_robot_os.recording.records import unpacked
 from rt_robot_os.recording.repair import bag_files
 from rt_robot_os.recording.session import CLOCK
@@ -151,6 +153,7 @@ class Recording:
     def _messages(self, file: Path) -> Iterator[tuple[str, Message]]:
         """Give the messages of a file as far as it is whole, with their topics in the core."""
         shown, kept = _Channels(self.facts.form), _Channels(0)
+        shown.define(*summary_definitions(file))
         try:
             for _, kind, content in file_records(file):
                 if kind == Opcode.DATA_END:
@@ -198,6 +201,13 @@ class _Channels:
         self._form = form
         self._topics: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
+
+    def define(self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
+        """Begin with what the summary says: the chunk that defines it may be lost."""
+        for schema in schemas.values():
+            self._schemas[schema.id] = schema.name
+        for channel in channels.values():
+            self._take(channel)
 
     def messages(self, content: bytes) -> Iterator[tuple[str, Message]]:
         """

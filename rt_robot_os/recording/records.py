@@ -33,6 +33,7 @@ import zlib
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Channel
 from mcap.records import Schema
 
@@ -84,6 +85,20 @@ class ChunkData(NamedTuple):
     compression: str
     packed_bytes: int
     data: bytes
+
+
+def summary_definitions(path: Path) -> tuple[dict[int, Schema], dict[int, Channel]]:
+    """
+    Read the schemas and channels that the summary of a file repeats.
+
+    :return: by number; nothing of a file that has no summary, or a damaged one.
+    """
+    try:
+        with path.open('rb') as stream:
+            found = make_reader(stream, validate_crcs=True).get_summary()
+    except Exception:  # noqa: B902 - it raises whatever its parts do
+        return {}, {}
+    return ({}, {}) if found is None else (dict(found.schemas), dict(found.channels))
 
 
 class _WholeReads(ReadDataStream):

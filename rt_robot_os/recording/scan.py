@@ -53,6 +53,7 @@ from rt_robot_os.recording.records import Message
 from rt_robot_os.recording.records import parsed
 from rt_robot_os.recording.records import RECORD
 from rt_robot_os.recording.records import RECORD_BYTES_MAXIMUM
+from rt_robot_os.recording.records import summary_definitions
 from rt_robot_os.recording.records import unpacked
 from rt_robot_os.recording.summary import Contents
 from rt_robot_os.recording.summary import FOOTER_BYTES
@@ -85,7 +86,7 @@ def scan(path: Path) -> Contents:
             if file.read(len(MAGIC)) != MAGIC:
                 raise RecordingError(f'{path} is no MCAP file')
             with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-                found = _Scan(data).found
+                found = _Scan(data, *summary_definitions(path)).found
     except OSError as error:
         if isinstance(error, RecordingError):
             raise
@@ -111,11 +112,13 @@ class _Scan:
     """
     Look through the bytes of a file once.
 
+    :param schemas: of the summary, and channels: a chunk that defines them may be lost.
     :ivar found: what is whole in it.
     """
 
-    def __init__(self, data: mmap) -> None:
-        self.found = Contents()
+    def __init__(self, data: mmap, schemas: dict[int, Schema], channels: dict[int, Channel]
+                 ) -> None:
+        self.found = Contents(schemas=schemas, channels=channels)
         self._data = data
         self._size = len(data)
         self._jumps = 0
