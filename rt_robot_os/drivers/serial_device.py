@@ -259,7 +259,19 @@ class SerialDevice(Device, Generic[FrameT]):
 
         :raises DeviceError: the port is gone or was not opened.
         """
-        data = self._take(now_ns)
+        if self._left:
+            data = self._next_part(now_ns)
+        else:
+            try:
+                data = self._opened().read()
+            except DeviceError as error:
+                raise DeviceError(f'{self.name}: {error}') from error
+            if self.tap is not None:
+                self.tap.read(now_ns, data)
+            self._came_ns = now_ns
+            if len(data) > JOB_BYTES:
+                data, self._left = data[:JOB_BYTES], data[JOB_BYTES:]
+                self._deferred_bytes += len(self._left)
         samples = self._decode(data) if data else 0
         samples += self.idle(now_ns)
         if not self._left:
@@ -267,20 +279,13 @@ class SerialDevice(Device, Generic[FrameT]):
         self._samples += samples
         return samples
 
-    def _take(self, now_ns: int) -> bytes:
-        """Give what this job decodes: what waits, else what the port has."""
-        data = self._left
-        if not data:
-            try:
-                data = self._opened().read()
-            except DeviceError as error:
-                raise DeviceError(f'{self.name}: {error}') from error
-            self._came_ns = now_ns
-            self._deferred_bytes += max(len(data) - JOB_BYTES, 0)
+    def _next_part(self, now_ns: int) -> bytes:
+        """Give what this job decodes of what waits; the port is left alone."""
         if self.tap is not None:
-            self.tap.read(now_ns, b'' if self._left else data)
-        self._left = data[JOB_BYTES:]
-        return data[:JOB_BYTES]
+            self.tap.read(now_ns, b'')
+        left = self._left
+        self._left = left[JOB_BYTES:]
+        return left[:JOB_BYTES]
 
     def _decode(self, data: bytes) -> int:
         """Use the frames of what came at ``_came_ns``; behind it is what waits."""
