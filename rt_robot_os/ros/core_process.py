@@ -29,6 +29,7 @@ from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.robots import remove_leftovers
 
 CONFIGURATION_EXIT_CODE = 2
+FORCED_EXIT_CODE = 3
 _STOP_TIMEOUT_S = 3.0
 # One BLAS thread: the others would only take memory, and there is one thread in the core.
 _ENVIRONMENT = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}

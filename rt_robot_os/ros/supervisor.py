@@ -35,6 +35,7 @@ from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
+from rt_robot_os.ros.core_process import FORCED_EXIT_CODE
 from rt_robot_os.ros.silence import Silence
 
 _PUMP_S = 0.05
@@ -326,6 +327,9 @@ class Supervisor:
         if self._watchdog_code and code == self._watchdog_code:
             return (f'the core ended with code {code}: a critical task stood still; see the '
                     'report of its watchdog above')
+        if code == FORCED_EXIT_CODE:
+            return (f'the core ended with code {code}: it was told to stop, and a job, a module '
+                    'or a device had to be ended for that; see its reports above')
         if code is None or code >= 0:
             return f'the core ended with code {code}'
         name = _signal_name(-code)
