@@ -27,6 +27,7 @@ from rt_robot_os.bench.cases import kernel
 from rt_robot_os.bench.cases import load
 from rt_robot_os.bench.cases import micro
 from rt_robot_os.bench.cases import mirror
+from rt_robot_os.bench.cases import overload
 from rt_robot_os.bench.cases import preemption
 from rt_robot_os.bench.cases import serial
 from rt_robot_os.bench.cases import stability
@@ -35,6 +36,6 @@ from rt_robot_os.bench.cases import throughput
 from rt_robot_os.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, serial.CASE,
-    mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, start.START,
-    start.MEMORY)})
+    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
+    serial.CASE, mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
+    start.START, start.MEMORY)})

@@ -124,7 +124,8 @@ def test_an_older_peer_is_missing_and_told_apart_from_one_that_is_not_installed(
 
 @pytest.mark.parametrize('name, key', [
     ('frequency', 'monotonic'), ('frequency', 'threads'), ('wakeup', 'floor'),
-    ('kernel', 'abort'), ('kernel', 'own'), ('throughput', 'rings')])
+    ('kernel', 'abort'), ('kernel', 'own'), ('throughput', 'rings'),
+    ('overload', 'kernel'), ('overload', 'threads')])
 def test_short_real_runs_can_be_evaluated(name: str, key: str) -> None:
     options = Options(0.1, 1, quick=True)
     runs = CASES[name].plan(options)
