@@ -46,9 +46,9 @@ _COLUMNS = (
       for which, name in (('first', 'first'), ('last', 'last'))),
     *(Column(f'jobs{load}', f'{load} %', '1/s', 'calls') for load in _SHOWN))
 _NOTES = (
-    'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together they',
-    'ask for ten times what one CPU has. First and last: the callback of the highest and of the',
-    'lowest priority (of rclpy: made first and last), in percent of the calls asked for. Linux',
+    'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together',
+    'they ask for ten times what one CPU has. First and last: the callback of the highest and of',
+    'the lowest priority (of rclpy: made first and last), in percent of the calls asked for. Linux',
     'takes 5 % of the CPU from real-time processes that compute all the time.')
 
 
@@ -109,7 +109,8 @@ def _first(outcomes: Outcomes) -> Plot:
               for curve in _curve(outcomes, key, run.label, 0)]
     return Plot('first', 'Overload: what the most important callback gets',
                 'computing time asked for, % of one CPU', 'calls made, % of those asked for',
-                series, 'Higher is better. Alone, the most important asks for half a CPU at the most.',
+                series,
+                'Higher is better. Alone, the most important asks for half a CPU at the most.',
                 True, y_from_zero=True, x_ticks=_TICKS)
 
 
