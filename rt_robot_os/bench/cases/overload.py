@@ -48,8 +48,8 @@ _COLUMNS = (
 _NOTES = (
     'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together',
     'they ask for ten times what one CPU has. First and last: the callback of the highest and of',
-    'the lowest priority (of rclpy: made first and last), in percent of the calls asked for. Linux',
-    'takes 5 % of the CPU from real-time processes that compute all the time.')
+    'the lowest priority (of rclpy: made first and last), in percent of the calls asked for.',
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
