@@ -157,14 +157,25 @@ class Declarations(Scheduler):
         :param name: of the source, for the statistics.
         :raises OSError: the descriptor cannot do that.
         """
-        self._interrupts.add(fd, task, separation_ns, name)
-        if self.running:
-            self._interrupted = True  # it may be readable already
+        locked, self.locked = self.locked, True
+        try:
+            self._interrupts.add(fd, task, separation_ns, name)
+            if self.running:
+                self._interrupted = self.pending = True  # it may be readable already
+        finally:
+            self.locked = locked
+        if self.pending and not locked:
             self.settle()
 
     def remove_interrupt(self, fd: int) -> None:
         """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
-        self._interrupts.remove(fd)
+        locked, self.locked = self.locked, True
+        try:
+            self._interrupts.remove(fd)
+        finally:
+            self.locked = locked
+        if self.pending and not locked:
+            self.settle()
 
     @property
     def tasks(self) -> Sequence[Task]:

@@ -54,7 +54,8 @@ class Source:
 
 class InterruptSources:
     """
-    The table of descriptors and their tasks.
+    The table of descriptors and their tasks. Once the kernel runs all methods are called locked,
+    except :meth:`statistics`.
 
     They send signals only between :meth:`arm` and :meth:`disarm`: without a handler the signal
     would end the process. Under a clock without signals each wait looks at them.
@@ -173,7 +174,7 @@ class InterruptSources:
 
     def statistics(self) -> tuple[SourceStatistics, ...]:
         """Take the statistics of all."""
-        return tuple(source.statistics() for source in self._sources.values())
+        return tuple(source.statistics() for source in tuple(self._sources.values()))
 
     def _watch(self, source: Source) -> None:
         if self._signals:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterator
+import os
 import sys
 from types import FrameType
 from typing import Any
@@ -36,6 +37,7 @@ import pytest
 
 from rt_robot_os.kernel import alarms
 from rt_robot_os.kernel import consequences
+from rt_robot_os.kernel import interrupts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
 from rt_robot_os.kernel import scheduler as scheduler_module
@@ -142,3 +144,43 @@ def test_an_alarm_at_any_instruction_of_the_kernel_is_served(untraced: None) -> 
             raise AssertionError(f'alarm at step {step}') from error
         step += 1
     assert total > 400
+
+
+def run_with_signal_at(step: int, reading: int) -> int:
+    """Add and remove a readable descriptor while the signal of one comes at a given line."""
+    kernel = Kernel(VirtualClock(start_ns=MS))
+    lines = []
+
+    def come_and_go() -> None:
+        kernel.add_interrupt(reading, reader)
+        lines.append(kernel.statistics().sources)
+        kernel.remove_interrupt(reading)
+
+    reader = kernel.add_task('reader', lambda: None, priority=50)
+    kernel.add_task('low', come_and_go, priority=10, rate_hz=1000.0)
+    tracer = AtStep((str(interrupts.__file__),), step, kernel._on_interrupt)
+    sys.settrace(tracer)
+    try:
+        kernel.run(MS)
+    finally:
+        sys.settrace(None)
+    assert not kernel.failures, f'{kernel.failures[0]} at step {step}'
+    assert len(lines) == 1 and reader.runs >= 1, f'at step {step}'
+    assert not kernel.statistics().sources
+    return tracer.seen
+
+
+def test_a_signal_while_a_descriptor_is_added_or_removed_finds_a_whole_table(
+        untraced: None) -> None:
+    # As under many clients that come and go: the kernel looked up one that was half removed.
+    ends = os.pipe()
+    try:
+        os.write(ends[1], b'x')
+        step, total = 1, 1
+        while step <= total:
+            total = run_with_signal_at(step, ends[0])
+            step += 1
+        assert total > 20
+    finally:
+        for fd in ends:
+            os.close(fd)
