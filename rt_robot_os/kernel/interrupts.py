@@ -54,8 +54,9 @@ class Source:
 
 class InterruptSources:
     """
-    The table of descriptors and their tasks. Once the kernel runs all methods are called locked,
-    except :meth:`statistics`.
+    The table of descriptors and their tasks.
+
+    Once the kernel runs all methods are called locked, except :meth:`statistics`.
 
     They send signals only between :meth:`arm` and :meth:`disarm`: without a handler the signal
     would end the process. Under a clock without signals each wait looks at them.
