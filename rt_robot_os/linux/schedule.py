@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How long Linux let the main thread wait for a CPU that it was ready to use."""
+"""Whether Linux lets a process run: how long it computed, and how long it waited for a CPU."""
 
 from __future__ import annotations
 
@@ -48,3 +48,18 @@ class WaitingTime:
             return int(os.pread(self._fd, 64, 0).split()[1])
         except (OSError, ValueError, IndexError):
             return 0
+
+
+def computing(pid: int) -> tuple[bool, int]:
+    """
+    Look at the first thread of a process.
+
+    :return: whether it runs or is ready to, and the nanoseconds that it has computed so far; not
+        ready when there is no such process.
+    """
+    try:
+        # The name, which stands before the state, may hold anything.
+        state = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0]
+        return state == 'R', int(Path(f'/proc/{pid}/schedstat').read_text().split()[0])
+    except (OSError, ValueError, IndexError):
+        return False, 0

@@ -19,8 +19,13 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from rt_robot_os.linux.schedule import computing
+from rt_robot_os.units import NS_PER_S
+
 # A longer step is time in which this process itself was stopped or held up, as far as it exceeds.
 _STEP_MAXIMUM_S = 0.25
+# Less of a CPU than this is none: a core that computes without an end takes all it can get.
+_SHARE = 0.1
 
 
 class Silence:
@@ -58,3 +63,35 @@ class Silence:
         """Begin anew, with another core or another connection."""
         self.silent_s = 0.0
         self._looked_s = self._monotonic_s()
+
+
+class Starvation:
+    """
+    Tell a silent core that Linux does not let run from one that hangs.
+
+    To kill the first would not help: what has its CPU, a program of the same or a higher real-time
+    priority, would starve the next one as well. One that hangs computes, or waits for something.
+
+    :param look: gives of a process whether it is ready to run, and its computing time.
+    """
+
+    def __init__(self, look: Callable[[int], tuple[bool, int]] = computing) -> None:
+        self._look = look
+        self._since: tuple[float, int] | None = None
+
+    def look(self, pid: int, silent_s: float) -> bool:
+        """
+        Compare what a core computed with how long it has been silent.
+
+        :param silent_s: 0 when it is not.
+        :return: whether it is ready to run and was let run for less than a tenth of the time.
+        """
+        if not silent_s or not pid:
+            self._since = None
+            return False
+        ready, computed_ns = self._look(pid)
+        if self._since is None:
+            self._since = silent_s, computed_ns
+        since_s, since_ns = self._since
+        waited_s = silent_s - since_s
+        return ready and computed_ns - since_ns < _SHARE * waited_s * NS_PER_S

@@ -31,12 +31,14 @@ from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import Question
 from rt_robot_os.link.facts import collect
 from rt_robot_os.link.life import Life
+from rt_robot_os.link.life import Signs
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.core_process import FORCED_EXIT_CODE
 from rt_robot_os.ros.silence import Silence
+from rt_robot_os.ros.silence import Starvation
 
 _PUMP_S = 0.05
 _LOOK_S = 0.1
@@ -97,6 +99,8 @@ class Supervisor:
         self.reason = self.starved = ''
         self._life: Life | None = None
         self._silence = Silence()
+        self._starvation = Starvation()
+        self._told = ''
         self._start_limit_s = _START_TIMEOUT_S
         self._path = path
         self._mapper = mapper
@@ -190,7 +194,7 @@ class Supervisor:
         finally:
             self.connected.clear()
             self.client = None
-            self.starved = ''
+            self.starved = self._told = ''
             # Taken over: it says whether the core lives while there is no connection.
             self._life, client.life = client.life or self._life, None
             try:
@@ -229,7 +233,7 @@ class Supervisor:
         if life is not None:
             signs = life.read()
             silent_s = self._silence.look(signs.ticks if signs else 0, _TRY_MAXIMUM_S)
-            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s:
+            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s or self._is_starved(silent_s):
                 return False
             self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
@@ -284,21 +288,41 @@ class Supervisor:
         """Look whether the core lives, after what has arrived was read."""
         signs = client.life.read() if client.life is not None else None
         silent_s = self._silence.look(signs.ticks if signs else client.last_beat_ns)
-        if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None:
+        kept_off = self._is_starved(silent_s)
+        if (silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
+                and not kept_off):
             if client.pump(0.0):
                 return  # it says something after all
             self.process.kill()
             raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        trouble = ''
+        kind, self.starved = self._trouble(signs, silent_s, kept_off)
+        if kind and kind != self._told:
+            self._log(WARN, self.starved)
+        self._told = kind
+
+    def _trouble(self, signs: Signs | None, silent_s: float, kept_off: bool) -> tuple[str, str]:
+        """Give the kind of trouble, which is told once, and its text; empty without."""
+        if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and kept_off:
+            return 'kept off', (
+                f'Linux has not let the core run for {silent_s:.1f} s: another program of the '
+                'same or a higher real-time priority has its CPU (see `doctor`)')
         if silent_s > self._heartbeat_s:
-            trouble = f'no sign of life of the core for {silent_s:.1f} s'
-        elif signs and (waits_s := (signs.at_ns - signs.served_ns) / 1e9) > self._heartbeat_s:
-            runs = f'task {signs.task!r} runs' if signs.task else 'other tasks run'
-            trouble = (f'the core is alive, but its link has not come to run for {waits_s:.1f} s: '
-                       f'{runs}')
-        if trouble and not self.starved:
-            self._log(WARN, trouble)
-        self.starved = trouble
+            return 'silent', f'no sign of life of the core for {silent_s:.1f} s'
+        if signs is None:
+            return '', ''
+        waits_s = (signs.at_ns - signs.served_ns) / 1e9
+        if waits_s <= self._heartbeat_s:
+            return '', ''
+        runs = f'task {signs.task!r} runs' if signs.task else 'other tasks run'
+        return 'busy', (f'the core is alive, but its link has not come to run for {waits_s:.1f} '
+                        f's: {runs}')
+
+    def _is_starved(self, silent_s: float) -> bool:
+        """Say whether a silent core of our own is silent because it may not run."""
+        if self.process is None:
+            return False
+        return self._starvation.look(
+            self.process.pid, silent_s if silent_s > self._heartbeat_s else 0.0)
 
     def _part(self, client: LinkClient) -> None:
         if self._stopping.is_set() and self.process is not None:

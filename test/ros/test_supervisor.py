@@ -22,6 +22,8 @@ from contextlib import suppress
 import json
 from pathlib import Path
 import socket
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -33,8 +35,10 @@ from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.linux.schedule import computing
 from rt_robot_os.ros import supervisor as under_test
 from rt_robot_os.ros.silence import Silence
+from rt_robot_os.ros.silence import Starvation
 from rt_robot_os.ros.supervisor import Supervisor
 
 TIMEOUT_S = 60.0
@@ -57,6 +61,7 @@ class FakeProcess:
         self.starts = self.kills = 0
         self.exit_code: int | None = None
         self.running = False
+        self.pid = 0
 
     def start(self) -> None:
         self.starts += 1
@@ -175,6 +180,40 @@ def test_time_in_which_the_node_did_not_run_is_no_silence_of_the_core() -> None:
     now_s += 4.0  # stopped
     assert silence.look(1) < 1.0
     assert silence.look(2) == 0.0
+
+
+def test_a_core_that_linux_does_not_let_run_does_not_hang() -> None:
+    ready, computed_ns = True, 5_000_000_000
+    starvation = Starvation(lambda pid: (ready, computed_ns))
+    assert not starvation.look(7, 0.0)
+    assert not starvation.look(7, 1.0)  # nothing to compare with yet
+    assert starvation.look(7, 3.0)
+    computed_ns += 100_000_000
+    assert starvation.look(7, 3.5)
+    computed_ns += 900_000_000  # it computes without an end
+    assert not starvation.look(7, 4.0)
+    assert not starvation.look(7, 0.0)
+    assert not starvation.look(7, 1.0)
+    ready = False  # it waits for something that does not come
+    assert not starvation.look(7, 3.0)
+    assert not starvation.look(0, 3.0)
+
+
+@pytest.mark.parametrize('computes', [True, False])
+def test_a_process_is_looked_at(computes: bool) -> None:
+    code = 'print(1, flush=True)\n' + ('while True: pass' if computes else 'input()')
+    with subprocess.Popen([sys.executable, '-c', code], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        _, before_ns = computing(process.pid)
+        if computes:
+            wait_for(lambda: computing(process.pid)[0] and computing(process.pid)[1] > before_ns,
+                     'computing')
+        else:
+            wait_for(lambda: not computing(process.pid)[0], 'waiting')
+        process.kill()
+    assert computing(process.pid) == (False, 0)
 
 
 class Refusing(FakeProcess):
