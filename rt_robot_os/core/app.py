@@ -188,7 +188,7 @@ class Core:
         results.append(realtime.freeze_garbage())
         # Last, so that the slow steps before do not hold up others at this priority.
         if wanted.scheduler_priority:
-            results.append(realtime.set_fifo(wanted.scheduler_priority))
+            results.append(realtime.set_fifo(wanted.scheduler_priority, alone=True))
         self.realtime = tuple(results)
         self._tell_simulated()
         for result in results:

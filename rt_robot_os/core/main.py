@@ -139,7 +139,6 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
                     captures=host, cpu=choose_cpu(settings.core.cpu, lock))
         core.simulators = simulators
         previous = _handle_signals(core)
-        # A child of SCHED_FIFO would be one as well: the simulators run already.
         core.prepare_process()
         if by_hand:
             core.write_reports_to(sys.stderr.fileno())

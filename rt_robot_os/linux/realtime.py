@@ -46,15 +46,18 @@ class RtResult:
         return f'{self.step}: {"in force" if self.ok else self.reason}'
 
 
-def set_fifo(priority: int) -> RtResult:
+def set_fifo(priority: int, *, alone: bool = False) -> RtResult:
     """
     Run under SCHED_FIFO (sched(7)).
 
     :param priority: 1..99, higher runs first.
+    :param alone: threads and processes that this one starts are ordinary. On the same CPU and of
+        the same priority a thread that computes would never let this one run again.
     """
     step = f'SCHED_FIFO priority {priority}'
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO | (os.SCHED_RESET_ON_FORK if alone else 0),
+                              os.sched_param(priority))
     except PermissionError:
         return RtResult(False, step, 'not permitted; other programs can delay the core. '
                         "Remedy: add the line '@realtime - rtprio 98' to "

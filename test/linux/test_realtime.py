@@ -106,6 +106,28 @@ if realtime.set_fifo(7).ok:
     assert done.returncode == 0, done.stderr
 
 
+def test_what_a_core_starts_is_no_rival_of_the_same_priority(run_code: Runner) -> None:
+    # Where nothing but SCHED_FIFO decides, a thread that computes would keep its CPU for ever.
+    done = run_code("""
+import os, subprocess, sys, threading
+from rt_robot_os.linux import realtime
+if realtime.set_fifo(7, alone=True).ok:
+    assert os.sched_getscheduler(0) == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    assert os.sched_getparam(0).sched_priority == 7
+    seen = []
+    def look():
+        seen.append(os.sched_getscheduler(threading.get_native_id()))
+    thread = threading.Thread(target=look)
+    thread.start()
+    thread.join()
+    assert seen == [os.SCHED_OTHER], seen
+    child = subprocess.run([sys.executable, '-c', 'import os; print(os.sched_getscheduler(0))'],
+                           stdout=subprocess.PIPE, check=True)
+    assert int(child.stdout) == os.SCHED_OTHER
+""")
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize('cpu', [4095, -7, 10 ** 12])
 def test_a_cpu_that_is_not_there_names_those_that_are(
         ask: Callable[..., Results], cpu: int) -> None:
