@@ -265,6 +265,7 @@ def main() -> int:
     parser.add_argument('--config', type=Path, default=ROOT / 'config' / 'all_devices.yaml')
     parser.add_argument('--json', type=Path, help='where the findings are written')
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the robot must not outlive this
     duration_s = options.minutes * 60.0
     findings = Findings()
     with tempfile.TemporaryDirectory(prefix='soak') as name:
