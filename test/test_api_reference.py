@@ -49,7 +49,7 @@ def _public(module: ModuleType) -> Iterator[tuple[str, Any]]:
     """Give the classes and functions of a module, and their methods, that have no underscore."""
     for name in getattr(module, '__all__', vars(module)):
         value = vars(module)[name]
-        ours = getattr(value, '__module__', '').startswith('rt_robot_os')
+        ours = (getattr(value, '__module__', '') or '').startswith('rt_robot_os')
         if name.startswith('_') or not ours or not (
                 inspect.isclass(value) or inspect.isfunction(value)):
             continue

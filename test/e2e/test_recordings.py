@@ -80,12 +80,12 @@ def degrees(text: str, hemisphere: str) -> float:
 
 
 def expected_fixes(path: Path) -> list[tuple[int, float, float]]:
-    """Give status, latitude and longitude of each GGA."""
+    """Give status, latitude and longitude of each GGA; of no satellites is no fix."""
     fixes = []
     for fields in valid_sentences(path):
         if fields[0][2:] != 'GGA':
             continue
-        quality = int(fields[6] or 0)
+        quality = int(fields[6] or 0) if int(fields[7] or 0) else 0  # no satellite, no fix
         status = STATUS.get(quality, NavSatStatus.STATUS_NO_FIX)
         if status == NavSatStatus.STATUS_NO_FIX:
             fixes.append((status, math.nan, math.nan))

@@ -81,7 +81,7 @@ robot:
     sent: list[bytes] = []
 
     class Client:
-        post = staticmethod(sent.append)
+        post_all = staticmethod(sent.extend)
 
     Answers(core)._statistics(Client(), 5, {})  # type: ignore[arg-type]
     return [decode_json(packet) for packet in sent if b'"part":' in packet]

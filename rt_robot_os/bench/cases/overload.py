@@ -36,8 +36,8 @@ from rt_robot_os.units import NS_PER_US
 
 LOADS = (20, 50, 80, 120, 200, 500, 1000)
 _WORK_NS = 100 * NS_PER_US
-_QUICK_S = 0.3
-_FULL_S = 2.0
+_QUICK_S = 0.2
+_FULL_S = 0.5
 _SHOWN = (80, 200, 1000)
 # Of 100 %, less what Linux takes from real-time processes that compute all the time.
 _LEAST_PERCENT = 94.0
