@@ -78,6 +78,7 @@ class Core:
     :param captures: socket of what starts the processes of cameras and microphones.
     :param cpu: the one to be pinned to; None for that of the settings.
     :param make_bus: a replay has one of its own.
+    :param life_fd: the page for the sign of life that a node has made; -1 for none.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
@@ -86,7 +87,7 @@ class Core:
                  writer: BlackBoxWriter | None = None,
                  loaded: RobotSettings | None = None,
                  captures: Path | None = None, cpu: int | None = None,
-                 make_bus: Callable[[Kernel], Bus] = Bus) -> None:
+                 make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
         self.settings = settings
         self.parameters = LiveParameters(self, loaded or settings)
         self._cpu = settings.core.cpu if cpu is None else cpu
@@ -126,7 +127,7 @@ class Core:
             self.kernel, self.bus, path, Answers(self), self.reports,
             service_priority=settings.core.link_priority,
             command_priority=settings.core.command_priority,
-            gather_ns=round(settings.core.link_gather_ms * NS_PER_MS))
+            gather_ns=round(settings.core.link_gather_ms * NS_PER_MS), life_fd=life_fd)
         self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=float(_LOOKS_A_SECOND))
         self.guard = ProcessGuard(settings.watchdog)
         self.watchdog: Watchdog | None = None

@@ -69,6 +69,8 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
                         'standard input: how a node starts it')
     parser.add_argument('--socket', metavar='PATH', type=Path, help='where to listen')
     parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
+    parser.add_argument('--life', metavar='FD', type=int, default=-1,
+                        help=argparse.SUPPRESS)  # where a node looks for the sign of life
     parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
     return parse_own(parser, argv)
 
@@ -118,14 +120,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     if by_hand and settings.simulated:
         print(f'core: {told_simulated(settings)}', file=sys.stderr)
     try:
-        return _run(settings, loaded, path, lock, arguments.duration, by_hand)
+        return _run(settings, loaded, path, lock, arguments, by_hand)
     finally:
         lock.release()
         remove_dead_lock(path)
 
 
 def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
-         duration_s: float | None, by_hand: bool) -> int:
+         arguments: argparse.Namespace, by_hand: bool) -> int:
+    duration_s: float | None = arguments.duration
     simulators, captures = Simulators(), Captures()
     writer: BlackBoxWriter | None = None
     try:
@@ -136,7 +139,8 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
-                    captures=host, cpu=choose_cpu(settings.core.cpu, lock))
+                    captures=host, cpu=choose_cpu(settings.core.cpu, lock),
+                    life_fd=arguments.life)
         core.simulators = simulators
         previous = _handle_signals(core)
         core.prepare_process()

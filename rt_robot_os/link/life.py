@@ -22,6 +22,7 @@ long a job of yours takes. It also says since when the link has not come to run,
 
 from __future__ import annotations
 
+from contextlib import suppress
 import mmap
 import os
 import struct
@@ -56,16 +57,15 @@ class LifePage:
     """
     The core's side; without memory for it there is none, and beats have to do.
 
-    :ivar fd: to be sent to clients; -1 when there is none.
+    :param given_fd: of a page that was made before, by whoever started the core; -1 makes one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, given_fd: int = -1) -> None:
         self._count = 0
-        self._memory: MemoryFile | None
-        try:
-            self._memory = MemoryFile.create('rt_robot_os life', 1, LIFE_BYTES)
-        except OSError:
-            self._memory = None
+        self._memory = _taken(given_fd) if given_fd >= 0 else None
+        if self._memory is None:
+            with suppress(OSError):
+                self._memory = MemoryFile.create('rt_robot_os life', 1, LIFE_BYTES)
 
     @property
     def fd(self) -> int:
@@ -83,6 +83,14 @@ class LifePage:
         """Let go of it; clients keep what they have. May be called twice."""
         if self._memory is not None:
             self._memory.close()
+
+
+def _taken(fd: int) -> MemoryFile | None:
+    try:
+        os.set_inheritable(fd, False)
+        return MemoryFile.received(fd, 1, LIFE_BYTES)
+    except OSError:
+        return None
 
 
 class Life:

@@ -94,11 +94,12 @@ class LinkServer:
     :param service_priority: of mirroring; below everything that matters.
     :param command_priority: of samples that clients publish.
     :param gather_ns: what is published within this time goes out together.
+    :param life_fd: the page for the sign of life, where somebody reads it already; -1 for none.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, path: Path, answer: Answer, reports: Reports, *,
                  service_priority: int = 2, command_priority: int = 50,
-                 gather_ns: int = 0) -> None:
+                 gather_ns: int = 0, life_fd: int = -1) -> None:
         self.path = path
         self.accepted = self.refused = 0
         self._kernel = kernel
@@ -109,7 +110,7 @@ class LinkServer:
         self._listener: socket.socket | None = None
         self._beats = 0
         self._served_ns = 0
-        self._page = LifePage()
+        self._page = LifePage(life_fd)
         self._parent = os.getppid()
         self._shares = Shares()
         self._lines = Lines(functools.partial(self._tell, Severity.WARN))

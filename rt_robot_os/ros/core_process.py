@@ -25,7 +25,10 @@ import subprocess
 import sys
 import time
 
+from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.link.life import Life
+from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.robots import remove_leftovers
 
 CONFIGURATION_EXIT_CODE = 2
@@ -55,6 +58,7 @@ class CoreProcess:
         self._path = socket_path
         self._arguments = list(arguments)
         self._process: subprocess.Popen[bytes] | None = None
+        self._life: Life | None = None
 
     def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
         """
@@ -77,12 +81,20 @@ class CoreProcess:
         """
         self.starts += 1
         self.exit_code = None
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.main', '--socket', str(self._path),
-             '--settings', '-', '--parent', str(os.getpid()), *self._arguments],
-            stdin=subprocess.PIPE, env={**os.environ, **_ENVIRONMENT},
-            # A Ctrl-C in the terminal is for this process, which then ends the core in order.
-            start_new_session=True)
+        page = LifePage()
+        fds = (page.fd,) if page.fd >= 0 else ()
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', 'rt_robot_os.core.main', '--socket', str(self._path),
+                 '--settings', '-', '--parent', str(os.getpid()), '--life', str(page.fd),
+                 *self._arguments],
+                stdin=subprocess.PIPE, env={**os.environ, **_ENVIRONMENT}, pass_fds=fds,
+                # A Ctrl-C in the terminal is for this process, which then ends the core in order.
+                start_new_session=True)
+            with suppress(OSError, LinkError):  # without it the start is bounded by time alone
+                self._life = Life(os.dup(page.fd))
+        finally:
+            page.close()
         pipe = self._process.stdin
         if pipe is not None:
             try:
@@ -90,6 +102,11 @@ class CoreProcess:
                 pipe.close()
             except BrokenPipeError:
                 pass  # it ended already: alive() tells how
+
+    def take_life(self) -> Life | None:
+        """Give, once, the sign of life of the core that was started last; None without one."""
+        life, self._life = self._life, None
+        return life
 
     def alive(self) -> bool:
         """Look whether it runs; :attr:`exit_code` says how it ended."""

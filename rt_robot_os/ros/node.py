@@ -125,8 +125,9 @@ class RobotNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         if process is not None and not connected and not self._stopping():
             # The supervisor goes on trying, and /diagnostics says so meanwhile.
-            self._log.note(int(Severity.WARN), f'the core is not there after '
-                           f'{_START_TIMEOUT_S:g} s; is the machine that busy?')
+            self._log.note(int(Severity.WARN), f'the core has not answered after '
+                           f'{_START_TIMEOUT_S:g} s: '
+                           f'{self._supervisor.starved or "is the machine that busy?"}')
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -173,6 +173,7 @@ class Supervisor:
             self._forget_life()
             try:
                 process.start()
+                self._life = process.take_life()
             except OSError as error:
                 return f'the core cannot be started: {error.strerror or error}'
         client = self._connect()
@@ -229,11 +230,12 @@ class Supervisor:
         """Kill a core of our own that does not answer; not one that was connected and ticks."""
         if self.process is None:
             return False
-        life = self._life
-        if life is not None:
-            signs = life.read()
-            silent_s = self._silence.look(signs.ticks if signs else 0, _TRY_MAXIMUM_S)
-            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s or self._is_starved(silent_s):
+        signs = self._life.read() if self._life is not None else None
+        if signs is not None and signs.ticks and not _is_closed(error):
+            silent_s = self._silence.look(signs.ticks, _TRY_MAXIMUM_S)
+            kept_off = self._is_starved(silent_s)
+            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s or kept_off:
+                self._tell(*self._trouble(signs, silent_s, kept_off))
                 return False
             self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
@@ -295,9 +297,12 @@ class Supervisor:
                 return  # it says something after all
             self.process.kill()
             raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        kind, self.starved = self._trouble(signs, silent_s, kept_off)
+        self._tell(*self._trouble(signs, silent_s, kept_off))
+
+    def _tell(self, kind: str, text: str) -> None:
+        self.starved = text
         if kind and kind != self._told:
-            self._log(WARN, self.starved)
+            self._log(WARN, text)
         self._told = kind
 
     def _trouble(self, signs: Signs | None, silent_s: float, kept_off: bool) -> tuple[str, str]:
@@ -383,6 +388,11 @@ def _told(where: str, error: Exception) -> str:
 def _is_odd(error: LinkError) -> bool:
     """Whether somebody answers, and not as a core does."""
     return not isinstance(error, LinkSilent) and not isinstance(error.__cause__, OSError)
+
+
+def _is_closed(error: LinkError) -> bool:
+    """Whether nobody listens: not even a core that runs could be reached."""
+    return isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
 
 
 def _signal_name(number: int) -> str:

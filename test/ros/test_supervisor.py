@@ -19,7 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import suppress
+import itertools
 import json
+import os
 from pathlib import Path
 import socket
 import subprocess
@@ -31,6 +33,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.link.life import Life
+from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
@@ -61,7 +65,11 @@ class FakeProcess:
         self.starts = self.kills = 0
         self.exit_code: int | None = None
         self.running = False
+        self.life: Life | None = None
         self.pid = 0
+
+    def take_life(self) -> Life | None:
+        return self.life
 
     def start(self) -> None:
         self.starts += 1
@@ -119,6 +127,32 @@ def test_a_core_that_starts_slowly_gets_more_time_with_each_attempt(
     story.supervisor.stop()
     assert story.told('within 0.1 s and is killed; the next one has 0.2 s')
     assert story.told('within 0.2 s and is killed; the next one has 0.4 s')
+
+
+def test_a_core_whose_first_jobs_starve_its_link_is_not_killed_and_they_are_named(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(under_test, '_START_TIMEOUT_S', 0.1)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(str(folder / 'mute.sock'))
+    listener.listen(1)  # and nobody comes to accept, or to answer
+    page = LifePage()
+    process = FakeProcess()
+    process.life = Life(os.dup(page.fd))
+    story = Story(folder / 'mute.sock', process)
+    story.supervisor._start_limit_s = 0.1
+    ticks = itertools.count(1)
+    story.supervisor.start()
+    try:
+        begin_s = time.monotonic()
+        while not story.told("task 'mapper' runs") or time.monotonic() - begin_s < 1.0:
+            assert time.monotonic() - begin_s < TIMEOUT_S, story.said
+            page.write(next(ticks) * 10**8 + 10**9, 1, 'mapper')
+            time.sleep(0.005)
+        assert process.kills == 0 and process.starts == 1
+    finally:
+        story.supervisor.stop()
+        listener.close()
+        page.close()
 
 
 def test_supervision_goes_on_when_a_core_cannot_be_started_or_looked_at(folder: Path) -> None:
