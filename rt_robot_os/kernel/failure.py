@@ -47,13 +47,16 @@ class FailureReport:
         return f'task {self.task!r}: {self.error}{calls}'
 
 
-def describe(task: str, at_ns: int, error: BaseException) -> FailureReport:
+def describe(task: str, at_ns: int, error: BaseException, *,
+             outermost: bool = False) -> FailureReport:
     """
     Make the report of an exception that came out of a job.
 
     Neither reads source files, which would be I/O in the loop, nor trusts the exception: its
     ``__str__`` is code of the task's author, which may raise as well, or be endless: whoever calls
     this bounds its time by a :class:`~rt_robot_os.kernel.TaskAborted`.
+
+    :param outermost: keep the outermost call as well, which as a rule is the dispatcher's own.
     """
     # Past what the author's class may have put in their places.
     name: str = type.__dict__['__name__'].__get__(type(error))
@@ -68,8 +71,9 @@ def describe(task: str, at_ns: int, error: BaseException) -> FailureReport:
     if length > _TEXT_MAXIMUM:
         text = f'{text}... ({length} characters)'
     traceback: TracebackType | None = BaseException.__dict__['__traceback__'].__get__(error)
-    # The outermost call is the dispatcher's own.
-    calls = _innermost_calls(traceback.tb_next if traceback is not None else None)
+    if traceback is not None and not outermost:
+        traceback = traceback.tb_next
+    calls = _innermost_calls(traceback)
     return FailureReport(task, at_ns, f'{name}: {text}' if text else name, calls)
 
 

@@ -103,6 +103,7 @@ class Kernel(Declarations):
         recursion_limit = sys.getrecursionlimit()
         self._recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
         sys.setrecursionlimit(self._recursion_limit)
+        unraisable_hook, sys.unraisablehook = sys.unraisablehook, self._on_unraisable
         try:
             self.clock.wrap_handlers(self._run_handler)
             self._prepare(duration_ns)
@@ -117,6 +118,7 @@ class Kernel(Declarations):
             self.locked = self.pending = False
             self._level, self._current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
+            sys.unraisablehook = unraisable_hook
             reason, broken = self._stop_reason, self._broken
             self._stopping, self._stop_reason, self._broken = False, '', False
             self._stop_ns = NEVER_NS
@@ -266,6 +268,12 @@ class Kernel(Declarations):
             self.stop(type(error).__name__)
         finally:
             self._narrow(self._recursion_limit)
+
+    def _on_unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
+        """Report what a finaliser raised; Python would print each, and wait for the console."""
+        if unraisable.exc_value is not None:
+            name = self._current.name if self._current is not None else 'idle'
+            self._note_failure(describe(name, self.now_ns(), unraisable.exc_value, outermost=True))
 
     def guard_handlers(self) -> None:
         """

@@ -213,3 +213,24 @@ def test_a_failure_does_not_stop_the_alarm(kernel: Kernel) -> None:
     kernel.run(100 * MS)
     assert (high.runs, high.failures, high.missed) == (100, 100, 0)
     assert (low.runs, low.failures) == (10, 10)
+
+
+def test_what_a_finaliser_raises_is_reported_and_not_printed(
+        capsys: pytest.CaptureFixture[str]) -> None:
+    class Leaves:
+        def __del__(self) -> None:
+            raise ValueError('left behind')
+
+    def job() -> None:
+        Leaves()
+
+    kernel = Kernel(VirtualClock())
+    task = kernel.add_task('careless', job, priority=5, rate_hz=100.0)
+    before = sys.unraisablehook
+    kernel.run(30 * MS)
+    assert task.runs == 3 and kernel.failures_total == 3
+    report = kernel.failures[0]
+    assert (report.task, report.error) == ('careless', 'ValueError: left behind')
+    assert report.trace[-1][2] == '__del__'
+    assert sys.unraisablehook is before
+    assert capsys.readouterr() == ('', '')
