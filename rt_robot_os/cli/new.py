@@ -56,12 +56,12 @@ _TAKEN: Final = frozenset(
 
 def name_problem(noun: str, name: str, longest: int) -> str:
     """Say what is wrong with a name; empty when nothing is."""
-    rule = f'must be lower-case letters, digits and single _, at most {longest}, and begin ' \
-           'with a letter'
+    rule = (f'must have 2 to {longest} lower-case letters, digits and single _, begin with a letter '
+            'and not end with _')
     if not re.fullmatch(r'[a-z](_?[a-z0-9])+', name) or len(name) > longest:
         return f'{noun} {name!r}: {rule}, such as my_{noun}'
     if keyword.iskeyword(name) or keyword.issoftkeyword(name):
-        return f'{noun} {name!r}: is a word of Python: choose another'
+        return f'{noun} {name!r}: is a keyword of Python: choose another'
     return ''
 
 

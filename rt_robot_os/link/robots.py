@@ -153,8 +153,12 @@ def add_robot_option(parser: argparse.ArgumentParser) -> None:
 
 
 def others_than(robot: str) -> str:
-    """Name the robots that run when one does not, as a sentence to follow that."""
-    names = [name for name in running_cores() if name != robot]
+    """Name the robots that run when one does not answer, as a sentence to follow that."""
+    running = running_cores()
+    if robot in running:
+        return (f' Its core runs{_who(running[robot])} and does not answer: it is starting or '
+                'ending, or something keeps it from running (see `doctor`).')
+    names = [name for name in running if name != robot]
     if not names:
         return ' No robot of this user runs here.'
     return f' These run: {", ".join(f"--robot {node_of(name)}" for name in names)}'

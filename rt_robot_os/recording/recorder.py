@@ -209,7 +209,8 @@ class Recorder:
             self._wanted.duration_ns and self._begin_ns + self._wanted.duration_ns,
             self._wanted.core_names)
         self._sessions += 1
-        self._tell(f'connected to the core (pid {session.pid}): recording {len(chosen)} topics '
+        topics = '1 topic' if len(chosen) == 1 else f'{len(chosen)} topics'
+        self._tell(f'connected to the core (pid {session.pid}): recording {topics} '
                    f'to {self._bag.folder}')
         return session
 

@@ -359,7 +359,10 @@ class Supervisor:
         if code == FORCED_EXIT_CODE:
             return (f'the core ended with code {code}: it was told to stop, and a job, a module '
                     'or a device had to be ended for that; see its reports above')
-        if code is None or code >= 0:
+        if code is None:
+            return ('the core was killed and has not ended yet: something keeps it from running, '
+                    'such as a program of a higher real-time priority on its CPU (see `doctor`)')
+        if code >= 0:
             return f'the core ended with code {code}'
         name = _signal_name(-code)
         if self._watchdog_code and -code in (signal.SIGABRT, signal.SIGKILL):

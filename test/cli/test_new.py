@@ -102,12 +102,13 @@ def test_everything_is_in_the_package_and_nothing_else_lies_about(tmp_path: Path
 
 
 @pytest.mark.parametrize(('package', 'driver', 'module', 'problem'), [
-    ('My-Robot', 'sonar', '', "package 'My-Robot': must be lower-case letters"),
+    ('My-Robot', 'sonar', '', "package 'My-Robot': must have 2 to 25 lower-case letters"),
+    ('mine', 'a', '', "driver 'a': must have 2 to 20"), ('mine', 'sonar_', '', 'not end with _'),
     ('a__b', 'sonar', '', 'single _'), ('7up', 'sonar', '', 'begin with a letter'),
-    ('x' * 26, 'sonar', '', 'at most 25'), ('../up', 'sonar', '', 'must be lower-case'),
+    ('x' * 26, 'sonar', '', '2 to 25'), ('../up', 'sonar', '', 'must have 2 to 25'),
     ('json', 'sonar', '', "package 'json': Python has a module of that name"),
     ('rt_robot_os', 'sonar', '', 'Python has a module of that name'),
-    ('mine', 'class', '', "driver 'class': is a word of Python"),
+    ('mine', 'class', '', "driver 'class': is a keyword of Python"),
     ('mine', 'witmotion', '', "driver 'witmotion': there is one of that name"),
     ('mine', '', 'twist_guard', "module 'twist_guard': there is one of that name"),
     ('mine', 'mirrors', '', 'is a key of its own'), ('mine', 'imu', '', 'is a key of its own'),

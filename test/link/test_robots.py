@@ -34,6 +34,7 @@ from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import core_lock_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
+from rt_robot_os.link.robots import others_than
 from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.robots import running_cores
@@ -212,3 +213,14 @@ def test_a_home_is_not_closed_to_others(folder: Path, monkeypatch: Any) -> None:
     monkeypatch.setenv('HOME', str(folder))
     assert runtime_folder() == folder
     assert folder.stat().st_mode & 0o777 == 0o755
+
+
+def test_a_core_that_runs_and_does_not_answer_is_not_taken_for_none() -> None:
+    assert 'No robot of this user runs here' in others_than('robot')
+    core = hold_core(socket_path('robot'), parent=os.getppid())
+    try:
+        told = others_than('robot')
+        assert f'Its core runs (pid {os.getpid()},' in told and 'does not answer' in told
+        assert others_than('arm.robot') == ' These run: --robot /robot'
+    finally:
+        core.release()

@@ -155,6 +155,26 @@ def test_a_core_whose_first_jobs_starve_its_link_is_not_killed_and_they_are_name
         page.close()
 
 
+class Unmoved(FakeProcess):
+    """A core that a kill does not end, as it never comes to run."""
+
+    def kill(self) -> None:
+        self.kills += 1
+
+    stop = kill
+
+
+def test_a_core_that_does_not_end_when_it_is_killed_is_not_told_as_ended(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    process = Unmoved()
+    story = Story(folder / 'none.sock', process)
+    story.supervisor._start_limit_s = 0.1
+    story.supervisor.start()
+    wait_for(lambda: story.told('was killed and has not ended yet'), 'the reason')
+    story.supervisor.stop()
+    assert not story.told('None')
+
+
 def test_supervision_goes_on_when_a_core_cannot_be_started_or_looked_at(folder: Path) -> None:
     process = FakeProcess(fail=True)
     story = Story(folder / 'none.sock', process)
