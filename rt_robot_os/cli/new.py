@@ -56,8 +56,8 @@ _TAKEN: Final = frozenset(
 
 def name_problem(noun: str, name: str, longest: int) -> str:
     """Say what is wrong with a name; empty when nothing is."""
-    rule = (f'must have 2 to {longest} lower-case letters, digits and single _, begin with a letter '
-            'and not end with _')
+    rule = (f'must have 2 to {longest} lower-case letters, digits and single _, begin with a '
+            'letter and not end with _')
     if not re.fullmatch(r'[a-z](_?[a-z0-9])+', name) or len(name) > longest:
         return f'{noun} {name!r}: {rule}, such as my_{noun}'
     if keyword.iskeyword(name) or keyword.issoftkeyword(name):
