@@ -360,8 +360,7 @@ class Supervisor:
             return (f'the core ended with code {code}: it was told to stop, and a job, a module '
                     'or a device had to be ended for that; see its reports above')
         if code is None:
-            return ('the core was killed and has not ended yet: something keeps it from running, '
-                    'such as a program of a higher real-time priority on its CPU (see `doctor`)')
+            return 'the core was killed and has not ended yet: nothing lets it run (see `doctor`)'
         if code >= 0:
             return f'the core ended with code {code}'
         name = _signal_name(-code)
