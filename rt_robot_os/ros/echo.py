@@ -50,7 +50,9 @@ def lines_of(value: Any, name: str = '', indent: int = 0) -> Iterator[str]:
             first, *rest = lines_of(item, indent=indent + 2)
             yield f'{pad}  - {first.strip()}'
             yield from rest
-    elif isinstance(value, str | bytes | bool | int | float):
+    elif isinstance(value, bool):
+        yield f'{pad}{name}: {str(value).lower()}'  # YAML, as `ros2 topic echo`
+    elif isinstance(value, str | bytes | int | float):
         yield f'{pad}{name}: {value!r}'
     else:
         items = np.asarray(value).tolist()
