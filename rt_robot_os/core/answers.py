@@ -317,7 +317,12 @@ class Answers:
         for device in core.sensors.statistics():
             yield 'device', asdict(device)
         for module in core.modules:
-            yield 'module', {'name': module.name, 'values': statistics_of(module)}
+            core.link.occupied_by = f'statistics() of {module.name}'
+            try:
+                values = statistics_of(module)
+            finally:
+                core.link.occupied_by = ''
+            yield 'module', {'name': module.name, 'values': values}
         for client in core.link.statistics():
             yield 'client', client.as_json()
         for name in resource_names(core.settings):

@@ -95,6 +95,7 @@ class LinkServer:
     :param command_priority: of samples that clients publish.
     :param gather_ns: what is published within this time goes out together.
     :param life_fd: the page for the sign of life, where somebody reads it already; -1 for none.
+    :ivar occupied_by: whose code an answer is waiting for, such as a module's; empty otherwise.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, path: Path, answer: Answer, reports: Reports, *,
@@ -108,6 +109,7 @@ class LinkServer:
         self._reports = reports
         self._sessions: tuple[Session, ...] = ()
         self._listener: socket.socket | None = None
+        self.occupied_by = ''
         self._beats = 0
         self._served_ns = 0
         self._page = LifePage(life_fd)
@@ -241,7 +243,12 @@ class LinkServer:
     def _running_task(self) -> str:
         """Say what this task has interrupted."""
         busy = [task for task in self._kernel.tasks if task.busy and task is not self._life]
-        return max(busy, key=lambda task: task.priority).name if busy else ''
+        if not busy:
+            return ''
+        task = max(busy, key=lambda task: task.priority)
+        if task is self._service and self.occupied_by:
+            return self.occupied_by
+        return task.name
 
     def _beat(self) -> None:
         self._beats += 1

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import socket
 import tempfile
 
 import pytest
@@ -28,6 +29,8 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.life import Life
 from rt_robot_os.link.life import LifePage
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import Kind
 from rt_robot_os.settings import load
 
 MS = 1_000_000
@@ -36,6 +39,10 @@ YAML = """
 robot:
   ros__parameters:
     core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
+    modules: [guard]
+    guard: {type: twist_guard}
+    topics: [cmd_vel]
+    cmd_vel: {message: geometry_msgs/msg/Twist}
 """
 
 
@@ -73,6 +80,30 @@ def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(
     assert last.at_ns - last.served_ns > 4 * S
     after = life.read()
     assert after is not None and after.task == '' and after.at_ns - after.served_ns < S
+    life.close()
+
+
+def test_a_module_whose_statistics_take_long_is_named(
+        core: Core, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
+    life = Life(os.dup(core.link._page.fd))
+    seen = []
+
+    def statistics() -> dict[str, int]:
+        for _ in range(20):
+            core.kernel.clock.spend(100 * MS)
+            seen.append(life.read())
+        return {}
+
+    monkeypatch.setattr(core.modules[0], 'statistics', statistics)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
+        client.connect(str(core.link.path))
+        client.send(encode_json(Kind.REQUEST, {'id': 1, 'do': 'statistics'}))
+        core.kernel.run(4 * S)
+    last = seen[-1]
+    assert last is not None and last.task == 'statistics() of guard'
+    after = life.read()
+    assert after is not None and after.task == ''
     life.close()
 
 
