@@ -190,6 +190,16 @@ def test_who_fits_misses_nothing_and_work_goes_on_under_any_load(tasks: list[Dec
     assert 0 <= kernel.overhead_ns <= jobs * JOB_NS + ticks * JOB_NS + elapsed_ns // 10
 
 
+def test_alarms_for_a_task_that_cannot_run_do_not_starve_the_one_above_it() -> None:
+    kernel = Kernel(CostlyClock())
+    spend = kernel.clock.spend
+    kernel.add_task('low', lambda: spend(215 * US), priority=1, rate_hz=2000.0)
+    high = kernel.add_task('high', lambda: spend(465 * US), priority=2, rate_hz=2000.0,
+                           phase_ns=US)
+    kernel.run(100 * MS)
+    assert high.missed == 0 and high.runs >= 199
+
+
 # ---- accounts --------------------------------------------------------------------------------
 
 
