@@ -12,16 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""For how long a core has given no sign of life."""
+"""For how long a core has given no sign of life, and what that means."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 import time
 
+from rt_robot_os.link.life import Signs
 from rt_robot_os.linux.schedule import computing
 from rt_robot_os.units import NS_PER_S
 
+DEAD_AFTER_BEATS = 3
 # A longer step is time in which this process itself was stopped or held up, as far as it exceeds.
 _STEP_MAXIMUM_S = 0.25
 # Less of a CPU than this is none: a core that computes without an end takes all it can get.
@@ -95,3 +97,28 @@ class Starvation:
         since_s, since_ns = self._since
         waited_s = silent_s - since_s
         return ready and computed_ns - since_ns < _SHARE * waited_s * NS_PER_S
+
+
+def trouble(signs: Signs | None, silent_s: float, kept_off: bool, heartbeat_s: float
+            ) -> tuple[str, str]:
+    """
+    Say what is the matter with a core that is connected.
+
+    :param signs: what its page of life says; None without one.
+    :param kept_off: Linux does not let it run.
+    :return: the kind of trouble, which is told once, and its text; both empty without any.
+    """
+    if silent_s > DEAD_AFTER_BEATS * heartbeat_s and kept_off:
+        return 'kept off', (
+            f'Linux has not let the core run for {silent_s:.1f} s: another program of the '
+            'same or a higher real-time priority has its CPU (see `doctor`)')
+    if silent_s > heartbeat_s:
+        return 'silent', f'no sign of life of the core for {silent_s:.1f} s'
+    if signs is None:
+        return '', ''
+    waits_s = (signs.at_ns - signs.served_ns) / NS_PER_S
+    if waits_s <= heartbeat_s:
+        return '', ''
+    runs = f'task {signs.task!r} runs' if signs.task else 'other tasks run'
+    return 'busy', (f'the core is alive, but its link has not come to run for {waits_s:.1f} '
+                    f's: {runs}')

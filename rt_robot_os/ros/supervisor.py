@@ -31,14 +31,15 @@ from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import Question
 from rt_robot_os.link.facts import collect
 from rt_robot_os.link.life import Life
-from rt_robot_os.link.life import Signs
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.core_process import FORCED_EXIT_CODE
+from rt_robot_os.ros.silence import DEAD_AFTER_BEATS
 from rt_robot_os.ros.silence import Silence
 from rt_robot_os.ros.silence import Starvation
+from rt_robot_os.ros.silence import trouble
 
 _PUMP_S = 0.05
 _LOOK_S = 0.1
@@ -46,7 +47,6 @@ _CONNECT_TRY_S = 0.05
 _PAUSE_FIRST_S = 0.5
 _PAUSE_MAXIMUM_S = 10.0
 _LONG_LIFE_S = 30.0
-_DEAD_AFTER_BEATS = 3
 _START_TIMEOUT_S = 15.0
 _START_TIMEOUT_MAXIMUM_S = 240.0
 _LAST_WORDS_S = 1.0
@@ -212,7 +212,7 @@ class Supervisor:
                 return None
             try:
                 client = LinkClient(self._path, self._name,
-                                    max(_ANSWER_MINIMUM_S, _DEAD_AFTER_BEATS * self._heartbeat_s))
+                                    max(_ANSWER_MINIMUM_S, DEAD_AFTER_BEATS * self._heartbeat_s))
                 self._start_limit_s = _START_TIMEOUT_S
                 return client
             except LinkError as error:
@@ -234,8 +234,8 @@ class Supervisor:
         if signs is not None and signs.ticks and not _is_closed(error):
             silent_s = self._silence.look(signs.ticks, _TRY_MAXIMUM_S)
             kept_off = self._is_starved(silent_s)
-            if silent_s <= _DEAD_AFTER_BEATS * self._heartbeat_s or kept_off:
-                self._tell(*self._trouble(signs, silent_s, kept_off))
+            if silent_s <= DEAD_AFTER_BEATS * self._heartbeat_s or kept_off:
+                self._tell(*trouble(signs, silent_s, kept_off, self._heartbeat_s))
                 return False
             self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
@@ -291,36 +291,19 @@ class Supervisor:
         signs = client.life.read() if client.life is not None else None
         silent_s = self._silence.look(signs.ticks if signs else client.last_beat_ns)
         kept_off = self._is_starved(silent_s)
-        if (silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
+        if (silent_s > DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
                 and not kept_off):
             if client.pump(0.0):
                 return  # it says something after all
             self.process.kill()
             raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        self._tell(*self._trouble(signs, silent_s, kept_off))
+        self._tell(*trouble(signs, silent_s, kept_off, self._heartbeat_s))
 
     def _tell(self, kind: str, text: str) -> None:
         self.starved = text
         if kind and kind != self._told:
             self._log(WARN, text)
         self._told = kind
-
-    def _trouble(self, signs: Signs | None, silent_s: float, kept_off: bool) -> tuple[str, str]:
-        """Give the kind of trouble, which is told once, and its text; empty without."""
-        if silent_s > _DEAD_AFTER_BEATS * self._heartbeat_s and kept_off:
-            return 'kept off', (
-                f'Linux has not let the core run for {silent_s:.1f} s: another program of the '
-                'same or a higher real-time priority has its CPU (see `doctor`)')
-        if silent_s > self._heartbeat_s:
-            return 'silent', f'no sign of life of the core for {silent_s:.1f} s'
-        if signs is None:
-            return '', ''
-        waits_s = (signs.at_ns - signs.served_ns) / 1e9
-        if waits_s <= self._heartbeat_s:
-            return '', ''
-        runs = f'task {signs.task!r} runs' if signs.task else 'other tasks run'
-        return 'busy', (f'the core is alive, but its link has not come to run for {waits_s:.1f} '
-                        f's: {runs}')
 
     def _is_starved(self, silent_s: float) -> bool:
         """Say whether a silent core of our own is silent because it may not run."""
