@@ -46,6 +46,8 @@ DataHandler = Callable[[Header, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
 
 _PACKETS_AT_ONCE = 512
+# That wait for somebody who wants them; the newest are kept.
+_REPORTS_MAXIMUM = 1000
 _PARTS_BYTES_MAXIMUM = 64 << 20
 _CLOSED = 'the core closed the connection'
 
@@ -67,7 +69,8 @@ class Reader:
     :ivar on_data: called by the reading thread with each sample: header and CDR, valid during the
         call only. The CDR may be written to. A large one lies where the core put it, and that
         place is given back afterwards: who is slow with it loses the next ones.
-    :ivar on_report: called by the reading thread with each report of the core.
+    :ivar on_report: called by the reading thread with each report of the core; those that came
+        before it was set, with the answer to the greeting, come first.
     :ivar replies: where the answers to requests go, by the number of the request.
     :ivar last_beat_ns: when a beat of the core was read last, on CLOCK_MONOTONIC.
     :ivar life: the core's sign of life, which needs no packets; None until it has come.
@@ -86,6 +89,7 @@ class Reader:
         self._view = memoryview(self._buffer)
         self._memories = ClientMemories()
         self._owed: deque[bytes] = deque()
+        self._reports: deque[dict[str, Any]] = deque(maxlen=_REPORTS_MAXIMUM)
         self._records: Iterator[memoryview] | None = None
         self._socket = connection
         self._poll = select.poll()
@@ -116,6 +120,7 @@ class Reader:
                 raise LinkError('the connection to the core is closed')
             if self._owed:
                 self._settle()
+            self._hand_on_reports()
             if self._records is not None:
                 self._hand_on(self._records)  # a handler raised: the others come after it
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
@@ -127,6 +132,10 @@ class Reader:
             return count
         finally:
             self._taken.release()
+
+    def _hand_on_reports(self) -> None:
+        while self._reports and self.on_report is not None:
+            self.on_report(self._reports.popleft())
 
     def _receive(self, count: int) -> int:
         """Receive a packet; none is 0. What came before the end counts: the next call tells it."""
@@ -172,8 +181,8 @@ class Reader:
         if kind == Kind.BEAT:
             self.last_beat_ns = time.monotonic_ns()
         elif kind == Kind.REPORT:
-            if self.on_report is not None:
-                self.on_report(decode_json(packet))
+            self._reports.append(decode_json(packet))
+            self._hand_on_reports()
         elif kind == Kind.TASK:
             self._deliver(head.seq, head, packet)
         elif kind == Kind.REPLY:
