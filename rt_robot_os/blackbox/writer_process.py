@@ -68,7 +68,13 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
 def serve(connection: socket.socket, folder: Path, robot: str) -> None:
     """Write what comes until the core closes its end; parts of several dumps may be mixed."""
     received: dict[int, list[bytes]] = {}
-    while packet := connection.recv(DATAGRAM_BYTES_MAXIMUM):
+    while True:
+        try:
+            packet = connection.recv(DATAGRAM_BYTES_MAXIMUM)
+        except ConnectionResetError:
+            continue  # the core ended without reading all answers: told once, before its last parts
+        if not packet:
+            return
         number, part = marshal.loads(packet)
         received.setdefault(number, []).append(packet)
         if len(received) > DUMPS_AT_ONCE:  # the rest of the oldest never came

@@ -144,6 +144,10 @@ class Reader:
                 [self._buffer], FD_BYTES, socket.MSG_CMSG_CLOEXEC)
         except BlockingIOError:
             return 0
+        except ConnectionResetError:
+            # The core ended before it had read all that it was sent. Linux tells that, once, ahead
+            # of what it has said before.
+            return self._receive(count)
         except OSError as error:
             if count:
                 return 0

@@ -130,6 +130,9 @@ class Session:
                 length = self.connection.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except BlockingIOError:
                 return
+            except ConnectionResetError:
+                self.left -= 1  # told once, ahead of what the client has sent before it ended
+                continue
             except OSError as error:
                 self.gone = error.strerror or 'connection lost'
                 return

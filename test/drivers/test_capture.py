@@ -112,6 +112,20 @@ def test_a_frame_comes_back_as_it_was(slot: int, stamp_ns: int, seq: int) -> Non
     assert packets.parse_give_back(packets.give_back(slot)) == slot
 
 
+def test_the_last_words_of_a_process_that_has_not_read_everything_are_told() -> None:
+    rig = Rig('camera', width=64, height=48)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    rig.device.check = lambda: None
+    rig.device._start = lambda path: ours
+    rig.device.open()  # the process ends before it reads what it is asked
+    theirs.send(packets.problem('no such camera'))
+    theirs.close()
+    with pytest.raises(DeviceError, match='dut: no such camera'):
+        rig.device.read(1)
+    rig.device.close()
+
+
 @examples(max_examples=60, deadline=None)
 @given(st.lists(st.one_of(
     st.binary(min_size=1, max_size=90),

@@ -294,6 +294,19 @@ def test_a_flood_of_samples_is_taken_in_portions_and_none_is_lost(world: World) 
     assert world.core.link.statistics()[0].received == sent
 
 
+def test_what_a_client_sent_before_it_ended_without_reading_is_taken(world: World) -> None:
+    client = world.client('hasty')
+    channel = client.ask('advertise', topic='cmd_vel')['channel']
+    world.run(S)  # beats that it does not read
+    for _ in range(3):
+        client.send(header(Kind.DATA, channel)
+                    + world.core.bus.topic('cmd_vel').layout.prototype)
+    client.socket.close()
+    world.run()
+    assert world.core.bus.topic('cmd_vel').head == 3
+    assert any('closed by the client' in text for text in world.warnings())
+
+
 # ---- samples to clients ----------------------------------------------------------------------
 
 @pytest.mark.parametrize('leave', ['unmirror', 'close'])

@@ -192,6 +192,8 @@ class CaptureDevice(Device):
                 length = connection.recv_into(self._buffer)
             except BlockingIOError:
                 break
+            except ConnectionResetError:
+                continue  # told once, ahead of why the process has ended
             except OSError as error:
                 raise DeviceError(f'{self.name}: {_ENDED}') from error
             if not length:

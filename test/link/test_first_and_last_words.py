@@ -12,21 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a core says while a client is still being greeted is not lost."""
+"""
+What was said while the other side did not listen is not lost.
+
+Linux tells the end of a peer that has not read everything ahead of what that peer has sent before.
+"""
 
 from __future__ import annotations
 
 import json
+import marshal
 from pathlib import Path
 import socket
 import tempfile
 import threading
 from typing import Any
 
+import pytest
+
+from rt_robot_os.blackbox import writer_process
+from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.reader import Reader
 
 
 def test_reports_that_come_with_the_greeting_are_handed_on_in_order() -> None:
@@ -55,3 +65,35 @@ def test_reports_that_come_with_the_greeting_are_handed_on_in_order() -> None:
                     client.pump(1.0)
         assert [report['text'] for report in said] == ['before', 'after']
         server.join(10.0)
+
+
+def test_the_last_words_of_a_core_that_has_not_read_everything_arrive() -> None:
+    core, ours = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    reader = Reader(ours)
+    said: list[dict[str, Any]] = []
+    reader.on_report = said.append
+    core.send(encode_json(Kind.REPORT, {'text': 'last but one'}))
+    core.send(encode_json(Kind.REPORT, {'text': 'last'}))
+    ours.send(b'a beat that the core does not read any more')
+    core.close()
+    with pytest.raises(LinkError, match='closed the connection'):
+        while True:
+            reader.pump(1.0)
+    reader.close()
+    assert [report['text'] for report in said] == ['last but one', 'last']
+
+
+def test_the_writer_of_black_boxes_outlives_an_answer_that_nobody_reads(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[int] = []
+    monkeypatch.setattr(writer_process, 'write', lambda received, folder, robot: written.append(
+        len(received)) or {'error': False, 'text': 'saved'})
+    core, ours = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for number in (1, 2):
+        core.send(marshal.dumps((number, {'end': True})))
+    ours.send(b'an answer that the core does not read any more')
+    core.close()
+    with ours:
+        writer_process.serve(ours, tmp_path, 'robot')
+    assert written == [1, 1]
