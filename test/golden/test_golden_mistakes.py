@@ -98,7 +98,7 @@ MISTAKES: tuple[tuple[tuple[str, str], ...], ...] = (
     (('msg/Twist,', 'msg/Twits,'),),
     (('geometry_msgs/msg/Twist', 'Twist'),),
     (('address: 0x76, topic: depth', 'address: 0x76, topic: imu/data'),),
-    (('type: attitude, ', 'type: attitude, imu_topic: imu/mag, '),),
+    (('type: attitude, ', 'type: attitude, imu_topic: gps/fix, '),),
     (('type: attitude, ', 'type: attitude, imu_topic: imu/dta, '),),
     (('message: geometry_msgs/msg/Twist', 'message: geometry_msgs/msg/TwistStamped'),),
     (('position: 2', 'position: two'),),
