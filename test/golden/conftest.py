@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import difflib
+from importlib import metadata
 import os
 from pathlib import Path
 import re
@@ -78,6 +79,24 @@ class Golden:
         block = re.search(r"'console_scripts': \[(.*?)\]", text, re.DOTALL)
         assert block, 'setup.py declares no console_scripts'
         return dict(re.findall(r"'(\w+) = ([\w.:]+)'", block[1]))
+
+
+@pytest.fixture(autouse=True)
+def without_plugins(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Hide the drivers and modules of other packages on this machine, but those of a test."""
+    ours = str(tmp_path_factory.getbasetemp())
+    found = metadata.Distribution.entry_points.fget  # type: ignore[attr-defined]
+
+    def entry_points(self: metadata.Distribution) -> metadata.EntryPoints:
+        points = found(self)
+        if str(self.locate_file('')).startswith(ours):
+            return points
+        return metadata.EntryPoints(
+            each for each in points if not each.group.startswith('rt_robot_os.'))
+
+    monkeypatch.setattr(metadata.Distribution, 'entry_points', property(entry_points))
 
 
 @pytest.fixture
