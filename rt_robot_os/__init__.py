@@ -13,3 +13,7 @@
 # limitations under the License.
 
 """A preemptive fixed-priority real-time kernel for Python robot code, as a ROS 2 package."""
+
+from rt_robot_os.moved import install
+
+install()

@@ -38,9 +38,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
     'modules': ('Modules', ['rt_robot_os.modules', 'rt_robot_os.modules.ports',
                             'rt_robot_os.schema', 'rt_robot_os.logger']),
-    'drivers': ('Drivers', [f'rt_robot_os.drivers.{name}' for name in (
-        'device', 'serial_device', 'framing', 'handshake', 'imu', 'ranging', 'recognise',
-        'i2c_device', 'capture.device')]),
+    'devices': ('Devices', [f'rt_robot_os.devices.{name}' for name in (
+        'device', 'serial.device', 'framing', 'serial.handshake', 'imu', 'ranging', 'recognise',
+        'i2c.device', 'capture.device')]),
     'sim': ('Simulated devices', ['rt_robot_os.sim.device', 'rt_robot_os.sim.i2c_device']),
     'testing': ('Testing', ['rt_robot_os.testing']),
     'topics': ('Topics', ['rt_robot_os.topics']),

@@ -37,15 +37,16 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from rt_robot_os.drivers.encoders import bno055
-from rt_robot_os.drivers.encoders import nmea
-from rt_robot_os.drivers.encoders import ranging
-from rt_robot_os.drivers.encoders import scip
-from rt_robot_os.drivers.encoders import ubx
-from rt_robot_os.drivers.encoders import witmotion
-from rt_robot_os.drivers.encoders import xbus
-from rt_robot_os.drivers.registry import DRIVERS
-from rt_robot_os.drivers.serial_device import SerialDevice
+from rt_robot_os.devices.bno055 import wire as bno055
+from rt_robot_os.devices.hokuyo import wire as scip
+from rt_robot_os.devices.maxbotix import wire as maxbotix
+from rt_robot_os.devices.nmea import wire as nmea
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.devices.sharp import wire as sharp
+from rt_robot_os.devices.ublox import wire as ubx
+from rt_robot_os.devices.witmotion import wire as witmotion
+from rt_robot_os.devices.xsens import wire as xbus
 
 MAX_PENDING = {'hokuyo': 6001, 'ublox': 3000, 'xsens': 2100}
 SIZES = {'ranges': 682, 'covariance': 36}
@@ -162,13 +163,13 @@ def ublox_piece(chance: random.Random) -> bytes:
 
 def maxbotix_piece(chance: random.Random) -> bytes:
     """Make a reading."""
-    return chance.choice((ranging.maxbotix(chance.randrange(10000)), b'R%03d\r' % (
+    return chance.choice((maxbotix.reading(chance.randrange(10000)), b'R%03d\r' % (
         chance.randrange(1000)), b'R%04d P%d\r' % (chance.randrange(10000), chance.randrange(2))))
 
 
 def sharp_piece(chance: random.Random) -> bytes:
     """Make a reading of some channel."""
-    return ranging.adc(chance.choice((0, 0, 1)), chance.choice((0, 400, 3000, 9999)))
+    return sharp.adc(chance.choice((0, 0, 1)), chance.choice((0, 400, 3000, 9999)))
 
 
 def hokuyo_piece(chance: random.Random) -> bytes:

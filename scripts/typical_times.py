@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Measure what the shipped drivers and modules take, and write rt_robot_os/plan/typical.json.
+Measure what the shipped drivers and modules take, and write rt_robot_os/tools/plan/typical.json.
 
     PYTHONPATH=. python3 scripts/typical_times.py [--seconds 20] [--runs 5] [CONFIGURATION.yaml ...]
 
@@ -36,16 +36,16 @@ import platform
 import sys
 import tempfile
 
+from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.plan.measure import measure
-from rt_robot_os.plan.measured import Measured
-from rt_robot_os.plan.typical import FORMAT
-from rt_robot_os.plan.typical import PATH
-from rt_robot_os.plan.wiring import Wiring
-from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from rt_robot_os.tools.plan.measure import measure
+from rt_robot_os.tools.plan.measured import Measured
+from rt_robot_os.tools.plan.typical import FORMAT
+from rt_robot_os.tools.plan.typical import PATH
+from rt_robot_os.tools.plan.wiring import Wiring
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 FACTOR = 2.0

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import sys
 
-from rt_robot_os.bench.program import run
+from rt_robot_os.tools.bench.program import run
 
 
 def main() -> int:

@@ -25,25 +25,25 @@ import os
 from pathlib import Path
 import sys
 
-from rt_robot_os.blackbox import chart_of
-from rt_robot_os.blackbox import default_folder
-from rt_robot_os.blackbox import DumpFile
-from rt_robot_os.blackbox import dumps
-from rt_robot_os.blackbox import file_name
-from rt_robot_os.blackbox import History
-from rt_robot_os.blackbox import join
-from rt_robot_os.blackbox import newest
-from rt_robot_os.blackbox import perfetto_document
-from rt_robot_os.blackbox import read_dump
-from rt_robot_os.blackbox import save_chart
-from rt_robot_os.blackbox import show
-from rt_robot_os.blackbox import understand
-from rt_robot_os.blackbox import window
-from rt_robot_os.blackbox import write_parts
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
+from rt_robot_os.tools.black_box import chart_of
+from rt_robot_os.tools.black_box import default_folder
+from rt_robot_os.tools.black_box import DumpFile
+from rt_robot_os.tools.black_box import dumps
+from rt_robot_os.tools.black_box import file_name
+from rt_robot_os.tools.black_box import History
+from rt_robot_os.tools.black_box import join
+from rt_robot_os.tools.black_box import newest
+from rt_robot_os.tools.black_box import perfetto_document
+from rt_robot_os.tools.black_box import read_dump
+from rt_robot_os.tools.black_box import save_chart
+from rt_robot_os.tools.black_box import show
+from rt_robot_os.tools.black_box import understand
+from rt_robot_os.tools.black_box import window
+from rt_robot_os.tools.black_box import write_parts
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 

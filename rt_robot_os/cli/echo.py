@@ -41,7 +41,7 @@ def main() -> int:
     # Now already: loading rclpy takes long enough to be interrupted.
     for signo in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signo, stop)
-    from rt_robot_os.ros.echo import echo
+    from rt_robot_os.clients.ros.echo import echo
     try:
         return echo(arguments.topic, hz=arguments.hz, count=arguments.count,
                     timeout_s=arguments.timeout, stopping=lambda: bool(stops))

@@ -34,11 +34,11 @@ import stat
 import sys
 import time
 
-from rt_robot_os.drivers.encoders.i2c_packets import NO_BUS
-from rt_robot_os.drivers.i2c import I2cTransport
-from rt_robot_os.drivers.i2c_errors import is_gone
-from rt_robot_os.drivers.i2c_errors import open_error
-from rt_robot_os.drivers.i2c_socket import SocketTransport
+from rt_robot_os.devices.i2c.bus import I2cTransport
+from rt_robot_os.devices.i2c.errors import is_gone
+from rt_robot_os.devices.i2c.errors import open_error
+from rt_robot_os.devices.i2c.packets import NO_BUS
+from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import runtime_folder
@@ -163,7 +163,7 @@ def open_transport(path: str) -> I2cTransport:
         if stat.S_ISSOCK(mode):
             return SocketTransport(path)
         if stat.S_ISCHR(mode):
-            from rt_robot_os.drivers.i2c_linux import LinuxTransport
+            from rt_robot_os.devices.i2c.linux_bus import LinuxTransport
             return LinuxTransport(path)
     except ImportError as error:
         raise DeviceError(

@@ -27,7 +27,7 @@ import sys
 import tempfile
 from typing import Final
 
-from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.modules import registry as modules
 from rt_robot_os.settings.fields import LISTS

@@ -19,8 +19,8 @@ from __future__ import annotations
 import os
 import sys
 
-from rt_robot_os.plan.program import run
-from rt_robot_os.ros.core_process import CoreProcess
+from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.tools.plan.program import run
 
 
 def main() -> int:

@@ -25,15 +25,15 @@ import sys
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from rt_robot_os.clients.recording.library import need_mcap
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
-from rt_robot_os.recording.library import need_mcap
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from rt_robot_os.recording.bag import Bag
-    from rt_robot_os.recording.recorder import Status
+    from rt_robot_os.clients.recording.bag import Bag
+    from rt_robot_os.clients.recording.recorder import Status
 
 OK, FAILED, BAD_USAGE = 0, 1, 2
 _UNITS = {'': 1, 'k': 1 << 10, 'M': 1 << 20, 'G': 1 << 30}
@@ -110,11 +110,11 @@ def _tell(text: str) -> None:
 
 
 def _record(arguments: argparse.Namespace) -> int:
-    from rt_robot_os.recording.bag import Bag
-    from rt_robot_os.recording.bag import Limits
-    from rt_robot_os.recording.recorder import Recorder
-    from rt_robot_os.recording.recorder import UnknownTopicError
-    from rt_robot_os.recording.recorder import Wanted
+    from rt_robot_os.clients.recording.bag import Bag
+    from rt_robot_os.clients.recording.bag import Limits
+    from rt_robot_os.clients.recording.recorder import Recorder
+    from rt_robot_os.clients.recording.recorder import UnknownTopicError
+    from rt_robot_os.clients.recording.recorder import Wanted
     robot = arguments.robot
     folder = arguments.output or Path(f'{robot}_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     bag = Bag(folder, arguments.compression, Limits(arguments.max_bytes, arguments.max_files))
@@ -167,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         need_mcap()
         if arguments.repair is not None:
-            from rt_robot_os.recording.repair import mend_all
+            from rt_robot_os.clients.recording.repair import mend_all
             done, failed = mend_all(arguments.repair)
             print(*done, sep='\n')
             print(*failed, sep='\n', end='\n' if failed else '', file=sys.stderr)

@@ -23,18 +23,18 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from rt_robot_os.clients.recording.library import need_mcap
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.recording.library import need_mcap
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from rt_robot_os.recording.reading import Recording
-    from rt_robot_os.recording.replay import Replay
+    from rt_robot_os.clients.recording.reading import Recording
+    from rt_robot_os.clients.recording.replay import Replay
 
 IDENTICAL, DIFFERS, BAD_INPUT = 0, 1, 2
 
@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _settings(arguments: argparse.Namespace, recording: Recording) -> RobotSettings:
-    from rt_robot_os.recording.trust import check_trusted
+    from rt_robot_os.clients.recording.trust import check_trusted
     if arguments.params_file:
         return load(arguments.params_file, node=arguments.node)
     if recording.settings is None:
@@ -79,9 +79,9 @@ def _settings(arguments: argparse.Namespace, recording: Recording) -> RobotSetti
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from rt_robot_os.recording.output import ReplayOutput
-    from rt_robot_os.recording.reading import Recording
-    from rt_robot_os.recording.replay import Replay
+    from rt_robot_os.clients.recording.output import ReplayOutput
+    from rt_robot_os.clients.recording.reading import Recording
+    from rt_robot_os.clients.recording.replay import Replay
     recording = Recording(arguments.recording, arguments.session)
     settings = _settings(arguments, recording)
     begin = time.perf_counter()

@@ -62,7 +62,7 @@ def main() -> int:
         print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
     try:
         # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
-        from rt_robot_os.ros.program import spin
+        from rt_robot_os.clients.ros.program import spin
         return spin(settings)
     finally:
         lock.release()

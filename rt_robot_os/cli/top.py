@@ -20,7 +20,7 @@ from __future__ import annotations
 import os
 import sys
 
-from rt_robot_os.top.program import run
+from rt_robot_os.clients.top.program import run
 
 
 def main() -> int:

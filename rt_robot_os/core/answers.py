@@ -25,9 +25,9 @@ import os
 from typing import Any
 from typing import TYPE_CHECKING
 
-from rt_robot_os.blackbox.parts import live_parts
 from rt_robot_os.core.tasks import held
 from rt_robot_os.core.tasks import resource_names
+from rt_robot_os.dumps.parts import live_parts
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import TaskState

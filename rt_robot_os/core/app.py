@@ -24,8 +24,8 @@ import os
 from pathlib import Path
 
 from rt_robot_os.core.answers import Answers
-from rt_robot_os.core.black_box import BlackBoxKeeper
-from rt_robot_os.core.black_box import BlackBoxWriter
+from rt_robot_os.core.dump_keeper import BlackBoxKeeper
+from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.lifecycle import ModuleLifecycle
@@ -36,8 +36,10 @@ from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.threads import ThreadWatch
 from rt_robot_os.core.watchdog import Watchdog
-from rt_robot_os.drivers.capture.device import CaptureDevice
-from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.devices.capture.device import CaptureDevice
+from rt_robot_os.devices.manager import SensorManager
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.kernel import Clock
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
@@ -51,8 +53,6 @@ from rt_robot_os.modules import Module
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
-from rt_robot_os.sensors import SensorManager
-from rt_robot_os.sensors.state import RecoverySettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_MS

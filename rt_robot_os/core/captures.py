@@ -22,8 +22,8 @@ import subprocess
 import sys
 import time
 
-from rt_robot_os.drivers.capture.device import CaptureDevice
-from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.devices.capture.device import CaptureDevice
+from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -51,7 +51,7 @@ class Captures:
             return None
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.drivers.capture.host', str(os.getpid()),
+            [sys.executable, '-m', 'rt_robot_os.devices.capture.host', str(os.getpid()),
              str(path)], stdin=subprocess.DEVNULL)
         deadline = time.monotonic() + _READY_TIMEOUT_S
         while not path.exists():

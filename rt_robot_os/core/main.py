@@ -30,8 +30,8 @@ from types import FrameType
 from typing import Any
 
 from rt_robot_os.core.app import Core
-from rt_robot_os.core.black_box import BlackBoxWriter
 from rt_robot_os.core.captures import Captures
+from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.errors import ConfigError
@@ -53,7 +53,7 @@ from rt_robot_os.settings.command_line import told_simulated
 from rt_robot_os.units import NS_PER_S
 
 OK, FAILED, BAD_CONFIGURATION, ENDED_BY_FORCE = 0, 1, 2, 3
-# Saves the black box, see rt_robot_os.core.black_box.
+# Saves the black box, see rt_robot_os.core.dump_keeper.
 DUMP_SIGNAL = signal.SIGUSR1
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 

@@ -22,7 +22,7 @@ from typing import Any
 from typing import TYPE_CHECKING
 import zlib
 
-from rt_robot_os.drivers.device import Device
+from rt_robot_os.devices.device import Device
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules import Module
 from rt_robot_os.reports import Severity

@@ -39,12 +39,12 @@ from rt_robot_os.core.tap_format import schedule_cdr
 from rt_robot_os.core.tap_format import SCHEDULE_FRONT_BYTES
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import PUBLISH
-from rt_robot_os.sensors import SensorManager
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 

@@ -35,7 +35,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import ClassVar
 
-from rt_robot_os.drivers.device import Publication
+from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from rt_robot_os.drivers.plugins import PluginRegistry
 from rt_robot_os.modules.base import Module
+from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
     'attitude': 'rt_robot_os.modules.attitude:Attitude',

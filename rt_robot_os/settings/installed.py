@@ -70,12 +70,12 @@ class _Registry:
 
 
 def _driver_names() -> Sequence[str]:
-    from rt_robot_os.drivers.registry import DRIVERS
+    from rt_robot_os.devices.registry import DRIVERS
     return DRIVERS.names()
 
 
 def _driver(name: str) -> Kind:
-    from rt_robot_os.drivers.registry import DRIVERS
+    from rt_robot_os.devices.registry import DRIVERS
     cls = DRIVERS.load(name)
 
     def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:

@@ -21,7 +21,7 @@ import math
 import random
 from typing import Any
 
-from rt_robot_os.drivers.decoders.atmosphere import pressure_pa
+from rt_robot_os.devices.atmosphere import pressure_pa
 from rt_robot_os.schema import Field
 
 

@@ -29,9 +29,9 @@ import socket
 from typing import Final
 from typing import Protocol
 
-from rt_robot_os.drivers.encoders.i2c_packets import answer
-from rt_robot_os.drivers.encoders.i2c_packets import MAXIMUM
-from rt_robot_os.drivers.encoders.i2c_packets import parse_request
+from rt_robot_os.devices.i2c.packets import answer
+from rt_robot_os.devices.i2c.packets import MAXIMUM
+from rt_robot_os.devices.i2c.packets import parse_request
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.i2c_bus import EmulatedBus
 

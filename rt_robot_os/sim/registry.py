@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rt_robot_os.drivers.plugins import PluginRegistry
+from rt_robot_os.plugins import PluginRegistry
 from rt_robot_os.sim.base import Simulated
 
 SIMULATORS: Final[PluginRegistry[Simulated]] = PluginRegistry(
@@ -27,19 +27,19 @@ SIMULATORS: Final[PluginRegistry[Simulated]] = PluginRegistry(
     Simulated,  # type: ignore[type-abstract]
     'simulated device for the driver',
     {
-        'bmp280': 'rt_robot_os.sim.bmp280:SimulatedBmp280',
-        'bmp388': 'rt_robot_os.sim.bmp388:SimulatedBmp388',
-        'bno055': 'rt_robot_os.sim.bno055:SimulatedBno055',
-        'camera': 'rt_robot_os.sim.capture:SimulatedCamera',
-        'hokuyo': 'rt_robot_os.sim.hokuyo:SimulatedHokuyo',
-        'maxbotix': 'rt_robot_os.sim.ranging:SimulatedMaxBotix',
-        'microphone': 'rt_robot_os.sim.capture:SimulatedMicrophone',
-        'mpu6050': 'rt_robot_os.sim.mpu6050:SimulatedMpu6050',
-        'ms5611': 'rt_robot_os.sim.ms5611:SimulatedMs5611',
-        'nmea': 'rt_robot_os.sim.nmea:SimulatedNmea',
-        'sharp': 'rt_robot_os.sim.ranging:SimulatedSharp',
-        'ublox': 'rt_robot_os.sim.ublox:SimulatedUblox',
-        'witmotion': 'rt_robot_os.sim.witmotion:SimulatedWitMotion',
-        'xsens': 'rt_robot_os.sim.xsens:SimulatedXsens',
+        'bmp280': 'rt_robot_os.devices.bmp280.twin:SimulatedBmp280',
+        'bmp388': 'rt_robot_os.devices.bmp388.twin:SimulatedBmp388',
+        'bno055': 'rt_robot_os.devices.bno055.twin:SimulatedBno055',
+        'camera': 'rt_robot_os.devices.camera.twin:SimulatedCamera',
+        'hokuyo': 'rt_robot_os.devices.hokuyo.twin:SimulatedHokuyo',
+        'maxbotix': 'rt_robot_os.devices.maxbotix.twin:SimulatedMaxBotix',
+        'microphone': 'rt_robot_os.devices.microphone.twin:SimulatedMicrophone',
+        'mpu6050': 'rt_robot_os.devices.mpu6050.twin:SimulatedMpu6050',
+        'ms5611': 'rt_robot_os.devices.ms5611.twin:SimulatedMs5611',
+        'nmea': 'rt_robot_os.devices.nmea.twin:SimulatedNmea',
+        'sharp': 'rt_robot_os.devices.sharp.twin:SimulatedSharp',
+        'ublox': 'rt_robot_os.devices.ublox.twin:SimulatedUblox',
+        'witmotion': 'rt_robot_os.devices.witmotion.twin:SimulatedWitMotion',
+        'xsens': 'rt_robot_os.devices.xsens.twin:SimulatedXsens',
     },
 )

@@ -26,8 +26,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from rt_robot_os.drivers.encoders.scip import scan
-from rt_robot_os.drivers.encoders.scip import scan_command
+from rt_robot_os.devices.hokuyo.wire import scan
+from rt_robot_os.devices.hokuyo.wire import scan_command
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.player import Piece
 from rt_robot_os.units import NS_PER_US

@@ -46,7 +46,7 @@ from hypothesis import HealthCheck
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.drivers.device import Device
+from rt_robot_os.devices.device import Device
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.sim.pty_port import PtyPort

@@ -28,7 +28,7 @@ from hypothesis import given
 from hypothesis import HealthCheck
 from hypothesis import settings
 from hypothesis import strategies as st
-from rt_robot_os.drivers.framing import FrameDecoder
+from rt_robot_os.devices.framing import FrameDecoder
 from rt_robot_os.testing.work import dearest
 from rt_robot_os.testing.work import steps_per_byte
 

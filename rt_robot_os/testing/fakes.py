@@ -24,8 +24,8 @@ import select
 from typing import Any
 
 import pytest
-from rt_robot_os.drivers.device import Device
-from rt_robot_os.drivers.device import Publication
+from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.modules import Module
 from rt_robot_os.schema import Field

@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.drivers.device import Device
+from rt_robot_os.devices.device import Device
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing.fakes import bind

@@ -24,6 +24,7 @@ from core_modules import Noted
 import pytest
 
 from rt_robot_os.core.app import Core
+from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel import BudgetPolicy
@@ -32,7 +33,6 @@ from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.modules import Module
-from rt_robot_os.sensors import DeviceState
 
 MakeCore = Callable[[str], Core]
 MS = 1_000_000

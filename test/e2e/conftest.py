@@ -142,7 +142,7 @@ class World:
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""
-        return self.start('rt_robot_os.sim.main:player', str(log), '--link', str(port), '--wait',
+        return self.start('rt_robot_os.sim.program:player', str(log), '--link', str(port), '--wait',
                           *arguments)
 
     def listen(self, message: Any, topic: str, depth: Any = 2000) -> list[Any]:

@@ -28,7 +28,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from rt_robot_os.drivers.capture.pattern import number_of  # noqa: E402, I100
+from rt_robot_os.devices.capture.pattern import number_of  # noqa: E402, I100
 from sensor_msgs.msg import CameraInfo  # noqa: E402
 from sensor_msgs.msg import CompressedImage  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402

@@ -31,8 +31,8 @@ ROOT = Path(__file__).resolve().parents[2]
 INTERRUPTED = """
 import os, signal, sys, threading, time
 import rclpy
-from std_msgs.msg import String
 from rt_robot_os.cli.echo import main
+from std_msgs.msg import String
 
 moment, sys.argv[1:] = sys.argv[1], ['/chatter', *sys.argv[2:]]
 

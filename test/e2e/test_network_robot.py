@@ -29,7 +29,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
-from rt_robot_os.drivers.encoders.rtcm import message  # noqa: E402
+from rt_robot_os.devices.ublox.rtcm import message  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
 
 Until = Callable[..., Any]
@@ -60,7 +60,7 @@ def receiver(tmp_path: Path) -> Iterator[int]:
     with socket.create_server(('127.0.0.1', 0)) as free:
         number = int(free.getsockname()[1])
     process = subprocess.Popen(
-        [sys.executable, '-c', 'import sys; from rt_robot_os.sim.main import main; '
+        [sys.executable, '-c', 'import sys; from rt_robot_os.sim.program import main; '
          'sys.exit(main())', 'gps:ublox', '--dir', str(tmp_path), '--tcp', f'gps={number}'],
         cwd=Path(__file__).parents[2], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

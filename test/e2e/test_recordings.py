@@ -28,9 +28,9 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from rclpy.qos import QoSDurabilityPolicy  # noqa: E402, I100
 from rclpy.qos import QoSProfile  # noqa: E402
-from rt_robot_os.drivers.encoders.witmotion import acceleration_frame  # noqa: E402
-from rt_robot_os.drivers.encoders.witmotion import angular_velocity_frame  # noqa: E402
-from rt_robot_os.drivers.encoders.witmotion import magnetic_field_frame  # noqa: E402
+from rt_robot_os.devices.witmotion.wire import acceleration_frame  # noqa: E402
+from rt_robot_os.devices.witmotion.wire import angular_velocity_frame  # noqa: E402
+from rt_robot_os.devices.witmotion.wire import magnetic_field_frame  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.sim.pty_port import PtyPort  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402

@@ -37,8 +37,8 @@ Until = Callable[..., Any]
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = """
-import time
 from rt_robot_os.modules import Module
+import time
 
 
 class Planner(Module):

@@ -66,8 +66,9 @@ def test_what_was_public_is_still_there(line: str) -> None:
         warnings.simplefilter('ignore', DeprecationWarning)
         module = importlib.import_module(module_name)
         missing = [name for name in sorted(names) if not hasattr(module, name)]
-    assert not missing, f'{module_name}: users import {", ".join(missing)} from it'
-    for value in (getattr(module, name) for name in names):
+        assert not missing, f'{module_name}: users import {", ".join(missing)} from it'
+        values = [getattr(module, name) for name in names]
+    for value in values:
         if isinstance(value, type) and value.__module__.startswith('rt_robot_os.'):
             home = importlib.import_module(value.__module__)
             assert getattr(home, value.__name__) is value, f'{value}: there are two of it'

@@ -30,7 +30,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.blackbox import writer_process
+from rt_robot_os.dumps import writer_process
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.protocol import encode_json

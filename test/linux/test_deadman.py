@@ -70,8 +70,8 @@ def test_one_that_is_pushed_in_time_lives() -> None:
 
 def test_one_that_is_let_go_does_nothing(run_code: Runner) -> None:
     done = run_code("""
-import time
 from rt_robot_os.linux.deadman import DeadMan
+import time
 handle = DeadMan()
 handle.push(time.monotonic_ns() + 50_000_000)
 handle.release()

@@ -404,7 +404,7 @@ def test_it_is_registered_and_before_configure_it_has_nothing_to_tell() -> None:
 
 
 def test_the_simulated_sensor_is_followed() -> None:
-    from rt_robot_os.sim import witmotion
+    from rt_robot_os.devices.witmotion import twin as witmotion
     robot = Robot(filter='mahony')
     errors = []
     for number in range(3000):

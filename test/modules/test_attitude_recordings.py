@@ -26,15 +26,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rt_robot_os.bench.attitude import known
-from rt_robot_os.bench.attitude import recordings
-from rt_robot_os.bench.attitude.errors import errors_of
-from rt_robot_os.bench.attitude.errors import headings
-from rt_robot_os.bench.attitude.errors import tilts
-from rt_robot_os.bench.attitude.peers import Peer
-from rt_robot_os.bench.attitude.peers import PEERS
-from rt_robot_os.bench.attitude.recordings import Recording
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.tools.bench.attitude import known
+from rt_robot_os.tools.bench.attitude import recordings
+from rt_robot_os.tools.bench.attitude.errors import errors_of
+from rt_robot_os.tools.bench.attitude.errors import headings
+from rt_robot_os.tools.bench.attitude.errors import tilts
+from rt_robot_os.tools.bench.attitude.peers import Peer
+from rt_robot_os.tools.bench.attitude.peers import PEERS
+from rt_robot_os.tools.bench.attitude.recordings import Recording
 
 OURS = [peer for peer in PEERS if peer.name in ('mahony', 'vqf')]
 

@@ -22,12 +22,15 @@ import re
 
 import pytest
 
-from rt_robot_os.drivers.registry import DRIVERS
+from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.settings import load
 
 pytest.importorskip('sensor_msgs.msg', reason='the ROS 2 messages are not installed')
 
-PAGES = sorted((Path(__file__).resolve().parents[2] / 'docs' / 'devices').glob('*.md'))
+ROOT = Path(__file__).resolve().parents[2]
+INDEX = ROOT / 'docs' / 'devices' / 'README.md'
+PAGES = sorted({*(ROOT / 'docs' / 'devices').glob('*.md'),
+                *(ROOT / 'rt_robot_os' / 'devices').glob('*/page.md')} - {INDEX})
 EXAMPLES = [(page, number, text) for page in PAGES for number, text in enumerate(
     re.findall(r'^```yaml\n(.*?)^```', page.read_text(encoding='utf-8'), re.M | re.S))]
 
@@ -49,3 +52,12 @@ def test_pages_name_drivers_that_exist() -> None:
     for page in PAGES:
         named = set(re.findall(r'`type: (\w+)`', page.read_text(encoding='utf-8')))
         assert named and named <= set(DRIVERS.names()), page.name
+
+
+def test_every_device_has_a_page_beside_its_driver_and_a_row_in_the_index() -> None:
+    named = dict(re.findall(r'^\| `(\w+)` \| \[.*\]\((\S+)\) \|$', INDEX.read_text(), re.M))
+    assert sorted(named) == sorted(set(DRIVERS.names()) - set(DRIVERS.foreign_names()))
+    for name, link in named.items():
+        page = (INDEX.parent / link).resolve()
+        assert page == ROOT / 'rt_robot_os' / 'devices' / name / 'page.md'
+        assert f'`type: {name}`' in page.read_text(encoding='utf-8')

@@ -24,7 +24,7 @@ from typing import Any
 
 from driver_fakes import bind
 from rt_robot_os import testing
-from rt_robot_os.drivers.device import Device
+from rt_robot_os.devices.device import Device
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.testing.rig import Rig
 from rt_robot_os.testing.rig import START_NS  # noqa: F401

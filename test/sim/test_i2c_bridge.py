@@ -27,10 +27,10 @@ import threading
 
 import pytest
 from rt_robot_os.cli import i2c_bridge
-from rt_robot_os.drivers.encoders.i2c_packets import NO_BUS
-from rt_robot_os.drivers.i2c_socket import SocketTransport
+from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
+from rt_robot_os.devices.i2c.packets import NO_BUS
+from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.bmp280 import SimulatedBmp280
 from rt_robot_os.sim.i2c_port import I2cPort
 from rt_robot_os.sim.server import SimServer
 

@@ -28,7 +28,7 @@ from driver_fakes import settings_of
 from driver_fakes import wait_readable
 import numpy as np
 import pytest
-from rt_robot_os.drivers.hokuyo import Hokuyo
+from rt_robot_os.devices.hokuyo.driver import Hokuyo
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.player import load_log
 from rt_robot_os.sim.player import Player
@@ -101,7 +101,7 @@ def test_the_program_plays_scans(tmp_path: Path) -> None:
     log.write_bytes(row(1_000_000) + row(1_010_000))
     link = tmp_path / 'laser'
     program = subprocess.Popen(
-        [sys.executable, '-c', 'from rt_robot_os.sim.main import player; exit(player())',
+        [sys.executable, '-c', 'from rt_robot_os.sim.program import player; exit(player())',
          str(log), '--link', str(link), '--scans', '--wait'],
         stdout=subprocess.PIPE, text=True, env={**os.environ, 'PYTHONUNBUFFERED': '1'})
     try:

@@ -28,11 +28,11 @@ import sys
 from typing import Any
 
 import pytest
-from rt_robot_os.drivers.decoders.nmea import NmeaDecoder
-from rt_robot_os.drivers.decoders.witmotion import WitMotionDecoder
-from rt_robot_os.drivers.i2c_socket import SocketTransport
+from rt_robot_os.devices.i2c.socket_bus import SocketTransport
+from rt_robot_os.devices.nmea.wire import NmeaDecoder
+from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim import main as commands
+from rt_robot_os.sim import program as commands
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.server import SimServer
 

@@ -22,14 +22,14 @@ from typing import Any
 
 from driver_fakes import wait_for_device_error
 import pytest
-from rt_robot_os.drivers.nmea import NmeaGps
-from rt_robot_os.drivers.witmotion import WitMotion
+from rt_robot_os.devices.nmea.driver import NmeaGps
+from rt_robot_os.devices.nmea.twin import SimulatedNmea
+from rt_robot_os.devices.witmotion.driver import WitMotion
+from rt_robot_os.devices.witmotion.twin import SimulatedWitMotion
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.faults import FAULTS
-from rt_robot_os.sim.nmea import SimulatedNmea
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.sim.witmotion import SimulatedWitMotion
 from sim_harness import MS
 from sim_harness import rig
 from sim_harness import START_NS

@@ -27,11 +27,11 @@ from typing import NamedTuple
 
 import pytest
 
-from rt_robot_os.drivers.device import Publication
-from rt_robot_os.drivers.framing import FrameDecoder
-from rt_robot_os.drivers.framing import StreamDecoder
-from rt_robot_os.drivers.serial_device import serial_settings
-from rt_robot_os.drivers.serial_device import SerialDevice
+from rt_robot_os.devices.device import Publication
+from rt_robot_os.devices.framing import FrameDecoder
+from rt_robot_os.devices.framing import StreamDecoder
+from rt_robot_os.devices.serial.device import serial_settings
+from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.testing import DriverContract
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.drivers.maxbotix import MaxBotix
+from rt_robot_os.devices.maxbotix.driver import MaxBotix
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output

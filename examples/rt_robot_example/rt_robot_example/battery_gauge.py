@@ -23,10 +23,10 @@ from typing import Any
 
 from rt_robot_example.protocol import GaugeDecoder
 from rt_robot_example.protocol import Reading
-from rt_robot_os.drivers.device import Publication
-from rt_robot_os.drivers.device import SamplePublisher
-from rt_robot_os.drivers.serial_device import serial_settings
-from rt_robot_os.drivers.serial_device import SerialDevice
+from rt_robot_os.devices.device import Publication
+from rt_robot_os.devices.device import SamplePublisher
+from rt_robot_os.devices.serial.device import serial_settings
+from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.schema import Field
 
 

@@ -26,7 +26,7 @@ from functools import reduce
 from operator import xor
 import re
 
-from rt_robot_os.drivers.framing import FrameDecoder
+from rt_robot_os.devices.framing import FrameDecoder
 
 FRAME = re.compile(
     rb'\$(B(\d\d\.\d\d),([+-]\d\d\.\d\d),(\d{3}))\*([0-9A-F]{2})\r\n').fullmatch

@@ -29,7 +29,7 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.drivers.device import Publication
+from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter

@@ -1,0 +1,311 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `robot`: starts and supervises the core, and mirrors topics both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from rt_robot_os.clients.ros.console import Console
+from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.clients.ros.diagnostics import Diagnostics
+from rt_robot_os.clients.ros.log_relay import LogRelay
+from rt_robot_os.clients.ros.mirrors import Mirrors
+from rt_robot_os.clients.ros.parameters import NodeParameters
+from rt_robot_os.clients.ros.ros_time import RosTime
+from rt_robot_os.clients.ros.supervisor import Supervisor
+from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link import socket_path
+from rt_robot_os.link.paths import robot_name
+from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.reports import Severity
+from rt_robot_os.settings import changed
+from rt_robot_os.settings import check_change
+from rt_robot_os.settings import parameters
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
+from rt_robot_os.settings.saved import live_values
+from rt_robot_os.settings.saved import save
+from rt_robot_os.settings.saved import saved_path
+from rt_robot_os.settings.saved import told_saved
+from rt_robot_os.units import NS_PER_S
+from std_srvs.srv import Trigger
+
+_START_TIMEOUT_S = 10.0
+
+
+class RobotNode(LifecycleNode):
+    """
+    The ROS 2 face of one robot.
+
+    configure: start the core and connect. activate: mirror. deactivate: stop mirroring, the core
+    runs on. cleanup and shutdown: end the core.
+
+    :param settings: checked already.
+    :param name: of the node, before remapping.
+    :param console: what counts the lines that nobody reads; None counts none.
+    :param stopping: whether the program is to end: nothing is waited for any more.
+    :ivar held_up: somebody who does not read the console holds up a thread at the end.
+    """
+
+    def __init__(self, settings: RobotSettings, name: str = 'robot',
+                 console: Console | None = None,
+                 stopping: Callable[[], bool] = lambda: False) -> None:
+        super().__init__(name)
+        self.settings = settings
+        self._loaded = settings
+        self._stopping = stopping
+        self._adopting = False
+        self._digest: int | None = None
+        self.robot = robot_name(self.get_name(), self.get_namespace())
+        self.path: Path = socket_path(self.robot)
+        self._time = RosTime(self.get_clock(), lambda text: self._log.note(
+            int(Severity.WARN), text))
+        self._mapper = StampMapper(wall_ns=self._time.now_ns)
+        self._log = LogRelay(self, self._mapper, settings.log, self.robot, console)
+        self.held_up = False
+        self._mirrors: Mirrors | None = None
+        self._supervisor: Supervisor | None = None
+        rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
+        self.create_service(Trigger, '~/save_parameters', self._on_save)
+        self._diagnostics = Diagnostics(self.robot, rearm.service_name)
+        self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # Of a clock that nobody can stop: /diagnostics goes on whatever ROS time does.
+        self._status_timer = self.create_timer(
+            1.0 / settings.diagnostics_rate_hz, self._diagnose,
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._robot_parameters = NodeParameters(
+            self, parameters(settings), self._check, self._apply)
+
+    # ---- lifecycle ---------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the core and wait for it."""
+        process = CoreProcess(self._for_core(self.settings), self.path) if (
+            self.settings.core.spawn) else None
+        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper)
+        self._supervisor = Supervisor(
+            self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
+            on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
+            heartbeat_s=self.settings.core.heartbeat_s,
+            statistics_period_s=1.0 / self.settings.diagnostics_rate_hz,
+            watchdog_code=(self.settings.watchdog.exit_code if self.settings.watchdog.timeout_s
+                           else 0))
+        self._supervisor.start()
+        connected = self._supervisor.wait(_START_TIMEOUT_S, self._stopping)
+        if self.fatal:
+            self._stop_core()
+            return TransitionCallbackReturn.FAILURE
+        if process is not None and not connected and not self._stopping():
+            # The supervisor goes on trying, and /diagnostics says so meanwhile.
+            self._log.note(int(Severity.WARN), f'the core has not answered after '
+                           f'{_START_TIMEOUT_S:g} s: '
+                           f'{self._supervisor.starved or "is the machine that busy?"}')
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to mirror."""
+        try:
+            if self._mirrors is not None:
+                self._mirrors.activate()
+        except LinkError as error:
+            self._log.note(int(Severity.ERROR), str(error))
+            return TransitionCallbackReturn.FAILURE
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop mirroring; the core runs on."""
+        try:
+            if self._mirrors is not None:
+                self._mirrors.deactivate()
+        except LinkError as error:
+            self._log.note(int(Severity.WARN), str(error))
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the core; the node may be configured again."""
+        self._stop_core()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        """
+        End the core and the node; may be called twice.
+
+        Where a thread is held up by a console that nobody reads, :attr:`held_up` is set and the
+        node is left as it is: it would wait for that thread.
+        """
+        self._stop_core()
+        self.held_up = not self._log.close()
+        if not self.held_up:
+            super().destroy_node()
+
+    @property
+    def fatal(self) -> str:
+        """Why no core can run with this configuration; empty otherwise."""
+        return self._supervisor.fatal if self._supervisor is not None else ''
+
+    def _stop_core(self) -> None:
+        if self._supervisor is not None:
+            self._supervisor.stop()
+        if self._mirrors is not None:
+            self._mirrors.destroy()
+            self._mirrors = None
+
+    def _on_rearm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let every task that is held run again."""
+        client = self._client()
+        try:
+            if client is None:
+                raise LinkError('no core is connected')
+            names = client.request('rearm')['tasks']
+            response.success = True
+            response.message = f're-armed: {", ".join(names)}' if names else 'no task was held'
+        except LinkError as error:
+            response.message = str(error)
+        return response
+
+    # ---- diagnostics -------------------------------------------------------------------------
+
+    def _diagnose(self) -> None:
+        self._time.look()
+        self._mapper.follows = self._time.followed
+        message = DiagnosticArray()
+        seconds, rest_ns = divmod(self._time.now_ns(), NS_PER_S)
+        message.header.stamp = Time(sec=seconds, nanosec=rest_ns)
+        try:
+            message.status = self._statuses()
+            self._status_publisher.publish(message)
+        except Exception as error:
+            # What a core says must not end the node; rclpy lets a timer's error do that.
+            message.status = self._diagnostics.silent(
+                f'what the core says cannot be told: {type(error).__name__}: {error}')
+            self._status_publisher.publish(message)
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        supervisor, mirrors = self._supervisor, self._mirrors
+        if supervisor is None or mirrors is None:
+            return self._diagnostics.silent('not configured')
+        statistics = supervisor.statistics
+        if not supervisor.connected.is_set() or statistics is None:
+            return self._diagnostics.silent(
+                supervisor.fatal or supervisor.reason or 'no core is connected')
+        digest = statistics.core.get('parameters')
+        if digest != self._digest:
+            self._adopt()
+            self._digest = digest
+        return self._diagnostics.judge(statistics, self._mapper, mirrors.counters(),
+                                       self._log.statistics(), supervisor.starved)
+
+    # ---- parameters --------------------------------------------------------------------------
+
+    def _check(self, name: str, value: Any) -> str | None:
+        return check_change(self.settings, name, value)
+
+    def _apply(self, name: str, value: Any) -> None:
+        """Make a change in the core, and remember it for a core that is started again."""
+        settings = changed(self.settings, name, value)
+        client = None if self._adopting else self._client()
+        section, _, key = name.partition('.')
+        if client is not None:
+            if key == 'rate_hz':
+                client.request('set_rate', task=section, rate_hz=value)
+            elif any(m.name == section for m in settings.mirrors):
+                mirror = next(m for m in settings.mirrors if m.name == section)
+                if self._mirrors is not None:
+                    self._mirrors.change(section, mirror.policy, mirror.max_rate_hz)
+            else:
+                client.request('set_parameter', owner=section, name=key, value=value)
+        self.settings = settings
+        if self._supervisor is not None and self._supervisor.process is not None:
+            self._supervisor.process.set_settings(
+                self._for_core(settings), self._for_core(self._loaded))
+
+    def _for_core(self, settings: RobotSettings) -> str:
+        """Write settings with the names that mirrors have in ROS: recorders ask the core."""
+        return to_json(replace(settings, mirrors=tuple(
+            replace(mirror, ros_topic=self.resolve_topic_name(mirror.ros_topic))
+            for mirror in settings.mirrors)))
+
+    def _adopt(self) -> None:
+        """Take over what others have changed in the core: its modules, clients of the link."""
+        client = self._client()
+        if client is None:
+            return
+        try:
+            facts = {each['name']: each['value'] for each in client.request_all('parameters')[1:]}
+        except LinkError:
+            return  # it will be asked again when it is back
+        known = live_values(self.settings)
+        self._adopting = True
+        try:
+            for name, value in facts.items():
+                if name in known and known[name] != value:
+                    reason = self._take_over(name, value)
+                    if reason:
+                        self._log.note(
+                            int(Severity.WARN), f'{name} is {value!r} in the core, which its '
+                            f'parameter cannot be: {reason}')
+        finally:
+            self._adopting = False
+
+    def _take_over(self, name: str, value: Any) -> str:
+        """Give a parameter the value that it has in the core; why it cannot, empty if it can."""
+        try:
+            result = self.set_parameters([Parameter(name, value=value)])[0]
+        except (TypeError, ValueError) as error:  # a text that ROS cannot encode among them
+            return str(error)
+        return '' if result.successful else str(result.reason)
+
+    def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Write what was changed since the start."""
+        self._adopt()
+        try:
+            path = saved_path(self.settings.parameters_file, self.robot)
+            values = save(path, self.robot, live_values(self._loaded), live_values(self.settings),
+                          files=self.settings.files)
+        except RtRobotError as error:
+            response.message = str(error)
+            return response
+        response.success = True
+        response.message = told_saved(path, values)
+        return response
+
+    def _client(self) -> LinkClient | None:
+        return self._supervisor.client if self._supervisor is not None else None

@@ -1,0 +1,141 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A simulated BNO055 on its UART: registers that are read and written, nothing unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+from typing import Final
+
+from rt_robot_os.devices.bno055 import wire
+from rt_robot_os.devices.bno055.wire import BLOCK_FIRST
+from rt_robot_os.devices.bno055.wire import BLOCK_SIZE
+from rt_robot_os.devices.bno055.wire import OVERRUN
+from rt_robot_os.devices.bno055.wire import WRITE_SUCCESS
+from rt_robot_os.devices.nmea import wire as nmea
+from rt_robot_os.devices.witmotion.twin import angular_velocity
+from rt_robot_os.devices.witmotion.twin import body_vector
+from rt_robot_os.devices.witmotion.twin import EARTH_FIELD_T
+from rt_robot_os.devices.witmotion.twin import quaternion
+from rt_robot_os.devices.witmotion.twin import Vector
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.device import common_settings
+from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+
+_ACCELERATION_NOISE: Final = 0.03
+_RATE_NOISE_DEG_S: Final = 0.3
+_FIELD_NOISE_T: Final = 1e-6
+_REGISTERS: Final = 128
+_HEADER: Final = 4
+_NO_SUCH_REGISTER: Final = 0x04
+_WRONG_START: Final = 0x06
+_FUSING: Final = (wire.MODE_IMU, wire.MODE_NDOF)
+_TEMPERATURE_C: Final = 31
+_CALIBRATED: Final = 0xFF
+_MAX_PENDING: Final = 256
+
+
+class SimulatedBno055(SimulatedDevice):
+    """A BNO055; as delivered it is in configuration mode."""
+
+    SETTINGS = common_settings(100.0, 100.0) + (
+        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
+              maximum=1000.0),
+        Field('chip_id', int, wire.CHIP_ID, 'The chip id that it reports; 160 is a BNO055.',
+              minimum=0, maximum=255),
+        Field('overrun_every', int, 0, 'Each so many requests it reports a bus overrun; 0 never.',
+              minimum=0, maximum=1_000_000),
+        Field('calibration_s', float, 0.0, 'Time until it counts as calibrated.', unit='s',
+              minimum=0.0, maximum=1e6),
+    )
+    BAUD = 115200
+
+    def __init__(
+        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
+    ) -> None:
+        """
+        Check the settings; nothing is plugged in yet.
+
+        :raises ConfigError: a setting is wrong.
+        """
+        super().__init__(name, settings, port, baud)
+        self._noise: float = self.settings['noise']
+        self._registers = bytearray(_REGISTERS)
+        self._registers[wire.REGISTER_CHIP_ID] = self.settings['chip_id']
+        self._registers[wire.REGISTER_UNITS] = wire.UNITS_SI
+        self._received = b''
+        self._requests = 0
+
+    def sample(self, time_s: float) -> bytes:
+        """Measure: the registers change, nothing is sent."""
+        fusing = self._registers[wire.REGISTER_MODE] in _FUSING
+        gravity = body_vector(time_s, (0.0, 0.0, STANDARD_GRAVITY_M_S2))
+        rate = tuple(math.degrees(v) for v in angular_velocity(time_s))
+        done = time_s >= self.settings['calibration_s']
+        block = wire.block(
+            self._noisy(gravity, _ACCELERATION_NOISE),
+            self._noisy(body_vector(time_s, EARTH_FIELD_T), _FIELD_NOISE_T),
+            self._noisy((rate[0], rate[1], rate[2]), _RATE_NOISE_DEG_S),
+            quaternion(time_s) if fusing else (0.0, 0.0, 0.0, 0.0), gravity,
+            temperature_c=_TEMPERATURE_C, calibration=_CALIBRATED if fusing and done else 0)
+        self._registers[BLOCK_FIRST:BLOCK_FIRST + BLOCK_SIZE] = block
+        return b''
+
+    def foreign(self) -> bytes:
+        """Give what a satellite receiver sends."""
+        return nmea.sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
+
+    def obey(self, data: bytes) -> None:
+        """Answer each request."""
+        received = (self._received + data)[-_MAX_PENDING:]
+        while received:
+            if received[0] != wire.START:
+                self.reply(wire.status_answer(_WRONG_START))
+                at = received.find(bytes((wire.START,)))
+                received = received[at:] if at >= 0 else b''
+                continue
+            if len(received) < _HEADER:
+                break
+            _, direction, register, size = received[:_HEADER]
+            end = _HEADER + (size if direction == wire.WRITE else 0)
+            if len(received) < end:
+                break
+            self._answer(direction, register, size, received[_HEADER:end])
+            received = received[end:]
+        self._received = received
+
+    def _answer(self, direction: int, register: int, size: int, data: bytes) -> None:
+        self._requests += 1
+        every = self.settings['overrun_every']
+        if every and self._requests % every == 0:
+            self.reply(wire.status_answer(OVERRUN))
+        elif register + size > _REGISTERS or not size:
+            self.reply(wire.status_answer(_NO_SUCH_REGISTER))
+        elif direction == wire.READ:
+            self.reply(wire.data_answer(bytes(self._registers[register:register + size])))
+        else:
+            self._registers[register:register + size] = data
+            self.reply(wire.status_answer(WRITE_SUCCESS))
+
+    def _noisy(self, vector: Vector, deviation: float) -> Vector:
+        x, y, z = vector
+        spread = deviation * self._noise
+        gauss = self.random.gauss
+        return x + gauss(0.0, spread), y + gauss(0.0, spread), z + gauss(0.0, spread)

@@ -1,0 +1,172 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Cameras: V4L2, video files, folders of pictures, streams; Image, CompressedImage and CameraInfo.
+
+The pictures are captured, converted and compressed in a process of their own; here they are only
+copied into their topics, in pieces. The stamp is the moment at which the camera's driver had the
+picture, less ``latency_s``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from typing import Any
+from typing import Final
+
+from rt_robot_os.devices.camera.camera_info import load_calibration
+from rt_robot_os.devices.camera.camera_info import uncalibrated
+from rt_robot_os.devices.capture.device import CaptureDevice
+from rt_robot_os.devices.capture.packets import CapturedFrame
+from rt_robot_os.devices.device import Publication
+from rt_robot_os.devices.device import SamplePublisher
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.units import NS_PER_S
+
+_CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
+# PNG of noise is a little longer than its pixels.
+_PACKED_EXTRA: Final = 8192
+
+
+class Camera(CaptureDevice):
+    """A camera."""
+
+    SOURCE = 'camera'
+    SETTINGS = (
+        Field('port', str, REQUIRED, 'Device such as /dev/video0 (best one of /dev/v4l/by-id), '
+              'video file, folder of pictures, or URL of a stream; sim is a moving pattern.'),
+        Field('width', int, 640, 'Width of the pictures.', 'px', 32, 8192),
+        Field('height', int, 480, 'Height of the pictures.', 'px', 16, 8192),
+        Field('output_rate_hz', float, 30.0, 'Pictures a second.', 'Hz', 0.1, 1000.0),
+        Field('encoding', str, 'rgb8', 'Of the pixels.', choices=tuple(_CHANNELS)),
+        Field('pixel_format', str, '', 'What a V4L2 camera is to send, such as MJPG or YUYV; '
+              'empty leaves it as it is.'),
+        Field('topic', str, 'camera/image_raw', 'Topic of the pixels; empty for none.'),
+        Field('compressed_topic', str, '', 'Topic of compressed pictures, such as '
+              'camera/image_raw/compressed; empty for none.'),
+        Field('info_topic', str, 'camera/camera_info', 'Topic of the calibration; empty: '
+              'none.'),
+        Field('compression', str, 'jpeg', 'Of compressed pictures.', choices=('jpeg', 'png')),
+        Field('quality', int, 80, 'Of JPEG.', minimum=1, maximum=95),
+        Field('camera_info', str, '', 'Calibration of camera_calibration: path, file:// or '
+              'package://; empty for an uncalibrated camera.'),
+        Field('frame_id', str, 'camera_optical_frame', 'Coordinate frame: z ahead, x to the '
+              'right, y down.'),
+        Field('depth', int, 4, 'Pictures that each topic keeps.', choices=(2, 4, 8, 16)),
+        Field('loop', bool, True, 'Begin a file or folder anew at its end.'),
+        Field('latency_s', float, 0.0, 'Time from exposure to arrival, taken off the stamp.', 's',
+              0.0, 1.0),
+    )
+    description = 'camera (V4L2), video file, folder of pictures or stream'
+    IF_SILENT = ('its process runs and gives no picture: check the cable, and the light if it '
+                 'lowers its rate in the dark')
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Keep the settings and read the calibration; nothing is opened.
+
+        :raises ConfigError: nothing is published, or the calibration is of no use.
+        """
+        super().__init__(name, settings)
+        s = settings
+        if not (s['topic'] or s['compressed_topic']):
+            raise ConfigError([f'{name}: topic and compressed_topic are both empty: name one'])
+        self._bytes_per_row = s['width'] * _CHANNELS[s['encoding']]
+        self._raw_bytes = s['height'] * self._bytes_per_row if s['topic'] else 0
+        self._packed_bytes = (s['height'] * self._bytes_per_row * 51 // 50 + _PACKED_EXTRA
+                              if s['compressed_topic'] else 0)
+        self._latency_ns = round(s['latency_s'] * NS_PER_S)
+        self._info = (load_calibration(s['camera_info'], s['width'], s['height'])
+                      if s['camera_info'] else uncalibrated(s['width'], s['height']))
+        self._raw: SamplePublisher | None = None
+        self._packed: SamplePublisher | None = None
+        self._calibration: SamplePublisher | None = None
+
+    def publications(self) -> tuple[Publication, ...]:
+        """Say what is published: Image, CompressedImage, CameraInfo, as far as they are wanted."""
+        s = self.settings
+        head = {'header.frame_id': s['frame_id']}
+        found = []
+        if s['topic']:
+            found.append(Publication(
+                s['topic'], 'sensor_msgs/msg/Image',
+                {**head, 'encoding': s['encoding'], 'data': self._raw_bytes}, s['depth'],
+                s['output_rate_hz']))
+        if s['compressed_topic']:
+            found.append(Publication(
+                s['compressed_topic'], 'sensor_msgs/msg/CompressedImage',
+                {**head, 'format': s['compression']}, s['depth'], s['output_rate_hz'],
+                self._packed_bytes))
+        if s['info_topic']:
+            found.append(Publication(
+                s['info_topic'], 'sensor_msgs/msg/CameraInfo', {**head, **self._info.fixed},
+                s['depth'], s['output_rate_hz']))
+        return tuple(found)
+
+    def bind(self, publishers: Any) -> None:
+        """Take the publishers and write what never changes."""
+        super().bind(publishers)
+        s, rest = self.settings, list(self._publishers)
+        if s['topic']:
+            self._raw = rest.pop(0)
+            message = self._raw.msg
+            message.height, message.width, message.step = (
+                s['height'], s['width'], self._bytes_per_row)
+        if s['compressed_topic']:
+            self._packed = rest.pop(0)
+        if s['info_topic']:
+            self._calibration = rest.pop(0)
+            self._info.fill(self._calibration.msg)
+
+    def slot_bytes(self) -> int:
+        """Give the most bytes of a picture, both kinds of it."""
+        return self._raw_bytes + self._packed_bytes
+
+    def check(self) -> None:
+        """
+        Look at the path, so that the message says what is wrong with it.
+
+        :raises DeviceError: there is nothing, or it may not be opened.
+        """
+        port = self.settings['port']
+        if '://' in port:
+            return
+        if not os.path.exists(port):
+            raise DeviceError(f'{port} does not exist: check the cable and the path '
+                              '(ls -l /dev/v4l/by-id)')
+        if not os.access(port, os.R_OK):
+            raise DeviceError(f'{port} may not be opened by this user: sudo usermod -aG video '
+                              '$USER, then log in again; of a file, check its permissions')
+
+    def handle(self, frame: CapturedFrame, data: memoryview) -> int:
+        """Publish a picture; in the loop, preempted after each 64 KiB."""
+        stamp_ns = frame.stamp_ns - self._latency_ns
+        samples = 0
+        if self._raw is not None and frame.first == self._raw_bytes:
+            self._raw.fill(data[:frame.first])
+            self._raw.publish(stamp_ns)
+            samples += 1
+        if self._packed is not None and 0 < frame.second <= self._packed_bytes:
+            self._packed.fill(data[frame.first:frame.first + frame.second])
+            self._packed.publish(stamp_ns)
+            samples += 1
+        if self._calibration is not None and samples:
+            self._calibration.publish(stamp_ns)
+            samples += 1
+        return samples

@@ -1,0 +1,140 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a camera's process hands on: the pictures of a source, in the form that is asked for.
+
+Pillow compresses them; it is imported where it is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
+import io
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.devices.capture.pattern import Pixels
+from rt_robot_os.devices.capture.pictures import NO_PILLOW
+from rt_robot_os.devices.capture.pictures import open_source
+from rt_robot_os.devices.capture.pictures import PictureSource
+from rt_robot_os.errors import DeviceError
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture that is wanted."""
+
+    pixels: Pixels
+    stamp_ns: int
+    seq: int
+    maker: CameraFrames
+
+    def store(self, slot: memoryview) -> tuple[int, int]:
+        """Write pixels and compressed picture, as far as they are wanted."""
+        first = second = 0
+        if self.maker.raw:
+            first = self.pixels.nbytes
+            np.frombuffer(slot, np.uint8, first)[:] = self.pixels.reshape(-1)
+        if self.maker.compression:
+            packed = self.maker.compressed(self.pixels)
+            if len(packed) <= len(slot) - first:
+                second = len(packed)
+                slot[first:first + second] = packed
+        return first, second
+
+    def levels(self) -> tuple[float, float]:
+        """Give nothing: it is silent."""
+        return 0.0, 0.0
+
+
+class CameraFrames:
+    """
+    The pictures of a source in the size and encoding that the settings say.
+
+    :ivar overruns: 0; what a camera's driver drops it does not tell.
+    """
+
+    def __init__(self, source: PictureSource, settings: Mapping[str, Any]) -> None:
+        self.overruns = 0
+        self._source = source
+        self._settings = settings
+        self._encoding = settings['encoding']
+        self.raw = bool(settings['topic'])
+        self.compression = settings['compression'] if settings['compressed_topic'] else ''
+        if self.compression:
+            try:
+                from PIL import Image
+            except ImportError as error:
+                raise DeviceError(f'{NO_PILLOW}, or set compressed_topic to nothing') from error
+            self._image = Image
+
+    def frames(self) -> Iterator[Picture]:
+        """Give picture after picture."""
+        settings = self._settings
+        wanted = (settings['height'], settings['width'])
+        seq = 0
+        while True:
+            grabbed = self._source.grab()
+            if grabbed is None:
+                if not settings['loop']:
+                    raise DeviceError(f'{settings["port"]} is at its end: set loop: true to begin '
+                                      'anew')
+                self._source.rewind()
+                continue
+            pixels, stamp_ns = grabbed
+            if pixels.shape[:2] != wanted:
+                raise DeviceError(f'{settings["port"]} gives {pixels.shape[1]}x{pixels.shape[0]} '
+                                  f'pixels, not {wanted[1]}x{wanted[0]}: set width and height, '
+                                  'and the size in the calibration, to what it gives')
+            yield Picture(self._encoded(pixels), stamp_ns, seq, self)
+            seq += 1
+
+    def _encoded(self, pixels: Pixels) -> Pixels:
+        if self._encoding == 'mono8':
+            if pixels.ndim == 2:
+                return pixels
+            weights = np.array([29, 150, 77] if self._source.bgr else [77, 150, 29], np.uint16)
+            grey: Pixels = (pixels.astype(np.uint16) @ weights >> 8).astype(np.uint8)
+            return grey
+        if pixels.ndim == 2:
+            pixels = np.repeat(pixels[:, :, None], 3, axis=2)
+        if self._source.bgr != (self._encoding == 'bgr8'):
+            pixels = pixels[:, :, ::-1]
+        return np.ascontiguousarray(pixels)
+
+    def compressed(self, pixels: Pixels) -> bytes:
+        """Compress a picture."""
+        packed = io.BytesIO()
+        rgb = np.ascontiguousarray(pixels[:, :, ::-1]) if self._encoding == 'bgr8' else pixels
+        options = ({'quality': self._settings['quality']} if self.compression == 'jpeg'
+                   else {'compress_level': 1})
+        self._image.fromarray(rgb).save(packed, self.compression.upper(), **options)
+        return packed.getvalue()
+
+    def close(self) -> None:
+        """Let go of the source."""
+        self._source.close()
+
+
+def open_camera(settings: Mapping[str, Any]) -> CameraFrames:
+    """
+    Open what a camera's settings ask for.
+
+    :raises DeviceError: it cannot be opened, or a library is missing.
+    """
+    return CameraFrames(open_source(settings), settings)

@@ -1,0 +1,237 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The core's side of a camera or a microphone: a device like the others, whose port is a process.
+
+It never captures itself. ``read`` takes the packets that say which slot holds a new frame, copies
+the frame into its topic in pieces of 64 KiB, and gives the slot back. A process that hangs, dies,
+or finds that its camera was unplugged is a fault like any other: the next ``open`` begins anew.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import socket
+import stat
+from typing import Any
+from typing import ClassVar
+from typing import Final
+
+from rt_robot_os.devices.capture import packets
+from rt_robot_os.devices.capture.packets import CapturedFrame
+from rt_robot_os.devices.capture.packets import Kind
+from rt_robot_os.devices.capture.spawn import spawn_worker
+from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.memory_file import MemoryFile
+from rt_robot_os.linux.memory_file import send_with_fd
+
+SLOTS: Final = 3
+SYNTHETIC: Final = 'synthetic'
+_PACKETS_PER_READ: Final = 8
+_ENDED: Final = ('its capture process ended without a word (a library crashed, or somebody killed '
+                 'it); it is started anew')
+
+
+def connect(path: str | os.PathLike[str]) -> socket.socket:
+    """
+    Connect to what starts workers.
+
+    :raises DeviceError: nothing listens there.
+    """
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    connection.setblocking(False)
+    try:
+        connection.connect(os.fspath(path))
+    except OSError as error:
+        connection.close()
+        raise DeviceError(f'{os.fspath(path)}: {error.strerror or error}: the process that starts '
+                          'captures is not there; is it plugged in, or restart the robot'
+                          ) from error
+    return connection
+
+
+def is_socket(port: str) -> bool:
+    """Say whether a port is a socket that somebody serves, such as a simulated camera."""
+    try:
+        return stat.S_ISSOCK(os.stat(port).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+class CaptureDevice(Device):
+    """
+    A device that is captured in a process of its own.
+
+    :cvar SOURCE: what the worker has to capture, ``camera`` or ``sound``.
+    :ivar host: path of the socket of a :class:`~rt_robot_os.devices.capture.host.CaptureHost`;
+        without one ``open`` starts the process itself, which takes a native call of up to 1 ms.
+    """
+
+    SOURCE: ClassVar[str] = ''
+    OPENING_S: ClassVar[float] = 10.0
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """Keep the settings; nothing is opened."""
+        super().__init__(name, settings)
+        self.host: Path | None = None
+        self._connection: socket.socket | None = None
+        self._stop: Callable[[], object] | None = None
+        self._memory: MemoryFile | None = None
+        self._buffer = bytearray(packets.PACKET_BYTES_MAXIMUM)
+        self._view = memoryview(self._buffer)
+        self._ready = False
+        self._bytes = self._frames = self._samples = self._rejected = self._last_ns = 0
+        # Those of earlier workers, and of the present one.
+        self._lost_before = self._lost = 0
+
+    @abstractmethod
+    def slot_bytes(self) -> int:
+        """Give the most bytes of a frame, all parts of it."""
+
+    @abstractmethod
+    def handle(self, frame: CapturedFrame, data: memoryview) -> int:
+        """
+        Publish a frame; in the loop.
+
+        :param data: the slot, valid during the call.
+        :return: number of samples published.
+        """
+
+    def check(self) -> None:
+        """
+        Look at the port before a process is started for it.
+
+        :raises DeviceError: it cannot work.
+        """
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Have a process capture; what it finds comes later, with :meth:`read`.
+
+        :raises DeviceError: the process cannot be started.
+        """
+        self.close()
+        port = self.settings['port']
+        synthetic = is_socket(port)
+        try:
+            if not synthetic:
+                self.check()
+            self._memory = MemoryFile.create(f'rt_robot_os {self.name}', SLOTS, self.slot_bytes())
+            self._connection = self._start(port if synthetic else self.host)
+            allowed = os.sched_getaffinity(0)
+            send_with_fd(self._connection, packets.encode_json(Kind.OPEN, {
+                'source': self.SOURCE, 'name': self.name, 'slots': SLOTS,
+                'slot_bytes': self.slot_bytes(),
+                # A core that is pinned wants its CPU for itself.
+                'avoid_cpus': sorted(allowed) if len(allowed) == 1 else [],
+                'settings': {**self.settings, 'port': SYNTHETIC if synthetic else port},
+            }), self._memory.fd)
+        except DeviceError as error:
+            self.close()
+            raise DeviceError(f'{self.name}: {error}') from error
+        except OSError as error:
+            self.close()
+            raise DeviceError(f'{self.name}: no process can be started to capture: '
+                              f'{error.strerror or error}') from error
+
+    def _start(self, path: str | Path | None) -> socket.socket:
+        if path is not None:
+            return connect(path)
+        connection, self._stop = spawn_worker()
+        return connection
+
+    def close(self) -> None:
+        """Let the process end; may be called twice and does not raise."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+        stop, self._stop = self._stop, None
+        if stop is not None:
+            stop()
+        memory, self._memory = self._memory, None
+        if memory is not None:
+            memory.close()
+        self._ready = False
+        self._lost_before += self._lost
+        self._lost = 0
+
+    def fileno(self) -> int | None:
+        """Give the file descriptor that becomes readable with each frame."""
+        return None if self._connection is None else self._connection.fileno()
+
+    def read(self, now_ns: int) -> int:
+        """
+        Publish the frames that are there; does not block, and is preempted between pieces.
+
+        :raises DeviceError: the process has ended, or says what does not work.
+        """
+        connection = self._connection
+        if connection is None:
+            raise DeviceError(f'{self.name}: it is not open: call open() first')
+        samples = 0
+        for _ in range(_PACKETS_PER_READ):
+            try:
+                length = connection.recv_into(self._buffer)
+            except BlockingIOError:
+                break
+            except ConnectionResetError:
+                continue  # told once, ahead of why the process has ended
+            except OSError as error:
+                raise DeviceError(f'{self.name}: {_ENDED}') from error
+            if not length:
+                raise DeviceError(f'{self.name}: {_ENDED}')
+            samples += self._take(connection, self._view[:length], now_ns)
+        return samples
+
+    def _take(self, connection: socket.socket, packet: memoryview, now_ns: int) -> int:
+        kind = packet[0]
+        if kind == Kind.PROBLEM:
+            raise DeviceError(f'{self.name}: {bytes(packet[1:]).decode("utf-8", "replace")}')
+        if kind == Kind.READY:
+            self._ready = True
+            return 0
+        frame = packets.parse_frame(packet)
+        memory = self._memory
+        if (frame is None or memory is None or frame.slot >= len(memory.slots)
+                or frame.first + frame.second > self.slot_bytes()):
+            self._rejected += 1
+            return 0
+        self._last_ns = now_ns
+        self._frames += 1
+        self._bytes += frame.first + frame.second
+        self._lost = frame.dropped + frame.overruns
+        samples = self.handle(frame, memory.slots[frame.slot])
+        self._samples += samples
+        try:
+            connection.send(packets.give_back(frame.slot))
+        except BlockingIOError:
+            pass  # it reads nothing: it will be silent, and started anew
+        except OSError as error:
+            # What it said last may still be there to read; if not, the next read tells.
+            self._rejected += not isinstance(error, (BrokenPipeError, ConnectionError))
+        return samples
+
+    def statistics(self) -> DeviceStatistics:
+        """Give the counters as they are now; lost are frames without a slot, and overruns."""
+        return DeviceStatistics(
+            bytes_read=self._bytes, frames=self._frames, samples=self._samples,
+            rejected_frames=self._rejected, last_frame_ns=self._last_ns,
+            lost_samples=self._lost_before + self._lost)

@@ -1,0 +1,141 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What starts the processes that capture: each connection to its socket gets one.
+
+The core cannot start a process while it runs: that is a native call of up to a millisecond, and
+the child would begin with the core's priority and on its CPU. So this small process is started
+before the core asks for real time. A worker ends with its connection, or with this process.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import select
+import signal
+import socket
+import subprocess
+import sys
+from types import FrameType
+from typing import Final
+
+from rt_robot_os.devices.capture.spawn import end_worker
+from rt_robot_os.devices.capture.spawn import start_worker
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.process import die_with_parent
+
+WORKERS_MAXIMUM: Final = 32
+_WAIT_MS: Final = 500
+
+
+class CaptureHost:
+    """
+    A listening socket and the workers that were started for its connections.
+
+    :param path: of the socket.
+    :ivar workers: those that run.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self._listener: socket.socket | None = None
+
+    def fileno(self) -> int:
+        """Give the descriptor that is readable when somebody connects; -1 while it is closed."""
+        return -1 if self._listener is None else self._listener.fileno()
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Listen; may be called twice.
+
+        :raises DeviceError: the socket cannot be made.
+        """
+        if self._listener is not None:
+            return
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # Made under another name first: who sees the path can connect.
+        made = self.path.with_name(f'.{self.path.name}')
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            made.unlink(missing_ok=True)
+            listener.bind(str(made))
+            made.chmod(0o600)
+            listener.listen(WORKERS_MAXIMUM)
+            listener.setblocking(False)
+            made.replace(self.path)
+        except OSError as error:
+            listener.close()
+            raise DeviceError(f'{self.path} cannot be made ({error}): set RT_ROBOT_OS_RUNTIME_DIR '
+                              'to a folder of your own with a short path') from error
+        self._listener = listener
+
+    def serve(self) -> None:
+        """Start what is asked for and bury what has ended; does not block for long."""
+        self.workers = [worker for worker in self.workers if worker.poll() is None]
+        while self._listener is not None:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            with connection:
+                if len(self.workers) < WORKERS_MAXIMUM:
+                    self.workers.append(start_worker(connection))
+
+    def close(self) -> None:
+        """Listen no more and end all workers; may be called twice."""
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+            self.path.unlink(missing_ok=True)
+        for worker in self.workers:
+            worker.terminate()
+        for worker in self.workers:
+            end_worker(worker)
+        self.workers = []
+
+
+def main() -> int:
+    """Serve the socket of the second argument until the parent, of the first, ends."""
+    parent, path = int(sys.argv[1]), Path(sys.argv[2])
+    if not die_with_parent(parent):
+        return 0
+    host = CaptureHost(path)
+    ended: list[int] = []
+
+    def stop(signum: int, frame: FrameType | None) -> None:
+        ended.append(signum)
+
+    # A Ctrl-C in the terminal is for the parent, which ends this process in order.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for signo in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signo, stop)
+    try:
+        host.open()
+        poll = select.poll()
+        poll.register(host.fileno(), select.POLLIN)
+        while not ended:
+            poll.poll(_WAIT_MS)
+            host.serve()
+    except (DeviceError, OSError) as error:
+        print(f'capture: {error}', file=sys.stderr)
+        return 1
+    finally:
+        host.close()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,254 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where pictures come from: a pattern, a folder, or what OpenCV can open.
+
+Pillow reads pictures; OpenCV opens cameras, video files and streams. Both are imported where they
+are needed: a robot without a camera needs neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import itertools
+import os
+from pathlib import Path
+import re
+import stat
+import time
+from typing import Any
+from typing import Final
+from typing import Protocol
+
+import numpy as np
+
+from rt_robot_os.devices.capture.pattern import Pattern
+from rt_robot_os.devices.capture.pattern import Pixels
+from rt_robot_os.errors import DeviceError
+
+NS_PER_S: Final = 1_000_000_000
+NO_PILLOW: Final = 'Pillow is not installed: pip install pillow'
+_SUFFIXES: Final = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff')
+_NO_OPENCV: Final = ('OpenCV is not installed: pip install opencv-python-headless, or apt install '
+                     'python3-opencv')
+
+
+class PictureSource(Protocol):
+    """
+    Where pictures come from.
+
+    :ivar bgr: its pictures are blue, green, red.
+    """
+
+    bgr: bool
+
+    def grab(self) -> tuple[Pixels, int] | None:
+        """
+        Wait for the next picture.
+
+        :return: it and its moment on CLOCK_MONOTONIC; None after the last one.
+        :raises DeviceError: there is none any more, or it cannot be read.
+        """
+
+    def rewind(self) -> None:
+        """Begin anew; only a source with an end is asked to."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class Grid:
+    """The moments of a source that has no rate of its own."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._next_ns = time.monotonic_ns()
+
+    def wait(self) -> int:
+        """Wait for the next moment; those that are over are left out."""
+        now_ns = time.monotonic_ns()
+        late = max(0, now_ns - self._next_ns) // self._period_ns
+        self._next_ns += late * self._period_ns
+        time.sleep(max(0, self._next_ns - now_ns) / NS_PER_S)
+        moment_ns = self._next_ns
+        self._next_ns += self._period_ns
+        return moment_ns
+
+
+class SyntheticPictures:
+    """The moving pattern."""
+
+    bgr = False
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self._pattern = Pattern(settings['width'], settings['height'])
+        self._grid = Grid(settings['output_rate_hz'])
+        self._numbers = itertools.count()
+
+    def grab(self) -> tuple[Pixels, int] | None:
+        """Make the next picture at its moment."""
+        moment_ns = self._grid.wait()
+        return self._pattern.frame(next(self._numbers)), moment_ns
+
+    def rewind(self) -> None:
+        """Go on: it has no end."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class PictureFolder:
+    """The pictures of a folder in the order of their names, numbers in them counted as such."""
+
+    bgr = False
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        try:
+            from PIL import Image
+        except ImportError as error:
+            raise DeviceError(f'{settings["port"]}: {NO_PILLOW}') from error
+        self._open = Image.open
+        folder = Path(settings['port'])
+        try:
+            found = [p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES]
+        except OSError as error:
+            raise DeviceError(f'{folder}: {error.strerror}: check its permissions') from error
+        if not found:
+            raise DeviceError(f'{folder} holds no pictures: it takes files that end with '
+                              f'{", ".join(_SUFFIXES)}')
+        self._paths = sorted(found, key=_natural)
+        self._place = 0
+        self._grid = Grid(settings['output_rate_hz'])
+
+    def grab(self) -> tuple[Pixels, int] | None:
+        """Read the next picture at its moment."""
+        if self._place == len(self._paths):
+            return None
+        path = self._paths[self._place]
+        self._place += 1
+        try:
+            with self._open(path) as picture:
+                pixels = np.asarray(picture.convert('RGB'))
+        except Exception as error:  # a corrupt file raises whatever its reader stumbles over
+            raise DeviceError(f'{path} is no picture that can be read ({error}): mend it or take '
+                              'it out of the folder') from error
+        return pixels, self._grid.wait()
+
+    def rewind(self) -> None:
+        """Begin with the first picture."""
+        self._place = 0
+
+    def close(self) -> None:
+        """Nothing stays open."""
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    return [(int(part), '') if part.isdigit() else (-1, part)
+            for part in re.split(r'(\d+)', path.name) if part]
+
+
+class OpenCvCapture:
+    """A camera, a video file or a stream, by OpenCV."""
+
+    bgr = True
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        port = settings['port']
+        try:
+            import cv2
+        except ImportError as error:
+            raise DeviceError(f'{port}: {_NO_OPENCV}') from error
+        self._port = port
+        self._live = is_camera(port)
+        self._cv2 = cv2
+        self._grid = None if self._live or '://' in port else Grid(settings['output_rate_hz'])
+        self._capture = cv2.VideoCapture(port, cv2.CAP_V4L2 if self._live else cv2.CAP_ANY)
+        if not self._capture.isOpened():
+            raise DeviceError(f'{port} {_why_closed(self._live)}')
+        if self._live:
+            self._set_up(settings)
+        self._any = False
+
+    def _set_up(self, settings: Mapping[str, Any]) -> None:
+        cv2, capture = self._cv2, self._capture
+        if settings['pixel_format']:
+            capture.set(cv2.CAP_PROP_FOURCC,
+                        cv2.VideoWriter_fourcc(*settings['pixel_format'].ljust(4)[:4]))
+        capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings['width'])
+        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings['height'])
+        capture.set(cv2.CAP_PROP_FPS, settings['output_rate_hz'])
+        # The newest picture, not one that waited.
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+
+    def grab(self) -> tuple[Pixels, int] | None:
+        """Wait for the next picture; its moment is when the driver had it."""
+        good = self._capture.grab()
+        moment_ns = time.monotonic_ns()
+        picture = None
+        if good:
+            good, picture = self._capture.retrieve()
+        if not good or picture is None:
+            if not self._live and self._any:
+                return None
+            raise DeviceError(f'{self._port} {_why_nothing(self._live)}')
+        self._any = True
+        if self._grid is not None:
+            moment_ns = self._grid.wait()
+        return np.asarray(picture, np.uint8), moment_ns
+
+    def rewind(self) -> None:
+        """Begin with the first picture of the file."""
+        self._capture.set(self._cv2.CAP_PROP_POS_FRAMES, 0)
+        self._any = False
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._capture.release()
+
+
+def is_camera(port: str) -> bool:
+    """Say whether a path is a device and not a file."""
+    try:
+        return stat.S_ISCHR(os.stat(port).st_mode)
+    except OSError:
+        return False
+
+
+def _why_closed(live: bool) -> str:
+    if live:
+        return ('cannot be opened for capture: another program has it (fuser -v shows which), or '
+                'it is no capture device (v4l2-ctl --list-devices; a camera often has two)')
+    return 'is no video that OpenCV can read: is it whole, and is its codec known (ffprobe)?'
+
+
+def _why_nothing(live: bool) -> str:
+    if live:
+        return ('gives no picture: it was unplugged, another program has it, or it cannot do this '
+                'size and rate (v4l2-ctl --list-formats-ext)')
+    return 'holds no picture that OpenCV can read: is it whole?'
+
+
+def open_source(settings: Mapping[str, Any]) -> PictureSource:
+    """
+    Open what the port names.
+
+    :raises DeviceError: it cannot be opened.
+    """
+    port = settings['port']
+    if port == 'synthetic':
+        return SyntheticPictures(settings)
+    if os.path.isdir(port):
+        return PictureFolder(settings)
+    return OpenCvCapture(settings)

@@ -1,0 +1,69 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Start a process that captures, and end it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+import socket
+import subprocess
+import sys
+
+# More than all packets that can be on their way.
+_BUFFER_BYTES = 1 << 17
+_PATIENCE_S = 0.5
+
+
+def start_worker(connection: socket.socket) -> subprocess.Popen[bytes]:
+    """
+    Start a worker on a connection; the caller may close its own copy of that.
+
+    :raises OSError: it cannot be started.
+    """
+    return subprocess.Popen(
+        [sys.executable, '-m', 'rt_robot_os.devices.capture.worker', str(connection.fileno()),
+         str(os.getpid())],
+        pass_fds=[connection.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        # The worker says itself what is wrong; OpenCV says much more, and on the terminal.
+        env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', 'OPENBLAS_NUM_THREADS': '1'})
+
+
+def end_worker(process: subprocess.Popen[bytes]) -> None:
+    """End a worker; one that hangs in a library is killed."""
+    process.terminate()
+    try:
+        process.wait(_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def spawn_worker() -> tuple[socket.socket, Callable[[], None]]:
+    """
+    Start a worker without a host.
+
+    :return: our end of the connection, non-blocking, and what ends the worker.
+    :raises OSError: it cannot be started.
+    """
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        with theirs:
+            process = start_worker(theirs)
+    except OSError:
+        ours.close()
+        raise
+    ours.setblocking(False)
+    return ours, lambda: end_worker(process)

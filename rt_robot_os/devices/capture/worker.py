@@ -1,0 +1,217 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The process that captures for one device; its first argument is the descriptor of its connection.
+
+It has ordinary priority and keeps off the CPU of a core that is pinned. It ends when the core
+closes the connection, also while a library hangs: a thread waits for nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import os
+import select
+import signal
+import socket
+import sys
+import threading
+from typing import Any
+from typing import Protocol
+
+from rt_robot_os.devices.capture import packets
+from rt_robot_os.devices.capture.packets import CapturedFrame
+from rt_robot_os.devices.capture.packets import Kind
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.memory_file import FD_BYTES
+from rt_robot_os.linux.memory_file import Loans
+from rt_robot_os.linux.memory_file import MemoryFile
+from rt_robot_os.linux.memory_file import received_fds
+from rt_robot_os.linux.process import die_with_parent
+
+
+class Captured(Protocol):
+    """One image or block of sound, not in its slot yet."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Give the moment of its capture on CLOCK_MONOTONIC."""
+
+    @property
+    def seq(self) -> int:
+        """Give its number."""
+
+    def store(self, slot: memoryview) -> tuple[int, int]:
+        """
+        Write it into a slot, compressed if that is wanted.
+
+        :return: bytes of the first part and of the second.
+        """
+
+    def levels(self) -> tuple[float, float]:
+        """Give the level and the peak of sound, in dB below full scale."""
+
+
+class Source(Protocol):
+    """What is captured."""
+
+    @property
+    def overruns(self) -> int:
+        """Say how often it lost something."""
+
+    def frames(self) -> Iterator[Captured]:
+        """
+        Give frame after frame; waits for each.
+
+        :raises DeviceError: it is gone, at its end, or sends nonsense.
+        """
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+def source_of(kind: str, settings: dict[str, Any]) -> Source:
+    """
+    Open what the settings ask for.
+
+    :raises DeviceError: it cannot be opened, or a library is missing.
+    """
+    # Only what is needed is imported: OpenCV alone takes a third of a second.
+    if kind == 'camera':
+        from rt_robot_os.devices.capture.camera import open_camera
+        return open_camera(settings)
+    if kind == 'sound':
+        from rt_robot_os.devices.capture.sound import open_sound
+        return open_sound(settings)
+    raise DeviceError(f'nobody can capture {kind!r}')
+
+
+class Worker:
+    """
+    A connection, the memory that came with it, and a source.
+
+    :param connection: to the core.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        buffer = bytearray(packets.PACKET_BYTES_MAXIMUM)
+        length, ancillary, _, _ = connection.recvmsg_into([buffer], FD_BYTES,
+                                                          socket.MSG_CMSG_CLOEXEC)
+        fds = received_fds(ancillary)
+        if not length or buffer[0] != Kind.OPEN or len(fds) != 1:
+            raise DeviceError('the core said something else than what to open')
+        try:
+            self.wanted = packets.parse_json(memoryview(buffer)[:length])
+        except ValueError as error:
+            raise DeviceError(f'the core and its capture process do not fit together: {error}; '
+                              'restart the robot') from error
+        self._memory = MemoryFile.received(fds[0], self.wanted['slots'],
+                                           self.wanted['slot_bytes'])
+        self._loans = Loans(self.wanted['slots'])
+        self.dropped = 0
+
+    def place(self) -> None:
+        """Keep off the CPUs of the core, with ordinary priority."""
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        everywhere = set(range(os.cpu_count() or 1))
+        others = everywhere - set(self.wanted['avoid_cpus'])
+        if others != everywhere and others:
+            try:
+                os.sched_setaffinity(0, others)
+            except OSError:
+                pass  # a container that may use that one CPU only
+
+    def run(self) -> None:
+        """
+        Capture until the core closes the connection.
+
+        :raises DeviceError: the source fails.
+        """
+        source = source_of(self.wanted['source'], self.wanted['settings'])
+        try:
+            self._connection.send(packets.encode_json(Kind.READY, {}))
+            for captured in source.frames():
+                self._take_back()
+                self._hand_over(captured, source.overruns)
+        finally:
+            source.close()
+
+    def _hand_over(self, captured: Captured, overruns: int) -> None:
+        slot = self._loans.take()
+        if slot < 0:
+            self.dropped += 1
+            return
+        first, second = captured.store(self._memory.slots[slot])
+        rms_db, peak_db = captured.levels()
+        self._loans.lend(slot)
+        try:
+            self._connection.send(CapturedFrame(
+                slot, captured.stamp_ns, captured.seq, first, second, self.dropped, overruns,
+                rms_db, peak_db).encode(), socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            self._loans.put_back(slot)
+            self.dropped += 1
+
+    def _take_back(self) -> None:
+        while True:
+            try:
+                packet = self._connection.recv(packets.PACKET_BYTES_MAXIMUM, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            if not packet:
+                raise ConnectionResetError('the core closed the connection')
+            slot = packets.parse_give_back(packet)
+            if slot is not None:
+                self._loans.returned(slot)
+
+
+def _end_with(connection: socket.socket) -> None:
+    """End the process when the other side closes, whatever the main thread hangs in."""
+    poll = select.poll()
+    poll.register(connection, select.POLLRDHUP)
+    poll.poll()
+    os._exit(0)
+
+
+def main() -> int:
+    """Capture until the core closes the connection, or the parent ends."""
+    fd, parent = int(sys.argv[1]), int(sys.argv[2])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if not die_with_parent(parent):
+        return 0
+    connection = socket.socket(fileno=fd)
+    threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
+    try:
+        worker = Worker(connection)
+        worker.place()
+        worker.run()
+    except DeviceError as error:
+        text = str(error)
+    except (BrokenPipeError, ConnectionResetError):
+        return 0
+    except Exception as error:  # of a library; whatever it is, the core has to tell it
+        text = f'capturing failed: {type(error).__name__}: {error}'
+    else:
+        text = 'its source ended'
+    try:
+        connection.send(packets.problem(text))
+    except OSError:
+        pass  # nobody listens any more
+    return 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,165 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What decoders of serial protocols have in common: the counters, and the loop that finds frames.
+
+:class:`FrameDecoder` is for formats in which the beginning of a frame tells where its end is, or
+where to look for it. A subclass says how a frame begins, where it ends, and whether it is one::
+
+    class SonarDecoder(FrameDecoder[SonarFrame]):
+        STARTS = b'#'
+        SHORTEST = LONGEST = 9
+
+        def end(self, buffer, at):
+            return at + 9
+
+        def frame(self, buffer, at, end, arrived):
+            if sum(buffer[at:end]) & 0xFF:
+                return None
+            return SonarFrame(buffer[at + 2] << 8 | buffer[at + 3], arrived)
+
+:class:`StreamDecoder` has the counters alone. SCIP needs a loop of its own, because only the end
+of an answer tells that there was one; so does WitMotion, whose frames are short and many.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from abc import abstractmethod
+import re
+from typing import ClassVar
+from typing import Generic
+from typing import TypeVar
+
+FrameT = TypeVar('FrameT')
+
+
+class StreamDecoder(ABC, Generic[FrameT]):
+    """
+    The part of a decoder that counts; each byte fed is in a frame, rejected, or pending.
+
+    :ivar frames: valid frames so far.
+    :ivar rejected_bytes: bytes that belong to no valid frame.
+    :ivar rejected_frames: what looked like a frame and was none, as a rule by its checksum.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.rejected_bytes = 0
+        self.rejected_frames = 0
+        self._pending = b''
+
+    @property
+    def pending_bytes(self) -> int:
+        """Give the number of bytes that wait for the rest of their frame."""
+        return len(self._pending)
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew."""
+        self.rejected_bytes += len(self._pending)
+        self._pending = b''
+
+    @abstractmethod
+    def feed(self, data: bytes) -> list[FrameT]:
+        """
+        Take the next bytes of the stream; never raises.
+
+        :return: the frames that they complete, in order; the same however the stream is cut.
+        """
+
+
+class FrameDecoder(StreamDecoder[FrameT]):
+    """
+    Find the frames in a stream of bytes; safe in the real-time loop, keeps less than ``LONGEST``.
+
+    After what is no frame it goes on with the next byte, so that a beginning found by chance hides
+    nothing behind it. Such beginnings cost more than good frames: ``PATTERN`` passes over most of
+    them at once, and :class:`rt_robot_os.devices.partial_sums.PartialSums` makes checksums of long
+    frames cheap.
+
+    :cvar STARTS: the bytes with one of which every frame begins.
+    :cvar PATTERN: a regular expression of how a frame begins, where more than its first byte is
+        known; empty is one of ``STARTS``. It has to fit whatever ``end`` does not refuse, also
+        where the buffer ends in the middle of it. A dot is any byte.
+    :cvar SHORTEST: bytes of the shortest frame.
+    :cvar LONGEST: bytes of the longest frame; what would be longer is none.
+    """
+
+    STARTS: ClassVar[bytes]
+    SHORTEST: ClassVar[int]
+    LONGEST: ClassVar[int]
+    PATTERN: ClassVar[bytes] = b''
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._starts = frozenset(self.STARTS)
+        pattern = self.PATTERN or b'[%s]' % re.escape(self.STARTS)
+        self._search = re.compile(pattern, re.DOTALL).search
+
+    @abstractmethod
+    def end(self, buffer: bytes, at: int) -> int:
+        """
+        Say where a frame ends.
+
+        :param at: where one of ``STARTS`` stands; the bytes of the shortest frame are there.
+        :return: index just after its last byte. When more bytes are needed to know that: any index
+            behind the buffer, at most ``at + LONGEST``. 0 when it cannot be a frame.
+        """
+
+    @abstractmethod
+    def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> FrameT | None:
+        """
+        Check and read a frame that is there as a whole.
+
+        :param arrived: its end in the chunk that completed it, which is its ``end``.
+        :return: None when it is not valid, which is counted.
+        """
+
+    def feed(self, data: bytes) -> list[FrameT]:
+        """
+        Take the next bytes of the stream; never raises.
+
+        :return: the frames that they complete, in order; the same however the stream is cut.
+        """
+        held = len(self._pending)
+        buffer = self._pending + data
+        size = len(buffer)
+        starts, search = self._starts, self._search
+        shortest, longest = self.SHORTEST, self.LONGEST
+        frames: list[FrameT] = []
+        at = framed = 0
+        while at < size:
+            if buffer[at] not in starts or size - at < shortest:
+                match = search(buffer, at)
+                at = size if match is None else match.start()
+                if size - at < shortest:
+                    break
+            end = self.end(buffer, at)
+            if at < end <= at + longest:
+                if end > size:
+                    break
+                frame = self.frame(buffer, at, end, end - held)
+                if frame is not None:
+                    frames.append(frame)
+                    framed += end - at
+                    at = end
+                    continue
+                self.rejected_frames += 1
+            match = search(buffer, at + 1)
+            at = size if match is None else match.start()
+        self.rejected_bytes += at - framed
+        self._pending = buffer[at:]
+        self.frames += len(frames)
+        return frames

@@ -1,0 +1,133 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A simulated Hokuyo laser scanner that turns in the middle of a room with a pillar."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from rt_robot_os.devices.hokuyo import wire
+from rt_robot_os.devices.nmea import wire as nmea
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.device import common_settings
+from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.pty_port import PtyPort
+
+# First, last and front step, steps a turn, longest distance in mm, turns a minute.
+PRODUCTS: Final = {'URG-04LX': (44, 725, 384, 1024, 5600, 600),
+                   'UTM-30LX': (0, 1080, 540, 1440, 30000, 2400)}
+ROOM_M: Final = (6.0, 4.0)
+PILLAR_M: Final = (1.5, 0.5, 0.2)
+
+_NOISE_M: Final = 0.01
+_MINIMUM_MM: Final = 20
+_MAX_PENDING: Final = 256
+_BAD_COMMAND: Final = 4
+_SCAN_COMMAND: Final = 15
+
+Ranges = npt.NDArray[np.float64]
+
+
+class SimulatedHokuyo(SimulatedDevice):
+    """A scanner; it obeys MD, QT and PP."""
+
+    SETTINGS = common_settings(10.0, 40.0) + (
+        Field('product', str, 'URG-04LX', 'What it is.', choices=tuple(PRODUCTS)),
+        Field('turn_rad_s', float, 0.2, 'How fast it turns in the room.', 'rad/s', -10.0, 10.0),
+        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
+              maximum=1000.0),
+        Field('scanning', bool, False, 'It scans from the start, without being told.'),
+    )
+    BAUD = 500000
+
+    def __init__(
+        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
+    ) -> None:
+        """
+        Check the settings; nothing is plugged in yet.
+
+        :raises ConfigError: a setting is wrong.
+        """
+        super().__init__(name, settings, port, baud)
+        (self._first, self._last, self._front, self._turn, self._maximum_mm,
+         self._rpm) = PRODUCTS[self.settings['product']]
+        self._noise = np.random.default_rng(self.settings['seed'])
+        self._scan = wire.scan_command(self._first, self._last) if (
+            self.settings['scanning']) else b''
+        self._received = b''
+
+    def sample(self, time_s: float) -> bytes:
+        """Give one scan, nothing before it is told to scan."""
+        if not self._scan:
+            return b''
+        first, last = int(self._scan[2:6]), int(self._scan[6:10])
+        angles = (np.arange(first, last + 1) - self._front) * (2 * math.pi / self._turn)
+        ranges = room(angles + self.settings['turn_rad_s'] * time_s)
+        ranges += self._noise.normal(0.0, _NOISE_M * self.settings['noise'], ranges.size)
+        millimetres = np.round(ranges * 1000).astype(int)
+        millimetres[millimetres > self._maximum_mm] = 0
+        return wire.scan(self._scan, round(time_s * 1000), millimetres.tolist())
+
+    def foreign(self) -> bytes:
+        """Give what a satellite receiver sends."""
+        return nmea.sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
+
+    def obey(self, data: bytes) -> None:
+        """Answer each command."""
+        *lines, rest = (self._received + data).split(b'\n')
+        self._received = rest[-_MAX_PENDING:]
+        for line in lines:
+            self._obey_one(line)
+
+    def _obey_one(self, line: bytes) -> None:
+        if line == wire.QUIT:
+            self._scan = b''
+            self.reply(wire.answer(line))
+        elif line == wire.PARAMETERS:
+            self.reply(wire.parameters(
+                first_step=self._first, last_step=self._last, steps_per_turn=self._turn,
+                front_step=self._front, minimum_mm=_MINIMUM_MM, maximum_mm=self._maximum_mm,
+                rpm=self._rpm, model=f'{self.settings["product"]}(simulated)'))
+        elif line[:2] == b'MD' and len(line) == _SCAN_COMMAND and line[2:].isdigit():
+            good = self._first <= int(line[2:6]) < int(line[6:10]) <= self._last
+            self.reply(wire.answer(line, 0 if good else _BAD_COMMAND))
+            if good:
+                self._scan = line
+        elif line:
+            self.reply(wire.answer(line[:2], _BAD_COMMAND))
+
+
+def room(angles: Ranges) -> Ranges:
+    """
+    Give the distances in m to the walls, or to the pillar before them.
+
+    :param angles: in rad, 0 along the longer side of the room.
+    """
+    along, across = np.cos(angles), np.sin(angles)
+    with np.errstate(divide='ignore'):
+        walls = np.minimum(ROOM_M[0] / 2 / np.abs(along), ROOM_M[1] / 2 / np.abs(across))
+    x, y, radius = PILLAR_M
+    ahead = x * along + y * across
+    beside = radius ** 2 - (x * across - y * along) ** 2
+    hit = (beside > 0) & (ahead > 0)
+    found: Ranges = np.where(hit, ahead - np.sqrt(np.where(hit, beside, 0.0)), walls)
+    return found

@@ -1,0 +1,335 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The I2C bus: transactions with a chip at an address, begun now and answered later.
+
+A transaction is one call that nobody gets in between: on a real bus one ``ioctl``. Linux waits for
+that without letting signals through, so it is never made in the real-time process: a real bus is
+served by a bridge, a process of its own (``i2c_bridge.py``), and an emulated one by the simulator.
+Both are behind a Unix socket (``i2c_socket.py``). A driver's transaction is one packet that is
+sent, and its answer one that is there or is not. Nothing waits, whatever the bus or its process
+does. Tests hand over a bus of their own process, which answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+import os
+import stat
+from typing import Final
+from typing import Protocol
+
+from rt_robot_os.devices.i2c.bridge import I2cBridge
+from rt_robot_os.devices.i2c.errors import is_gone
+from rt_robot_os.devices.i2c.errors import open_error
+from rt_robot_os.devices.i2c.errors import place
+from rt_robot_os.devices.i2c.errors import transfer_error
+from rt_robot_os.devices.i2c.socket_bus import SocketConnection
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+FIRST_ADDRESS: Final = 0x08
+LAST_ADDRESS: Final = 0x77
+
+# Longer than what an adapter has for one transaction, since several devices may wait for a bus.
+ANSWER_TIMEOUT_NS: Final = 300 * NS_PER_MS
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """
+    One transaction: write, then after a repeated start read.
+
+    :ivar address: of the chip.
+    :ivar data: written first; empty only reads.
+    :ivar size: bytes to read; 0 only writes.
+    """
+
+    address: int
+    data: bytes
+    size: int
+
+
+class I2cTransport(Protocol):
+    """A bus of the same process, which answers at once; errors are those of Linux."""
+
+    def transfer(self, address: int, data: bytes, size: int) -> bytes:
+        """
+        Do one transaction.
+
+        :raises OSError: with the errno that Linux has for it.
+        """
+
+    def close(self) -> None:
+        """Let go; does not raise."""
+
+
+class I2cConnection(Protocol):
+    """What carries the transactions of one device; it has at most one under way."""
+
+    @property
+    def gone(self) -> bool:
+        """Say whether it is of no use any more, and has to be opened anew."""
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        """
+        Begin a transaction, without waiting; one that was under way is forgotten.
+
+        :raises OSError: with the errno that Linux has for it.
+        """
+
+    def answer(self) -> bytes | None:
+        """
+        Give the answer to the last transaction, None while there is none; does not wait.
+
+        :raises OSError: it failed, with the errno that Linux has for it.
+        """
+
+    def fileno(self) -> int | None:
+        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+
+    def close(self) -> None:
+        """Let go; does not raise."""
+
+
+class DirectConnection:
+    """A device's access to a bus of the same process."""
+
+    def __init__(self, transport: I2cTransport) -> None:
+        """Keep the bus, which others may share."""
+        self.gone = False
+        self.transport = transport
+        self._answer: bytes | OSError | None = None
+
+    def begin(self, address: int, data: bytes, size: int) -> None:
+        """Do the transaction; how it went comes with :meth:`answer`."""
+        try:
+            self._answer = self.transport.transfer(address, data, size)
+        except OSError as error:
+            self.gone = self.gone or is_gone(error)
+            self._answer = error
+
+    def answer(self) -> bytes | None:
+        """
+        Give the answer.
+
+        :raises OSError: it failed.
+        """
+        answer, self._answer = self._answer, None
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    def fileno(self) -> int | None:
+        """Give nothing to wait for."""
+        return None
+
+    def close(self) -> None:
+        """Do nothing: the bus is closed with the last of its users."""
+
+
+class I2cBus:
+    """
+    One bus as one device sees it; safe in the real-time loop, nothing in it waits.
+
+    :ivar path: where it is, as the device's configuration says.
+    :ivar transfers: transactions that went well.
+    :ivar failures: transactions that did not.
+    :ivar connection: what carries them.
+    """
+
+    def __init__(self, path: str, connection: I2cConnection) -> None:
+        """
+        Take over what carries the transactions.
+
+        :param path: for the errors.
+        """
+        self.path = path
+        self.transfers = 0
+        self.failures = 0
+        self.connection = connection
+        self._under_way: Transfer | None = None
+        self._begun_ns = 0
+        self._refused: OSError | None = None
+
+    def begin(self, transfer: Transfer, now_ns: int) -> None:
+        """Begin a transaction; whether that worked comes with :meth:`answer`."""
+        self._under_way = transfer
+        self._begun_ns = now_ns
+        self._refused = None
+        try:
+            self.connection.begin(transfer.address, transfer.data, transfer.size)
+        except OSError as error:
+            self._refused = error
+
+    def answer(self, now_ns: int) -> bytes | None:
+        """
+        Take the answer to the transaction that was begun.
+
+        :return: as many bytes as were asked for; None while there is no answer.
+        :raises DeviceError: it failed; the message says what to do.
+        """
+        transfer = self._under_way
+        if transfer is None:
+            return None
+        try:
+            if self._refused is not None:
+                raise self._refused
+            answer = self.connection.answer()
+        except OSError as error:
+            raise self._failed(transfer, error) from error
+        if answer is None:
+            if now_ns - self._begun_ns > ANSWER_TIMEOUT_NS:
+                raise self._failed(transfer, DeviceError(
+                    f'{place(self.path, transfer.address)}: no answer for '
+                    f'{ANSWER_TIMEOUT_NS / NS_PER_S:g} s from the process that serves the bus '
+                    '(i2c_bridge, or the simulator): it hangs, was stopped, or has no time to '
+                    'run; it will be tried again'))
+            return None
+        if len(answer) != transfer.size:
+            raise self._failed(transfer, DeviceError(
+                f'{place(self.path, transfer.address)}: {len(answer)} bytes came where '
+                f'{transfer.size} were asked for: the I2C adapter is defective'))
+        self._under_way = None
+        self.transfers += 1
+        return answer
+
+    @property
+    def gone(self) -> bool:
+        """Say whether the bus itself went away; it has to be opened anew."""
+        return self.connection.gone
+
+    def _failed(self, transfer: Transfer, error: OSError) -> DeviceError:
+        self._under_way = None
+        self.failures += 1
+        return transfer_error(self.path, transfer.address, error)
+
+
+@dataclass
+class _Open:
+    """An open bus of this process and who is on it."""
+
+    transport: I2cTransport | None
+    users: list[I2cBus] = field(default_factory=list)
+
+
+class I2cBuses:
+    """
+    The buses that are open, each once however many devices are on it.
+
+    A device takes its bus when it is opened and gives it back when it is closed. What it gets is
+    its own, so that errors name the port as it is in its configuration, and a time-out of one
+    device leaves the others alone; what is below is shared.
+    """
+
+    def __init__(self, opener: Callable[[str], I2cTransport] | None = None) -> None:
+        """
+        Begin with none.
+
+        :param opener: opens a bus of this process; by default what the path is decides.
+        """
+        self._opener = opener
+        self._open: dict[str, _Open] = {}
+        self._left: list[_Open] = []
+        self._bridges: dict[str, I2cBridge] = {}
+
+    def prepare(self, path: str) -> None:
+        """
+        Start the bridge of a real bus and wait until it serves; not for the loop.
+
+        What does not work is said when the bus is taken.
+        """
+        if self._opener is None and _mode(path) == stat.S_IFCHR:
+            self._bridge(path).start(wait=True)
+
+    def take(self, path: str) -> I2cBus:
+        """
+        Open a bus, or share it when it is open; does not wait.
+
+        :raises DeviceError: it cannot be opened; the message says what to do.
+        """
+        real = os.path.realpath(path)
+        found = self._open.get(real)
+        if found is not None and any(bus.gone for bus in found.users):
+            # Those who are still on it will notice, and open the new one.
+            self._left.append(self._open.pop(real))
+            found = None
+        opener = self._opener
+        if found is None:
+            found = _Open(opener(path) if opener is not None else None)
+        connection: I2cConnection
+        if found.transport is not None:
+            connection = DirectConnection(found.transport)
+        else:
+            connection = self._connect(path)
+        bus = I2cBus(path, connection)
+        found.users.append(bus)
+        self._open[real] = found
+        return bus
+
+    def give_back(self, bus: I2cBus) -> None:
+        """Say that a device needs its bus no more; the last one closes what is below."""
+        for each in (*self._open.values(), *self._left):
+            if bus in each.users:
+                each.users.remove(bus)
+                bus.connection.close()
+                if not each.users and each.transport is not None:
+                    each.transport.close()
+        self._open = {real: each for real, each in self._open.items() if each.users}
+        self._left = [each for each in self._left if each.users]
+
+    def close(self) -> None:
+        """End the bridges; they end with this process too."""
+        for bridge in self._bridges.values():
+            bridge.stop()
+        self._bridges.clear()
+
+    @property
+    def open_count(self) -> int:
+        """Give the number of open buses."""
+        return len(self._open) + len(self._left)
+
+    def _connect(self, path: str) -> SocketConnection:
+        try:
+            mode = _mode(path)
+            if mode == stat.S_IFCHR:
+                bridge = self._bridge(path)
+                bridge.start()
+                return SocketConnection(str(bridge.socket_path))
+            if mode == stat.S_IFSOCK:
+                return SocketConnection(path)
+            os.stat(path)
+        except OSError as error:
+            raise open_error(path, error) from error
+        raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')
+
+    def _bridge(self, path: str) -> I2cBridge:
+        real = os.path.realpath(path)
+        return self._bridges.setdefault(real, I2cBridge(real))
+
+
+# The open buses of this process: as global as /dev is.
+BUSES: Final = I2cBuses()
+
+
+def _mode(path: str) -> int:
+    """Give what kind of file it is; 0 when it is not there."""
+    try:
+        return stat.S_IFMT(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return 0

@@ -1,0 +1,358 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The I2C device: everything between a bus and the registers of a chip.
+
+A driver says how its chip is recognised and then works in steps. A step does one or two short
+transactions and says when the next one is due; until then a poll costs a comparison. So nothing
+ever waits for a chip: a conversion is started in one poll and fetched in a later one.
+
+Nor does anything wait for the bus: ``data = yield self.fetch(register, size)`` begins a
+transaction, and the job ends. When the answer is there the step goes on behind the ``yield``, in
+the job that the answer released, or in that of the next poll.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from collections.abc import Generator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from typing import ClassVar
+from typing import Final
+from typing import TypeVar
+
+from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.devices.device import SamplePublisher
+from rt_robot_os.devices.i2c.bus import BUSES
+from rt_robot_os.devices.i2c.bus import I2cBus
+from rt_robot_os.devices.i2c.bus import I2cBuses
+from rt_robot_os.devices.i2c.bus import Transfer
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.units import period_from_rate
+
+# What stands where in chips that are often taken for each other: register -> value -> chip.
+KNOWN_CHIPS: Final[Mapping[int, Mapping[int, str]]] = {
+    0xD0: {0x58: 'BMP280', 0x56: 'BMP280 (sample)', 0x57: 'BMP280 (sample)', 0x60: 'BME280',
+           0x61: 'BME680', 0x55: 'BMP180'},
+    0x00: {0x50: 'BMP388', 0x60: 'BMP390', 0xA0: 'BNO055', 0xEA: 'ICM-20948'},
+    0x75: {0x68: 'MPU-6050', 0x70: 'MPU-6500', 0x71: 'MPU-9250', 0x73: 'MPU-9255'},
+}
+# One bad reading may be noise on the wires; so many one after the other are not.
+_BAD_IN_A_ROW: Final = 3
+
+T = TypeVar('T')
+
+# What a step is that has transactions: it yields each, and gets the bytes read for it.
+Transactions = Generator[Transfer, bytes, T]
+Step = Callable[[int], 'int | Transactions[int]']
+
+
+def i2c_settings(
+    *, address: int, addresses: tuple[int, ...], frame_id: str, topic: str, rate_hz: float,
+    maximum_hz: float, rates_hz: tuple[float, ...] = (),
+) -> tuple[Field, ...]:
+    """
+    Declare the settings that every I2C device has, with the defaults of one chip.
+
+    :param addresses: all that the chip can have.
+    :param rate_hz: default of the rate of the samples.
+    :param rates_hz: the only rates it has; empty allows all.
+    """
+    named = ' or '.join(f'{each} (0x{each:02x})' for each in addresses)
+    return (
+        Field('port', str, REQUIRED,
+              'I2C bus such as /dev/i2c-1; sim is a simulated device.'),
+        Field('address', int, address, f'Address on the bus: {named}.', choices=addresses),
+        Field('frame_id', str, frame_id, 'Coordinate frame of the samples.'),
+        Field('topic', str, topic, 'Topic of the samples.'),
+        Field('depth', int, 16, 'Samples that each topic keeps.',
+              choices=(2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)),
+        Field('output_rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.05,
+              maximum=maximum_hz, choices=rates_hz),
+    )
+
+
+class I2cDevice(Device):
+    """
+    A chip on an I2C bus.
+
+    :ivar period_ns: between two samples.
+    :ivar buses: where the bus is taken from; a test may put others in its place.
+    """
+
+    SHARES_PORT: ClassVar[bool] = True
+    ANSWERS: ClassVar[bool] = True
+    IF_SILENT: ClassVar[str] = 'it answers but measures nothing: switch its power off and on'
+    IF_GARBAGE: ClassVar[str] = (
+        'check the wiring, the pull-up resistors and that no other device has its address')
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """Keep the settings; nothing is opened."""
+        super().__init__(name, settings)
+        self.buses: I2cBuses = BUSES
+        self._address: int = settings['address']
+        self._bus: I2cBus | None = None
+        self._step: Step = self._not_open
+        self._under_way: Transactions[int] | None = None
+        self._not_yielded: Transfer | None = None
+        self._due_ns = 0
+        self._grid_ns = 0
+        self.period_ns = period_from_rate(settings['output_rate_hz'])
+        self._bytes_read = 0
+        self._frames = 0
+        self._samples = 0
+        self._rejected_frames = 0
+        self._lost_samples = 0
+        self._last_frame_ns = 0
+        self._bad_in_a_row = 0
+
+    @abstractmethod
+    def identify(self) -> Transactions[object] | None:
+        """
+        Check that it is the right chip, and reset it.
+
+        :raises DeviceError: it is not, or the bus failed.
+        """
+
+    @abstractmethod
+    def begin(self, now_ns: int) -> int | Transactions[int]:
+        """
+        Do the first step after the chip was recognised; it and each other calls :meth:`then`.
+
+        :return: number of samples published; a step that yields returns it in the end.
+        :raises DeviceError: the bus failed.
+        """
+
+    def then(self, step: Step, due_ns: int) -> int:
+        """
+        Say what is done next, and not before when.
+
+        :return: 0, the number of samples published.
+        """
+        self._step = step
+        self._due_ns = due_ns
+        return 0
+
+    def bind(self, publishers: Sequence[SamplePublisher]) -> None:
+        """
+        Take the publishers, and start what serves the bus.
+
+        :raises TopicError: there are more or fewer of them than publications.
+        """
+        super().bind(publishers)
+        self.buses.prepare(self.settings['port'])
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Take the bus and ask whether the chip is there; the answer comes with :meth:`read`.
+
+        :raises DeviceError: the bus cannot be opened, or answered already that the chip is not
+            there.
+        """
+        self.close()
+        try:
+            self._bus = self.buses.take(self.settings['port'])
+        except DeviceError as error:
+            raise DeviceError(f'{self.name}: {error}') from error
+        self._bad_in_a_row = 0
+        self.then(self._identify, 0)
+        try:
+            self.read(self.clock_ns())
+        except DeviceError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Give the bus back; may be called twice and does not raise."""
+        self.then(self._not_open, 0)
+        self._under_way = self._not_yielded = None
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            self.buses.give_back(bus)
+
+    def fileno(self) -> int | None:
+        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+        return None if self._bus is None else self._bus.connection.fileno()
+
+    def read(self, now_ns: int) -> int:
+        """
+        Go on with the step that is under way, or do the one that is due; safe in the loop.
+
+        :raises DeviceError: the bus failed, or the chip is not what it was.
+        """
+        # Taken out: when the kernel aborts the job in the middle of a step, that is over.
+        step, self._under_way = self._under_way, None
+        if step is not None:
+            return self._go_on(step, now_ns)
+        if now_ns < self._due_ns:
+            return 0
+        self._not_yielded = None
+        begun = self._step(now_ns)
+        if isinstance(begun, int):
+            return self._end(begun)
+        try:
+            self._ask(next(begun), now_ns)
+        except StopIteration as end:
+            return self._end(end.value)
+        return self._go_on(begun, now_ns)
+
+    def _go_on(self, step: Transactions[int], now_ns: int) -> int:
+        """Hand a step its answers, as long as they are there."""
+        bus = self._opened()
+        try:
+            while True:
+                try:
+                    answer = bus.answer(now_ns)
+                except DeviceError as error:
+                    named = DeviceError(f'{self.name}: {error}')
+                    named.__cause__ = error
+                    self._ask(step.throw(named), now_ns)
+                    continue
+                if answer is None:
+                    self._under_way = step
+                    return 0
+                self._ask(step.send(answer), now_ns)
+        except StopIteration as end:
+            return self._end(end.value)
+
+    def _ask(self, transfer: Transfer, now_ns: int) -> None:
+        if transfer is self._not_yielded:
+            self._not_yielded = None
+        self._opened().begin(transfer, now_ns)
+
+    def _end(self, samples: int) -> int:
+        if self._not_yielded is not None:
+            raise self._forgotten()
+        self._samples += samples
+        return samples
+
+    def statistics(self) -> DeviceStatistics:
+        """Give the counters as they are now."""
+        return DeviceStatistics(
+            bytes_read=self._bytes_read, frames=self._frames, samples=self._samples,
+            rejected_frames=self._rejected_frames, last_frame_ns=self._last_frame_ns,
+            lost_samples=self._lost_samples)
+
+    # ---- for drivers -------------------------------------------------------------------------
+
+    def fetch(self, register: int, size: int) -> Transfer:
+        """
+        Make a transfer that reads registers, to be yielded.
+
+        ``data = yield self.fetch(0xD0, 1)``. The ``yield`` raises DeviceError when the bus fails.
+        """
+        return self._made(bytes((register,)), size)
+
+    def put(self, register: int, *data: int) -> Transfer:
+        """
+        Make a transfer that writes registers, to be yielded; without data it is a command.
+
+        The ``yield`` raises DeviceError when the bus fails.
+        """
+        return self._made(bytes((register, *data)), 0)
+
+    def start_grid(self, now_ns: int) -> None:
+        """Let the grid of the samples begin now."""
+        self._grid_ns = now_ns
+
+    def advance(self, now_ns: int, step: Step) -> None:
+        """Do a step at the next moment of the grid; those that were missed count as lost."""
+        self._grid_ns += self.period_ns
+        late_ns = now_ns - self._grid_ns
+        if late_ns >= self.period_ns:
+            missed = late_ns // self.period_ns
+            self._lost_samples += missed
+            self._grid_ns += missed * self.period_ns
+        self.then(step, self._grid_ns)
+
+    def accept(self, stamp_ns: int) -> None:
+        """Count a valid reading."""
+        self._frames += 1
+        self._bad_in_a_row = 0
+        self._last_frame_ns = stamp_ns
+
+    def reject(self, reason: str) -> int:
+        """
+        Count a reading that cannot be right.
+
+        :return: 0, the number of samples published.
+        :raises DeviceError: it was not the first one.
+        """
+        self._rejected_frames += 1
+        self._bad_in_a_row += 1
+        if self._bad_in_a_row >= _BAD_IN_A_ROW:
+            raise DeviceError(f'{self.name}: {self.place}: {reason}: {self.IF_GARBAGE}')
+        return 0
+
+    def expect_chip(self, register: int, wanted: Sequence[int], chip: str) -> Transactions[int]:
+        """
+        Read the register that tells the chip, with ``yield from``.
+
+        :param chip: its name, for the error.
+        :return: what it holds.
+        :raises DeviceError: it is another chip; the message says which it probably is.
+        """
+        found = (yield self.fetch(register, 1))[0]
+        if found in wanted:
+            return found
+        ids = ' or '.join(f'0x{each:02x}' for each in wanted)
+        probably = yield from self.probably()
+        raise DeviceError(
+            f'{self.name}: {self.place}: chip id 0x{found:02x} in register 0x{register:02x}, but '
+            f'{chip} has {ids}: {probably}')
+
+    def probably(self) -> Transactions[str]:
+        """Say which chip it probably is and what to do; asks the bus."""
+        for register, names in KNOWN_CHIPS.items():
+            name = names.get((yield self.fetch(register, 1))[0])
+            if name is not None:
+                return f'it is probably a {name}: change type or address'
+        return 'a chip that is not known here: check type and address'
+
+    @property
+    def place(self) -> str:
+        """Name bus and address."""
+        return f'I2C bus {self.settings["port"]}, address 0x{self._address:02x}'
+
+    def _made(self, data: bytes, size: int) -> Transfer:
+        if self._not_yielded is not None:
+            raise self._forgotten()
+        self._not_yielded = Transfer(self._address, data, size)
+        return self._not_yielded
+
+    def _forgotten(self) -> DeviceError:
+        made, self._not_yielded = self._not_yielded, None
+        return DeviceError(f'{self.name}: its driver is defective: {made} was made and not '
+                           'yielded: write `yield self.put(...)`, `yield self.fetch(...)`')
+
+    def _identify(self, now_ns: int) -> Transactions[int]:
+        found = self.identify()
+        if found is not None:
+            yield from found
+        return self.then(self.begin, 0)
+
+    def _not_open(self, now_ns: int) -> int:
+        raise DeviceError(f'{self.name}: {self.place} is not open: call open() first')
+
+    def _opened(self) -> I2cBus:
+        if self._bus is None:
+            raise DeviceError(f'{self.place} is not open: call open() first')
+        return self._bus

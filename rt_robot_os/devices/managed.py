@@ -1,0 +1,253 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One device under the SensorManager: polled, read on interrupt, given up, opened again.
+
+A fault is never final: the port is closed and opened again after a pause that doubles up to a
+limit, and starts over once a frame arrived. Valid frames that give no sample are no fault, for
+the device is alive, but a warning that says what to do.
+"""
+
+from __future__ import annotations
+
+from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.state import DeviceState
+from rt_robot_os.devices.state import reason_of
+from rt_robot_os.devices.state import RecoverySettings
+from rt_robot_os.devices.state import SensorStatistics
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.reports import Report
+from rt_robot_os.reports import Reports
+from rt_robot_os.reports import Severity
+from rt_robot_os.units import NS_PER_S
+
+_CHECKS_PER_TIMEOUT = 8
+# Of the main topic; so long may a sample be late before that is told.
+_PERIODS_WITHOUT_SAMPLE = 3
+
+
+class ManagedDevice:
+    """
+    One device under the manager; its ``poll`` is the task that reads it.
+
+    :ivar arrival: the task that bytes release, None when the device is only polled.
+    """
+
+    def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
+                 reports: Reports) -> None:
+        self.device = device
+        self.arrival: Task | None = None
+        self.state = DeviceState.CLOSED
+        self.reason = ''
+        self.faults = self.opened = 0
+        self.task: Task | None = None
+        self._kernel = kernel
+        self._recovery = recovery
+        self._reports = reports
+        self._pause_ns = recovery.retry_ns
+        self._retry_at_ns = 0
+        self._alive_ns = 0
+        self._sample_ns = 0
+        self._checked_ns = 0
+        self._bytes_when_alive = 0
+        self._bytes_noted_ns = 0
+        self._port_open = False
+        self._interrupt_fd: int | None = None
+        self._told = ''
+        rates_hz = [p.rate_hz for p in device.publications()[:1] if p.rate_hz > 0]
+        self._sample_late_ns = round(_PERIODS_WITHOUT_SAMPLE * NS_PER_S / rates_hz[0]) if (
+            rates_hz) else 0
+
+    def poll(self) -> None:
+        """Write the command, read and publish; safe in the real-time loop."""
+        self._exchange(command=True)
+
+    def take(self) -> None:
+        """Read and publish what has just arrived; safe in the real-time loop."""
+        self._exchange(command=False)
+
+    def _exchange(self, command: bool) -> None:
+        if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
+            return
+        now_ns = self._kernel.now_ns()
+        if (tap := self.device.tap) is not None:
+            tap.command = command
+        try:
+            if self.device.changes:
+                self.device.take_changes()
+            if command:
+                self.device.write(now_ns)
+            samples = self.device.read(now_ns)
+        except Exception as error:
+            if tap is not None:
+                tap.failed(now_ns)
+            self._fault(reason_of(error))
+            return
+        if samples:
+            self._alive_ns = self._sample_ns = now_ns
+            if self.state is DeviceState.OPENING or self.reason:
+                self._recovered()
+        elif now_ns - self._checked_ns > self._recovery.timeout_ns // _CHECKS_PER_TIMEOUT:
+            self._check(now_ns)
+
+    def _check(self, now_ns: int) -> None:
+        """Look, now and then, whether valid frames come although nothing is published."""
+        self._checked_ns = now_ns
+        counters = self.device.statistics()
+        if self._bytes_noted_ns < self._alive_ns:
+            # Samples came since the last look: what counts as garbage begins here.
+            self._bytes_noted_ns = now_ns
+            self._bytes_when_alive = counters.bytes_read
+        if counters.last_frame_ns > self._alive_ns:
+            self._alive_ns = counters.last_frame_ns
+            self._bytes_when_alive = counters.bytes_read
+            if self.state is DeviceState.OPENING:
+                self._recovered()
+            elif not self.reason:
+                self._warn_of_no_sample(now_ns, counters.frames)
+        elif now_ns - self._alive_ns > self._patience_ns():
+            came = counters.bytes_read - self._bytes_when_alive
+            self._fault(self._why_nothing(came), 'garbage' if came else '')
+
+    def _warn_of_no_sample(self, now_ns: int, frames: int) -> None:
+        """Say that valid frames come and none of them gives a sample, once until one does."""
+        late_ns = max(self._patience_ns(), self._sample_late_ns)
+        if now_ns - self._sample_ns > late_ns:
+            remedy = self.device.unused() or self.device.IF_UNUSED
+            self.reason = (f'{frames} valid frames, but no sample for {late_ns / NS_PER_S:g} s: '
+                           f'{remedy}')
+            self._note(Severity.WARN, self.reason)
+
+    def _patience_ns(self) -> int:
+        opening_s = self.device.OPENING_S if self.state is DeviceState.OPENING else 0.0
+        return max(self._recovery.timeout_ns, round(opening_s * NS_PER_S))
+
+    def recover(self) -> None:
+        """Close what failed and open what is due; may take long, so at low priority."""
+        if self.state is DeviceState.FAULT and self._port_open:
+            self._close_port()
+        if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+            self._maintain()
+            return
+        waits = self.state is DeviceState.FAULT and self._kernel.now_ns() < self._retry_at_ns
+        if waits or self.state not in (DeviceState.FAULT, DeviceState.CLOSED):
+            return
+        try:
+            self.device.open()
+        except Exception as error:
+            self._fault(reason_of(error))
+            return
+        self._port_open = True
+        self.opened += 1
+        self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
+        self._sample_ns = self._alive_ns
+        self._bytes_when_alive = self.device.statistics().bytes_read
+        self.state = DeviceState.OPENING
+        if self.device.tap is not None:
+            self.device.tap.opened(self._alive_ns)
+        if self.arrival is not None:
+            self._watch(self.arrival)
+
+    def _maintain(self) -> None:
+        try:
+            self.device.maintain(self._kernel.now_ns())
+        except Exception as error:
+            if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+                self._fault(reason_of(error))
+
+    def _watch(self, arrival: Task) -> None:
+        """Let the port release the task; without that the device is polled all the same."""
+        fd = self.device.fileno()
+        text = 'it has no file descriptor'
+        if fd is not None:
+            try:
+                self._kernel.add_interrupt(fd, arrival)
+                self._interrupt_fd = fd
+                return
+            except OSError as error:
+                text = str(error)
+        if self.opened == 1:
+            self._note(Severity.WARN, f'cannot be read on interrupt, so it is polled: {text}; '
+                       'set read: poll')
+
+    def restart(self) -> None:
+        """Have the port closed and opened anew; for the kernel, after a failure."""
+        if self.state is not DeviceState.CLOSED:
+            self.reason = 'restarted'
+            self._retry_at_ns = self._kernel.now_ns()
+            self.state = DeviceState.FAULT
+
+    def safe_state(self) -> None:
+        """Bring the device to its safe state, if its port is open; for the kernel."""
+        if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
+            self.device.safe_state()  # type: ignore[attr-defined]
+
+    def close(self) -> None:
+        """Close the port for good; may be called twice."""
+        self.state = DeviceState.CLOSED
+        self._close_port()
+
+    def _close_port(self) -> None:
+        self._port_open = False
+        fd, self._interrupt_fd = self._interrupt_fd, None
+        if fd is not None:
+            self._kernel.remove_interrupt(fd)
+        try:
+            self.device.close()
+        except Exception as error:
+            self._note(Severity.ERROR, f'could not be closed: {reason_of(error)}')
+
+    def statistics(self) -> SensorStatistics:
+        """Take the statistics."""
+        counters = self.device.statistics()
+        last_ns = counters.last_frame_ns
+        return SensorStatistics(
+            self.device.name, self.state, self.reason, self.faults, self.opened,
+            self._kernel.now_ns() - last_ns if last_ns else -1, counters)
+
+    def _why_nothing(self, came: int) -> str:
+        seconds = self._patience_ns() / NS_PER_S
+        if came:
+            remedy = self.device.diagnosis() or self.device.IF_GARBAGE
+            return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
+        return f'silent for {seconds:g} s: {self.device.silence()}'
+
+    def _fault(self, reason: str, kind: str = '') -> None:
+        """
+        Give the device up for a while.
+
+        :param kind: what makes two reasons the same although their texts differ.
+        """
+        reason = reason.removeprefix(f'{self.device.name}: ')
+        self.reason = reason
+        self.faults += 1
+        self._retry_at_ns = self._kernel.now_ns() + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
+        # Last: a recovery task above this one acts upon it at once.
+        self.state = DeviceState.FAULT
+        if (kind or reason) != self._told:
+            self._told = kind or reason
+            self._note(Severity.ERROR, reason)
+
+    def _note(self, severity: Severity, text: str) -> None:
+        self._reports.note(Report(self._kernel.now_ns(), severity, self.device.name, text))
+
+    def _recovered(self) -> None:
+        self.state = DeviceState.ACTIVE
+        self._pause_ns = self._recovery.retry_ns
+        text = f'active again after {self.reason!r}' if self.reason else 'active'
+        self.reason = self._told = ''
+        self._note(Severity.INFO, text)

@@ -1,0 +1,99 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A simulated satellite receiver that goes round in a circle."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from datetime import timedelta
+from datetime import timezone
+import math
+from typing import Any
+from typing import Final
+
+from rt_robot_os.devices.nmea import wire
+from rt_robot_os.devices.witmotion import wire as witmotion
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.device import common_settings
+from rt_robot_os.sim.device import SimulatedDevice
+
+# A fixed day, so that equal settings give equal bytes.
+START: Final = datetime(2026, 1, 1, 12, 0, 0, tzinfo=timezone.utc)
+SEPARATION_M: Final = 47.0
+ALTITUDE_M: Final = 34.0
+DEVIATIONS_M: Final = (0.8, 0.7, 1.5)
+
+_SATELLITES: Final = (2, 5, 7, 13, 15, 18, 20, 30)
+_PDOP, _HDOP, _VDOP = 1.7, 0.9, 1.4
+_SEMI_MAJOR_M: Final = 6378137.0
+_ECCENTRICITY_2: Final = 0.00669437999014
+
+
+class SimulatedNmea(SimulatedDevice):
+    """A receiver that sends some sentences for each epoch."""
+
+    SETTINGS = common_settings(1.0, 50.0) + (
+        Field('latitude_deg', float, 52.5163, 'Centre of the circle.', unit='degrees',
+              minimum=-89.0, maximum=89.0),
+        Field('longitude_deg', float, 13.3777, 'Centre of the circle.', unit='degrees',
+              minimum=-180.0, maximum=180.0),
+        Field('radius_m', float, 20.0, 'Radius of the circle.', unit='m', minimum=0.01,
+              maximum=10_000.0),
+        Field('speed_m_s', float, 1.0, 'Speed along the circle; 0 stands still.', unit='m/s',
+              minimum=0.0, maximum=100.0),
+        Field('sentences', list, ('GGA', 'GSA', 'RMC', 'GST'), 'NMEA sentences of each epoch, in '
+              'this order.', choices=('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GST')),
+    )
+    BAUD = 9600
+
+    def sample(self, time_s: float) -> bytes:
+        """Give the sentences of one epoch."""
+        settings = self.settings
+        time = START + timedelta(seconds=round(time_s, 2))
+        latitude_deg, longitude_deg, course_deg = self.position(time_s)
+        place: Any = (time, latitude_deg, longitude_deg)
+        height: dict[str, Any] = {'satellites': len(_SATELLITES), 'hdop': _HDOP,
+                                  'altitude_m': ALTITUDE_M, 'separation_m': SEPARATION_M}
+        north_m, east_m, up_m = DEVIATIONS_M
+        made = {
+            'GGA': lambda: wire.gga(*place, **height),
+            'GNS': lambda: wire.gns(*place, **height),
+            'RMC': lambda: wire.rmc(*place, speed_m_s=settings['speed_m_s'],
+                                    course_deg=course_deg),
+            'GLL': lambda: wire.gll(*place),
+            'GSA': lambda: wire.gsa(_SATELLITES, _PDOP, _HDOP, _VDOP),
+            'GST': lambda: wire.gst(time, 1.0, north_m, east_m, up_m),
+        }
+        return b''.join(made[kind]() for kind in settings['sentences'])
+
+    def foreign(self) -> bytes:
+        """Give what an inertial measurement unit sends."""
+        return witmotion.acceleration_frame(0.0, 0.0, 9.8)
+
+    def position(self, time_s: float) -> tuple[float, float, float]:
+        """Give latitude, longitude and course (clockwise from north), all in degrees."""
+        settings = self.settings
+        radius_m = settings['radius_m']
+        angle = settings['speed_m_s'] / radius_m * time_s
+        latitude = math.radians(settings['latitude_deg'])
+        flat = 1 - _ECCENTRICITY_2 * math.sin(latitude) ** 2
+        meridian_m = _SEMI_MAJOR_M * (1 - _ECCENTRICITY_2) / flat ** 1.5
+        parallel_m = _SEMI_MAJOR_M / math.sqrt(flat) * math.cos(latitude)
+        north_deg = math.degrees(radius_m * math.sin(angle) / meridian_m)
+        east_deg = math.degrees(radius_m * math.cos(angle) / parallel_m)
+        course_deg = math.degrees(math.atan2(-math.sin(angle), math.cos(angle))) % 360
+        return (settings['latitude_deg'] + north_deg, settings['longitude_deg'] + east_deg,
+                course_deg)

@@ -1,0 +1,283 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Ports on a network: what a serial driver reads may come over TCP and UDP as well.
+
+``tcp://host:port`` connects to a device or a serial server, ``gpsd://host`` to a GPSD, which is
+asked for the bytes of its receiver. ``udp://host:port`` exchanges datagrams with one device;
+``udp-listen://[address]:port`` takes what is sent to this machine, from whoever sends first.
+
+Nothing waits: a connection is begun in ``open`` and comes about while the device is read; names of
+hosts are looked up in another process (``lookup.py``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import errno
+import ipaddress
+import os
+import socket
+import struct
+from typing import Final
+from urllib.parse import urlsplit
+
+from rt_robot_os.devices.device import Value
+from rt_robot_os.devices.serial.lookup import HostAddress
+from rt_robot_os.devices.serial.transport import StreamPort
+from rt_robot_os.errors import DeviceError
+
+TCP, GPSD, UDP, UDP_LISTEN = 'tcp', 'gpsd', 'udp', 'udp-listen'
+_FORMS: Final = {
+    TCP: 'tcp://host:port', GPSD: 'gpsd://host', UDP: 'udp://host:port',
+    UDP_LISTEN: 'udp-listen://:port'}
+_GPSD_PORT: Final = 2947
+# Raw 2: the bytes as the receiver sent them.
+_GPSD_WATCH: Final = b'?WATCH={"enable":true,"raw":2};\n'
+# A device whose cable was pulled neither closes nor answers; unanswered bytes end the connection.
+_UNANSWERED_MS: Final = 5000
+_MAX_DATAGRAM: Final = 65536
+_MAX_READ: Final = 65536
+_RECEIVE_BUFFER: Final = 1 << 18
+
+
+@dataclass(frozen=True)
+class NetworkAddress:
+    """
+    A port as it is written in the configuration.
+
+    :ivar text: as it is written.
+    :ivar host: name or address; empty listens on all addresses.
+    """
+
+    text: str
+    scheme: str
+    host: str
+    port: int
+
+
+def network_address(text: str) -> NetworkAddress | None:
+    """
+    Read the port of a device.
+
+    :return: None when it is none of a network, such as the path of a serial port.
+    :raises ValueError: it is meant as one and is wrong; the message says what is right.
+    """
+    scheme, separator, _ = text.partition('://')
+    if not separator:
+        return None
+    form = _FORMS.get(scheme)
+    if form is None:
+        raise ValueError(f'must be a path or begin with one of '
+                         f'{", ".join(f"{each}://" for each in _FORMS)}')
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname or '', parts.port
+    except ValueError as error:
+        raise ValueError(f'must look like {form} ({error})') from error
+    if scheme == GPSD and port is None:
+        port = _GPSD_PORT
+    rest = parts.path or parts.query or parts.fragment or '@' in parts.netloc
+    if not port or rest or not (host or scheme == UDP_LISTEN):
+        raise ValueError(f'must look like {form}')
+    return NetworkAddress(text, scheme, host, port)
+
+
+class TcpPort(StreamPort):
+    """A connection, which comes about while it is read; what is written before waits for it."""
+
+    def __init__(self, address: NetworkAddress, found: HostAddress) -> None:
+        """
+        Begin to connect.
+
+        :param found: where the host is.
+        :raises DeviceError: that is not possible at all; the message names cause and remedy.
+        """
+        super().__init__()
+        self._address = address
+        self._socket = socket.socket(found.family, socket.SOCK_STREAM)
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS)
+            self._socket.connect(found.sockaddr(address.port))
+        except BlockingIOError:
+            pass  # it comes about later
+        except OSError as error:
+            self._socket.close()
+            raise self._gone(error) from error
+        self._fd = self._socket.fileno()
+        if address.scheme == GPSD:
+            self.write(_GPSD_WATCH)
+
+    def silence(self) -> str:
+        """Say what to check when it is not connected; then it is up to the device."""
+        try:
+            self._socket.getpeername()
+        except OSError:
+            return (f'{self._address.text} does not answer to the connection: check address and '
+                    'cable, that the device is switched on, and firewalls')
+        return ''
+
+    def close(self) -> None:
+        """Close the connection; may be called twice and does not raise."""
+        self._fd = -1
+        self._socket.close()
+
+    def _gone(self, error: OSError | None) -> DeviceError:
+        place = self._address.text
+        if error is None:
+            return DeviceError(f'{place}: the other side closed the connection: look whether it '
+                               'serves another client; it will be connected again')
+        if error.errno == errno.ECONNREFUSED:
+            return DeviceError(f'{place}: the connection was refused: check the number of the '
+                               'port, and that something listens there')
+        return DeviceError(f'{place}: {_cause(error)}: check address, cable and network; it will '
+                           'be connected again')
+
+
+class UdpPort:
+    """
+    Datagrams, each taken whole.
+
+    :ivar bytes_read: bytes taken since it was opened.
+    :ivar dropped_write_bytes: bytes that could not be sent.
+    :ivar foreign_datagrams: of others than the device that was heard first; not used.
+    """
+
+    def __init__(self, address: NetworkAddress, found: HostAddress) -> None:
+        """
+        Open it; nothing is sent.
+
+        :param found: where the host is, or the address to listen on.
+        :raises DeviceError: that is not possible; the message names cause and remedy.
+        """
+        self.bytes_read = self.dropped_write_bytes = self.foreign_datagrams = 0
+        self._address = address
+        self._peer: tuple[object, ...] | None = None
+        self._listens = address.scheme == UDP_LISTEN
+        self._socket = socket.socket(found.family, socket.SOCK_DGRAM)
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            if self._listens:
+                self._listen(found)
+            else:
+                self._socket.connect(found.sockaddr(address.port))
+        except OSError as error:
+            self._socket.close()
+            raise self._problem(error) from error
+
+    def fileno(self) -> int:
+        """Give the file descriptor, for waiting until it is readable; -1 when closed."""
+        return self._socket.fileno()
+
+    def read(self) -> bytes:
+        """
+        Take the datagrams that are there; safe in the loop, at most some 128 KiB a call.
+
+        :raises DeviceError: the device cannot be reached.
+        """
+        parts: list[bytes] = []
+        size = 0
+        while size < _MAX_READ:
+            try:
+                data, sender = self._socket.recvfrom(_MAX_DATAGRAM)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if parts:
+                    break  # the next read says so, and these are not lost
+                raise self._problem(error) from error
+            if self._listens:
+                if self._peer is None or sender[0] == self._peer[0]:
+                    self._peer = sender
+                else:
+                    self.foreign_datagrams += 1
+                    size += len(data)
+                    continue
+            parts.append(data)
+            size += max(len(data), 1)
+        found = b''.join(parts)
+        self.bytes_read += len(found)
+        return found
+
+    def write(self, data: bytes) -> None:
+        """
+        Send a datagram without blocking; safe in the loop. What cannot be sent is counted.
+
+        :raises DeviceError: the device cannot be reached.
+        """
+        if not data:
+            return
+        try:
+            if not self._listens:
+                self._socket.send(data)
+            elif self._peer is not None:
+                self._socket.sendto(data, self._peer)
+            else:
+                self.dropped_write_bytes += len(data)
+        except BlockingIOError:
+            self.dropped_write_bytes += len(data)
+        except OSError as error:
+            raise self._problem(error) from error
+
+    def more(self) -> dict[str, Value]:
+        """Give what only this kind of port has to tell."""
+        return {'foreign_datagrams': self.foreign_datagrams} if self._listens else {}
+
+    def silence(self) -> str:
+        """Say what to check when nothing comes."""
+        if self._listens:
+            return (f'nothing comes to {self._address.text}: check that the device sends to the '
+                    'address of this machine and to this port, and firewalls')
+        return (f'{self._address.text} sends nothing: check the address, and that the device '
+                'answers to who writes to it; for one that sends by itself use udp-listen://')
+
+    def close(self) -> None:
+        """Close it; may be called twice and does not raise."""
+        self._socket.close()
+
+    def _listen(self, found: HostAddress) -> None:
+        group = ipaddress.ip_address(found.host.partition('%')[0])
+        if group.is_multicast:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._socket.bind(found.sockaddr(self._address.port))
+        if not group.is_multicast:
+            return
+        if found.family == socket.AF_INET:
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
+                                    struct.pack('=4s4x', group.packed))
+        else:
+            scope = found.sockaddr(0)[3]
+            self._socket.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP,
+                                    group.packed + struct.pack('=I', scope))
+
+    def _problem(self, error: OSError) -> DeviceError:
+        place = self._address.text
+        if error.errno == errno.ECONNREFUSED:
+            return DeviceError(f'{place}: nothing listens there: check the number of the port')
+        if error.errno == errno.EADDRINUSE:
+            return DeviceError(f'{place}: another program listens there: stop it, or let the '
+                               'device send to another port')
+        if error.errno == errno.EADDRNOTAVAIL:
+            return DeviceError(f'{place}: this machine does not have that address: leave it out '
+                               'to listen on all')
+        return DeviceError(f'{place}: {_cause(error)}: check address, cable and network')
+
+
+def _cause(error: OSError) -> str:
+    return os.strerror(error.errno) if error.errno else str(error)

@@ -1,0 +1,50 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulated Sharp range finders on a converter, before a wall that comes and goes."""
+
+from __future__ import annotations
+
+from rt_robot_os.devices.sharp.wire import adc
+from rt_robot_os.devices.sharp.wire import SHARP_FITS
+from rt_robot_os.devices.witmotion.wire import acceleration_frame
+from rt_robot_os.schema import Field
+from rt_robot_os.sim.device import common_settings
+from rt_robot_os.sim.wall import NOISE
+from rt_robot_os.sim.wall import SimulatedRange
+from rt_robot_os.sim.wall import wall_settings
+
+
+class SimulatedSharp(SimulatedRange):
+    """A converter with Sharp range finders on its first channels; below 0.1 m they are wrong."""
+
+    SETTINGS = common_settings(25.0, 1000.0) + wall_settings(0.08, 1.0) + (
+        Field('model', str, 'gp2y0a21', 'Whose fit gives the voltage.',
+              choices=tuple(SHARP_FITS)),
+        Field('channels', int, 1, 'Channels that it sends, all of the same wall.', minimum=1,
+              maximum=16),
+    )
+    BAUD = 115200
+
+    def sample(self, time_s: float) -> bytes:
+        """Give one reading of each channel."""
+        coefficient_m, exponent = SHARP_FITS[self.settings['model']]
+        distance_m = max(self.distance_m(time_s) + self.random.gauss(0.0, NOISE), 0.01)
+        volts = (distance_m / coefficient_m) ** (1 / exponent)
+        return b''.join(adc(channel, min(round(volts * 1000), 5000))
+                        for channel in range(self.settings['channels']))
+
+    def foreign(self) -> bytes:
+        """Give what an inertial measurement unit sends."""
+        return acceleration_frame(0.0, 0.0, 9.8)

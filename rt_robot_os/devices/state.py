@@ -1,0 +1,99 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the SensorManager is told of a device, and what it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import FailurePolicy
+from rt_robot_os.units import NS_PER_S
+
+_SHARED = ('budget_ns', 'on_budget', 'failure', 'restart_ns', 'restart_maximum_ns', 'resources')
+
+
+class DeviceState(Enum):
+    """
+    Where a device stands.
+
+    CLOSED: not started. OPENING: its port is open, nothing valid came yet. ACTIVE: it delivers.
+    FAULT: it does not; it will be tried again.
+    """
+
+    CLOSED = 'closed'
+    OPENING = 'opening'
+    ACTIVE = 'active'
+    FAULT = 'fault'
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """
+    A device and how it fares.
+
+    :ivar reason: why it is in FAULT, or was before it was opened again; of an active one, what to
+        do where its frames are valid but give no sample. Empty once it delivers.
+    :ivar faults: times that it went to FAULT.
+    :ivar opened: times that its port was opened.
+    :ivar age_ns: since the last valid frame; -1 when there was none.
+    """
+
+    name: str
+    state: DeviceState
+    reason: str
+    faults: int
+    opened: int
+    age_ns: int
+    device: DeviceStatistics
+
+
+@dataclass(frozen=True)
+class RecoverySettings:
+    """
+    When a device counts as dead and when it is tried again.
+
+    :ivar timeout_ns: without a valid frame for this long it goes to FAULT.
+    :ivar retry_ns: first pause before opening it again; it doubles with each failure.
+    :ivar retry_maximum_ns: longest pause.
+    """
+
+    timeout_ns: int = NS_PER_S
+    retry_ns: int = NS_PER_S // 2
+    retry_maximum_ns: int = 10 * NS_PER_S
+
+
+def of_arrival(declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what holds for the task that reads on interrupt as well; the grid is the other's."""
+    found = {key: declared[key] for key in _SHARED if key in declared}
+    if found.get('failure') is FailurePolicy.SAFE_STATE:
+        # Bytes are read by the polling task too, which decides for the device.
+        found['failure'] = FailurePolicy.STOP
+    return found
+
+
+def reason_of(error: Exception) -> str:
+    """Say what went wrong; anything but a DeviceError is a defect of the driver: say where."""
+    if isinstance(error, DeviceError):
+        return str(error)
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    where = f' ({place.tb_frame.f_code.co_filename}:{place.tb_lineno})' if place else ''
+    return f'its driver is defective: {type(error).__name__}: {error}{where}'

@@ -1,0 +1,183 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The case `delay` (paper 1, test 2): how long after publishing a subscriber has the message."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import UNPINNED
+from rt_robot_os.tools.bench.cases import common
+from rt_robot_os.tools.bench.plot import Plot
+from rt_robot_os.tools.bench.plot import Series
+from rt_robot_os.tools.bench.plot import tail
+from rt_robot_os.tools.bench.result import Aim
+from rt_robot_os.tools.bench.result import CaseResult
+from rt_robot_os.tools.bench.result import Column
+from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import Row
+from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.workers.delay import key as variant
+from rt_robot_os.tools.bench.workers.delay import SLEEPING
+from rt_robot_os.tools.bench.workers.delay import WAITING
+from rt_robot_os.tools.bench.workers.delay import WARM
+from rt_robot_os.tools.bench.workers.delay import WARM_BYTES
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+PERIOD_NS = 2 * NS_PER_MS
+SIZES = (64, 256, 1024, 2048, 64 * 1024, 1024 * 1024)
+_PAPER_US = {2048: (31, 32), 1024: (30, 30), 256: (29, 32), 64: (31, 32)}
+_WARMUP_NS = NS_PER_S // 10
+# Each run has many variants; a quarter of the time is enough for each.
+_SHARE = 4
+_LIMIT_US = 3.0
+_NEED_US = 10.0
+
+_COLUMNS = (
+    Column('p50', 'p50', 'us', 'delay'), Column('p50', 'p50 range', 'us', 'delay', spread=True),
+    Column('p99', 'p99', 'us', 'delay'), Column('p999', 'p99.9', 'us', 'delay'),
+    Column('maximum', 'max', 'us', 'delay'), Column('arrived', 'of due', '%', 'arrived'))
+_NOTES = (
+    'A 500 Hz task stamps and publishes a UInt8MultiArray of this size (as CDR); a more important',
+    'task, released by the publication, takes it and stamps. With several subscribers: until the',
+    'last one has it. rclpy: timer, publisher and subscriptions in one process. Threads: bytes in',
+    'a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room',
+    'for more than 4 KB, and gives a message to one of several nodes. The same CPU, SCHED_FIFO',
+    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.',
+    'Bare loop: publish and take every 2 ms in Python, no kernel, no task: what the caches cost.')
+
+
+def _variants(options: Options) -> Sequence[tuple[int, int]]:
+    if options.quick:
+        return (*((size, 1) for size in SIZES), (64, 4))
+    numbers = (1, 4, 16) if options.full else (1, 4)
+    return tuple((size, count) for count in numbers for size in SIZES
+                 if count == 1 or size in (64, 2048, 64 * 1024))
+
+
+def _plan(options: Options) -> Sequence[Run]:
+    measure_ns = round(options.seconds * NS_PER_S / _SHARE)
+    variants = _variants(options)
+    seconds = (len(variants) + 1) * (_WARMUP_NS + measure_ns) / NS_PER_S
+    arguments = {'variants': variants, 'period_ns': PERIOD_NS, 'warmup_ns': _WARMUP_NS,
+                 'measure_ns': measure_ns}
+
+    def peer(name: str) -> Run:
+        return Run(name, common.RCLPY_LABELS[name], 'rt_robot_os.tools.bench.peers.delay:executor',
+                   {**arguments, 'executor': name}, common.START_PEER_S + seconds * 1.1,
+                   *common.RCLPY_PLACES[name])
+
+    rclpy = ('events', 'single') if options.quick else ('events', 'single', 'multi')
+    return (
+        Run('kernel', 'rt_robot_os topic', 'rt_robot_os.tools.bench.workers.delay:kernel',
+            arguments,
+            common.START_S + seconds),
+        *(peer(name) for name in rclpy),
+        Run('threads', 'Python threads, SimpleQueue',
+            'rt_robot_os.tools.bench.workers.threads:delay',
+            arguments, common.START_S + seconds),
+        Run('horus', common.HORUS_LABEL, 'rt_robot_os.tools.bench.peers.horus:delay', arguments,
+            common.START_S + seconds, UNPINNED))
+
+
+def _arrived(name: str) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        if name not in outcome.samples:
+            return None
+        return 100.0 * min(1.0, len(outcome.samples[name]) / outcome.figures['due'])
+
+    return of
+
+
+def size_text(size: int) -> str:
+    """Write a number of bytes as people do."""
+    for unit, factor in (('MB', 1 << 20), ('KB', 1 << 10)):
+        if size >= 16 * 1024 and size >= factor:
+            return f'{size // factor} {unit}'
+    return f'{size} B'
+
+
+def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+    rows: list[Row] = []
+    for size, subscribers in _variants(options):
+        name = f'{size_text(size):>6}, {subscribers:>2} sub{"s" if subscribers > 1 else " "}'
+        if subscribers == 1 and size in _PAPER_US:
+            mean, most = _PAPER_US[size]
+            rows.append(quoted(f'{name} paper', p50=mean, maximum=most))
+        sample = variant(size, subscribers)
+        rows += [outcomes.row(key, {**common.tails_of(sample), 'arrived': _arrived(sample)},
+                              f'{name} {run.label}') for key, run in outcomes.runs.items()]
+    if 'kernel' in outcomes.runs:
+        rows += [outcomes.row('kernel', common.tails_of(sample),
+                              f'{size_text(WARM_BYTES):>6},  1 sub  {label}')
+                 for sample, label in ((WARM, 'rt_robot_os, fifth in a row'),
+                                       (SLEEPING, 'bare loop that sleeps'),
+                                       (WAITING, 'bare loop that never sleeps'))]
+    why = _why(outcomes)
+    aims = [Aim(f'delay p50, {size_text(size)}, 1 subscriber', _LIMIT_US,
+                outcomes.metric('kernel', common.part_of(variant(size, 1), 0.5)), 'us',
+                why=why, paper=f'{_PAPER_US[size][0]} us') for size in SIZES if size in _PAPER_US]
+    p50 = common.part_of(variant(64, 1), 0.5)
+    needs = (Need('a message to another task of the program in 10 us, median', _NEED_US, 'us',
+                  common.systems(outcomes, p50), case=CASE.name),)
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
+                      (_sizes_plot(options, outcomes), _tails_plot(outcomes)), needs)
+
+
+def _why(outcomes: Outcomes) -> str:
+    """Say what the delay is when the caches are warm: the rest is theirs."""
+    warm, sleeping, waiting = (outcomes.metric('kernel', common.part_of(name, 0.5))
+                               for name in (WARM, SLEEPING, WAITING))
+    told = '' if warm is None or sleeping is None or waiting is None else (
+        f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches '
+        'of the CPU, cold after 2 ms. To publish and take in a bare loop, without any kernel, '
+        f'takes {sleeping.median:.1f} us after 2 ms of sleep, and {waiting.median:.1f} us after '
+        '2 ms of waiting awake; ')
+    return told + common.disturbances(outcomes, 'kernel')
+
+
+def _sizes_plot(options: Options, outcomes: Outcomes) -> Plot:
+    series = [Series('paper', sorted(_PAPER_US), [_PAPER_US[size][0] for size in
+                                                  sorted(_PAPER_US)], 'marks')]
+    for key, run in outcomes.runs.items():
+        known = [(size, metric.median) for size in SIZES if (metric := outcomes.metric(
+            key, common.part_of(variant(size, 1), 0.5))) is not None]
+        if known:
+            series.append(Series(run.label, [x for x, _ in known], [y for _, y in known],
+                                 'marks'))
+    return Plot('size', 'Delay of a message, one subscriber, p50', 'bytes', 'delay, us', series,
+                'Lower is better.', True, True)
+
+
+def _tails_plot(outcomes: Outcomes) -> Plot:
+    name = variant(64, 1)
+    series = [tail(run.label, np.concatenate([o.samples[name] for o in outcomes.measured(key)]),
+                   1e3) for key, run in outcomes.runs.items() if outcomes.measured(key)]
+    return Plot('tail', 'Delay of a message of 64 B', 'delay, us',
+                'part of the messages that is later', series,
+                'Further left and lower is better.', True, True)
+
+
+CASE = Case('delay', 'from publishing a message to a subscribed task that has it (test 2)', _plan,
+            _evaluate)

@@ -1,0 +1,107 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The child process of one measurement: a fresh interpreter that runs one worker and ends.
+
+Run as ``python -m rt_robot_os.tools.bench.child FOLDER`` with the job as JSON in ``job.json`` of
+that folder; it leaves ``result.npz`` there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import json
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.harness import Harness
+from rt_robot_os.tools.bench.harness import Unavailable
+from rt_robot_os.tools.bench.helper import load_function
+from rt_robot_os.tools.bench.result import Status
+
+JOB_FILE = 'job.json'
+RESULT_FILE = 'result.npz'
+_OWN = 'rt_robot_os'
+_REMEDIES = {'horus': 'horus-robotics'}
+_META = 'meta'
+
+
+def _work(job: dict[str, Any], folder: Path) -> Outcome:
+    harness = Harness(job['arguments'], job['cpu'], job['priority'], folder)
+    try:
+        measured = load_function(job['worker'])(harness)
+    except ImportError as error:
+        name = (error.name or '').partition('.')[0]
+        if name == _OWN or not name:
+            return Outcome(Status.FAILED, f'ImportError: {error}')
+        if not isinstance(error, ModuleNotFoundError):
+            return Outcome(Status.MISSING, f'this version of {name} has not got it ({error})')
+        remedy = f'; remedy: pip install {_REMEDIES[name]}' if name in _REMEDIES else ''
+        return Outcome(Status.MISSING, f'{name} is not installed ({error}){remedy}')
+    except Unavailable as error:
+        return Outcome(Status.MISSING, str(error))
+    except (RtRobotError, OSError, RuntimeError) as error:
+        if isinstance(error.__cause__, ImportError):  # such as that of a message package
+            return Outcome(Status.MISSING, str(error))
+        return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
+    figures = {**harness.surroundings.figures(), **measured.figures}
+    return Outcome(Status.OK, '', measured.samples, figures,
+                   [(r.step, r.ok, r.reason) for r in harness.realtime])
+
+
+def write_result(folder: Path, outcome: Outcome) -> None:
+    """Leave an outcome for the parent; it appears at once or not at all."""
+    meta = json.dumps({'status': outcome.status.value, 'reason': outcome.reason,
+                       'figures': dict(outcome.figures), 'realtime': list(outcome.realtime)})
+    path = folder / 'unfinished.npz'
+    arrays: dict[str, Any] = {_META: np.array(meta), **outcome.samples}
+    np.savez(path, **arrays)
+    path.rename(folder / RESULT_FILE)
+
+
+def read_result(folder: Path) -> Outcome:
+    """Read what a child left."""
+    with np.load(folder / RESULT_FILE) as file:
+        meta = json.loads(str(file[_META]))
+        samples = {name: file[name] for name in file.files if name != _META}
+    return Outcome(Status(meta['status']), meta['reason'], samples, meta['figures'],
+                   [(step, ok, reason) for step, ok, reason in meta['realtime']])
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one worker."""
+    folder = Path(argv[0])
+    job = json.loads((folder / JOB_FILE).read_text())
+    if not die_with_parent(job['parent'], signal.SIGKILL):
+        return 0
+
+    def end(signum: int, frame: FrameType | None) -> None:
+        sys.exit(128 + signum)
+
+    signal.signal(signal.SIGTERM, end)
+    write_result(folder, _work(job, folder))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,235 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line of `bench`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+from difflib import get_close_matches
+import json
+import math
+import os
+from pathlib import Path
+import sys
+from typing import NoReturn
+
+from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.output import DOCUMENT_FILE
+from rt_robot_os.tools.bench.output import PAGE_FILE
+from rt_robot_os.tools.bench.processes import alone
+from rt_robot_os.tools.bench.processes import lock_path
+
+_DEFAULT = Options(2.0, 3)
+_QUICK = Options(0.5, 1, quick=True)
+_FULL = Options(3.5, 4, full=True)
+_SECONDS = (0.1, 86_400.0)
+_HOURS = (0.001, 1000.0)
+_REPEATS_MAXIMUM = 1000
+_HOURS_CASE = 'stability'
+
+_EPILOG = """\
+Everything is measured in one run, in turns, each system in a process of its own; tables show the
+median of the repeats. What is not installed is a line in the table. The exit code is 0 also when
+an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
+130: Ctrl-C, which keeps and shows the cases that were complete, and the rows of stability.
+
+Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:
+
+  bench --quick --out first           a first look, about three minutes; open first/index.html
+  bench preemption --seconds 60       one case, longer
+  bench memory --seconds 3600         watch the size of the core for an hour
+  bench --full --out results          everything, below 40 minutes
+  bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
+  bench --page s                      another terminal: evaluates what is there so far;
+                                      after Ctrl-C the same call goes on where it ended
+
+"Paper 1" and "paper 2" are named on the page, and so is how each system is run.
+"""
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    What the user wants.
+
+    :ivar json: where to write the result, or None.
+    :ivar out: the folder for the result and the raw samples, or None.
+    :ivar page: the folder of an earlier call to evaluate again, or None.
+    """
+
+    cases: Sequence[Case]
+    options: Options
+    json: Path | None
+    out: Path | None
+    list_only: bool
+    page: Path | None = None
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Tell what is wrong in one line; the usage would hide it."""
+        print(f'{self.prog}: {message} (see {self.prog} --help)', file=sys.stderr)
+        sys.exit(2)
+
+
+def _parser(cases: Mapping[str, Case]) -> _Parser:
+    parser = _Parser(
+        prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Measure rt_robot_os on this machine, beside rclpy, HORUS and threads.',
+        epilog='cases:\n' + ''.join(
+            f'  {case.name:<12} {case.title}\n' for case in cases.values()) + '\n' + _EPILOG)
+    parser.add_argument('case', nargs='*', help='what to measure (default: all)')
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument('--quick', action='store_true',
+                        help=f'{_QUICK.seconds:g} s each, {_QUICK.repeats} repeat')
+    length.add_argument('--full', action='store_true',
+                        help=f'{_FULL.seconds:g} s each, {_FULL.repeats} repeats, more variants')
+    parser.add_argument('--seconds', metavar='S', type=_seconds,
+                        help=f'length of each measurement (default {_DEFAULT.seconds:g})')
+    parser.add_argument('--repeats', metavar='N', type=_repeats,
+                        help=f'times that each is repeated (default {_DEFAULT.repeats})')
+    parser.add_argument('--hours', metavar='H', type=_hours,
+                        help='length of the case stability (default: a minute)')
+    parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
+    parser.add_argument('--out', metavar='DIR', type=Path,
+                        help=f'write {PAGE_FILE} (tables and plots), {DOCUMENT_FILE}, '
+                        'benchmarks.md and all raw samples (NumPy files) to a new folder')
+    parser.add_argument('--page', metavar='DIR', type=Path,
+                        help='measure nothing; evaluate what --out DIR wrote, also while it is '
+                        'being written')
+    parser.add_argument('--list', action='store_true', help='list the cases and end')
+    return parser
+
+
+def _seconds(text: str) -> float:
+    return _number(text, 'seconds', _SECONDS)
+
+
+def _hours(text: str) -> float:
+    return _number(text, 'hours', _HOURS)
+
+
+def _number(text: str, of: str, limits: tuple[float, float]) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    low, high = limits
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is not a number of {of} from {low:g} to {high:g}')
+    return value
+
+
+def _repeats(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= _REPEATS_MAXIMUM):
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is not a whole number from 1 to {_REPEATS_MAXIMUM}')
+    return int(text)
+
+
+def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
+    """
+    Read and check the arguments; ends the program with code 2 when they are wrong.
+
+    What cannot be written is found out here, before anything is measured.
+    """
+    # `ros2 launch` appends them to every program.
+    own = argv[:list(argv).index('--ros-args')] if '--ros-args' in argv else argv
+    parser = _parser(cases)
+    given = parser.parse_args(own)
+    chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
+    base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
+    _check_together(parser, given)
+    options = replace(
+        base, out='' if given.out is None else str(given.out.absolute()),
+        **{key: value for key in ('seconds', 'repeats', 'hours')
+           if (value := getattr(given, key)) is not None})
+    if not given.list:
+        if given.json is not None:
+            _check_file(parser, given.json)
+        if given.out is not None:
+            _check_folder(parser, given.out, [case.name for case in chosen])
+    return Request(chosen or list(cases.values()), options, given.json, given.out, given.list,
+                   given.page)
+
+
+def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
+    """Refuse what would have no effect, rather than leave it out in silence."""
+    if given.page is not None:
+        useless = [f'--{name}' for name in ('quick', 'full', 'seconds', 'repeats', 'hours', 'json',
+                                            'out') if getattr(given, name)]
+        if useless or given.case:
+            parser.error(f'--page {given.page}: measures nothing, and cannot go with '
+                         f'{", ".join((*useless, *given.case))}')
+    if given.hours is not None and given.case and _HOURS_CASE not in given.case:
+        parser.error(f'--hours {given.hours:g}: is the length of the case {_HOURS_CASE}; that of '
+                     f'{", ".join(given.case)} is --seconds')
+
+
+def goes_on(request: Request) -> bool:
+    """Tell whether the same call, after Ctrl-C, goes on where it ended."""
+    return request.out is not None and [case.name for case in request.cases] == [_HOURS_CASE]
+
+
+def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:
+    if name in cases:
+        return cases[name]
+    close = get_close_matches(name, cases, 1)
+    hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(cases)}'
+    parser.error(f'no case {name!r}; {hint}')
+
+
+def _interrupted(path: Path) -> bool:
+    """Tell whether a call ended early that measured nothing but what can go on."""
+    try:
+        content = json.loads(path.read_text())
+        others = {case['name'] for case in content['cases']} - {_HOURS_CASE}
+        return bool(content['interrupted']) and not others
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _check_file(parser: _Parser, path: Path) -> None:
+    new = not path.exists()
+    try:
+        with open(path, 'ab'):
+            pass
+        if new:
+            path.unlink()
+    except OSError as error:
+        parser.error(f'--json {path}: cannot be written: {error.strerror}')
+
+
+def _check_folder(parser: _Parser, path: Path, cases: Sequence[str]) -> None:
+    if (path / DOCUMENT_FILE).exists():
+        if cases != [_HOURS_CASE] or not _interrupted(path / DOCUMENT_FILE):
+            parser.error(f'--out {path}: holds results of an earlier run; name another folder')
+        with alone(lock_path(), wait=False) as others:
+            if others:
+                parser.error(f'--out {path}: another bench is measuring, perhaps into this folder'
+                             f'; to see what is there so far: --page {path}')
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / f'.probe{os.getpid()}'
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        parser.error(f'--out {path}: cannot be written: {error.strerror}')

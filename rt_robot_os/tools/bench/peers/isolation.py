@@ -1,0 +1,97 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ROS side of a core: a node that mirrors its topics, and a storm of participants."""
+
+# mypy: allow-untyped-calls
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from collections.abc import Mapping
+from pathlib import Path
+import time
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from rt_robot_os.clients.ros.mirrors import OutwardMirror
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.tools.bench.workers.isolation import topic
+from rt_robot_os.tools.bench.workers.micro import IMU
+from rt_robot_os.units import NS_PER_S
+
+_DEPTH = 10
+_PARTICIPANTS = 4
+
+
+def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
+    """Be a node that publishes the first ``mirrored`` topics of the core as they are."""
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    made = Node('bench_robot', start_parameter_services=False, enable_rosout=False)
+    path, mapper = Path(arguments['path']), StampMapper()
+    mirrors = [OutwardMirror(made, MirrorSettings(
+        f'imu{i}', topic(i), IMU, 'out', topic(i), 'drain', 0.0, 'reliable', 'volatile', _DEPTH),
+        mapper) for i in range(arguments['mirrored'])]
+    ready()
+    while not path.exists():
+        time.sleep(0.01)
+    link = LinkClient(path, 'bench', timeout_s=10.0)
+    by_channel: dict[int, OutwardMirror] = {}
+
+    def carry(head: Header, cdr: memoryview) -> None:
+        mirror = by_channel.get(head.channel)
+        if mirror is not None:
+            mirror.carry(head, cdr)
+
+    link.on_data = carry
+    for i, mirror in enumerate(mirrors):
+        mirror.connect(link.topics[topic(i)])
+        by_channel[link.mirror(topic(i))] = mirror
+    beat_ns = 0
+    while True:
+        link.pump(0.1)
+        now_ns = time.monotonic_ns()
+        if now_ns >= beat_ns:
+            link.beat()
+            beat_ns = now_ns + NS_PER_S // 3
+
+
+def storm(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
+    """Let participants with a publisher and a subscription each join and leave all the time."""
+    from rt_robot_os.topics.resolve import message_class
+    kind = message_class(IMU)
+    alive: deque[tuple[Context, Node]] = deque()
+    count = 0
+    while True:
+        context = Context()
+        rclpy.init(args=[], context=context)
+        made = Node(f'storm{count}', context=context)
+        made.create_publisher(kind, topic(count % 50), _DEPTH)
+        made.create_subscription(kind, topic(count % 50), lambda message: None, _DEPTH)
+        alive.append((context, made))
+        count += 1
+        if count == 1:
+            ready()
+        if len(alive) > _PARTICIPANTS:
+            old_context, old = alive.popleft()
+            old.destroy_node()
+            rclpy.try_shutdown(context=old_context)

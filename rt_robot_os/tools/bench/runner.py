@@ -1,0 +1,69 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Run the children of a case, repeat by repeat, so that a disturbance meets all systems alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.processes import measure
+from rt_robot_os.tools.bench.progress import Progress
+from rt_robot_os.tools.bench.result import Status
+
+Measure = Callable[[Run], Outcome]
+
+
+def expected_seconds(case: Case, options: Options) -> float:
+    """Estimate how long a case takes."""
+    return sum(run.seconds * repeats(run, options) for run in case.plan(options))
+
+
+def repeats(run: Run, options: Options) -> int:
+    """Tell how often a run is repeated."""
+    return 1 if run.once else options.repeats
+
+
+def run_case(case: Case, options: Options, progress: Progress, measured: Measure = measure
+             ) -> Outcomes:
+    """
+    Measure everything that a case asks for: all runs once, then all again, and so on.
+
+    The order is reversed every other time: no run profits from always being after the same one.
+
+    :param progress: told before each run what is done, and after it.
+    :param measured: runs one of them.
+    """
+    runs = list(case.plan(options))
+    outcomes = Outcomes(runs)
+    missing: dict[str, Outcome] = {}
+    total = sum(repeats(run, options) for run in runs)
+    count = 0
+    for repeat in range(options.repeats):
+        for run in runs if repeat % 2 == 0 else reversed(runs):
+            if repeat >= repeats(run, options):
+                continue
+            count += 1
+            progress.show(f'{case.name} {count}/{total}: {run.label.strip()}')
+            outcome = missing.get(run.key) or measured(run)
+            if outcome.status is Status.MISSING:
+                missing[run.key] = outcome
+            outcomes.add(run.key, outcome)
+            progress.done(run.seconds)
+    return outcomes

@@ -1,0 +1,195 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Small costs: an operation on a topic or a layout, and the kernel's own part of a job."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import time
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.linux.timer import Sleeper
+from rt_robot_os.logger import Logger
+from rt_robot_os.reports import Reports
+from rt_robot_os.tools.bench.case import Samples
+from rt_robot_os.tools.bench.harness import Harness
+from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.workers.delay import MESSAGE
+from rt_robot_os.tools.bench.workers.delay import OVERHEAD_BYTES
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Layout
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+IMU = 'sensor_msgs/msg/Imu'
+IMU_SHAPE = {'header.frame_id': 'imu_link'}
+TEN_FIELDS = ('orientation', 'angular_velocity', 'linear_acceleration')
+_CALLS = 500
+_STRETCH_NS = 200 * NS_PER_MS
+
+
+def block_means_ps(operation: Callable[[], object], duration_ns: int) -> Samples:
+    """
+    Repeat an operation and take the mean of each block of calls, the empty loop taken off.
+
+    :return: picoseconds a call.
+    """
+    now_ns = time.perf_counter_ns
+    turns = range(_CALLS)
+    means: list[int] = []
+    end_ns = now_ns() + duration_ns
+    begin_ns = 0
+    while begin_ns < end_ns or len(means) < 3:
+        begin_ns = now_ns()
+        for _ in turns:
+            operation()
+        middle_ns = now_ns()
+        for _ in turns:
+            pass
+        means.append((2 * middle_ns - begin_ns - now_ns()) * 1000 // _CALLS)
+    return np.array(means, np.int64)
+
+
+def operations(harness: Harness) -> Measured:
+    """Measure each operation for a part of the time, in turns."""
+    tested = {**_topic_operations(64), **_topic_operations(2048), **_layout_operations(),
+              **_log_operations()}
+    harness.prepare(freeze=True)
+    turns = 4
+    share_ns = harness.arguments['measure_ns'] // (turns * (len(tested) + 1))
+    means: dict[str, list[Samples]] = {name: [] for name in tested}
+    for _ in range(turns):
+        for name, operation in tested.items():
+            means[name].append(block_means_ps(operation, share_ns))
+        means.setdefault('publish to task 64', []).append(_to_a_task_ps(share_ns))
+    return Measured({name: np.concatenate(parts) for name, parts in means.items()})
+
+
+def _topic_operations(size: int) -> dict[str, Callable[[], object]]:
+    bus = Bus(Kernel())
+    bus.declare('message', MESSAGE, {'data': size - OVERHEAD_BYTES})
+    publish, take = bus.publisher('message').publish, bus.subscribe('message', 'reader').take
+
+    def both() -> None:
+        publish()
+        take()
+
+    return {f'publish {size}': publish, f'publish+take {size}': both}
+
+
+def _to_a_task_ps(duration_ns: int) -> Samples:
+    """Measure what has to be measured inside a kernel that runs."""
+    tested = Kernel()
+    bus = Bus(tested)
+    bus.declare('message', MESSAGE, {'data': 64 - OVERHEAD_BYTES})
+    publish = bus.publisher('message').publish
+    taken: list[Callable[[], bool]] = []
+    means: list[Samples] = []
+    reader = tested.add_task('reader', lambda: taken[0](), priority=50)
+    taken.append(bus.subscribe('message', 'reader', task=reader).take)
+
+    def job() -> None:
+        means.append(block_means_ps(publish, duration_ns))
+        tested.stop()
+
+    tested.add_task('publisher', job, priority=10, rate_hz=1.0)
+    tested.run()
+    return means[0]
+
+
+def _layout_operations() -> dict[str, Callable[[], object]]:
+    layout = Layout.compile(IMU, IMU_SHAPE)
+    buffer = layout.new_buffer()
+    message = layout.view(buffer)
+    packer = layout.packer(*TEN_FIELDS)
+    velocity = message.angular_velocity
+    values = tuple(float(i) for i in range(10))
+
+    def set_one() -> None:
+        velocity.x = 1.0
+
+    return {'field set': set_one, 'field get': lambda: velocity.x,
+            'pack ten': lambda: packer.pack(buffer, *values),
+            'unpack ten': lambda: packer.unpack(buffer)}
+
+
+def _log_operations() -> dict[str, Callable[[], object]]:
+    log = Logger('bench')
+    log.connect(Reports(), Kernel().now_ns)
+    return {'log three': lambda: log.info('%d of %s: %.1f', 1, 'two', 3.0),
+            'log throttled': lambda: log.info('%d', 1, throttle_s=3600.0),
+            'log off': lambda: log.debug('%d', 1)}
+
+
+def dispatch(harness: Harness) -> Measured:
+    """
+    Let many tasks do nothing, and divide the CPU time of the process by the jobs.
+
+    ``spread`` 0 releases all at once; 1 gives each a moment of its own, so that each job takes a
+    wake-up and a timer as well.
+    """
+    a = harness.arguments
+    harness.prepare(freeze=True)
+    return Measured({'cpu_ns': _dispatch(a, a['tasks'], a['spread'])})
+
+
+def dispatch_curve(harness: Harness) -> Measured:
+    """Do the same for several numbers of ``tasks``, released together."""
+    a = harness.arguments
+    harness.prepare(freeze=True)
+    return Measured({str(tasks): _dispatch(a, tasks, 0) for tasks in a['tasks']})
+
+
+def _dispatch(a: Mapping[str, Any], tasks: int, spread: int) -> Samples:
+    tested = Kernel()
+    period_ns = NS_PER_S // a['rate_hz']
+    for i in range(tasks):
+        tested.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=a['rate_hz'],
+                        phase_ns=spread * (i * period_ns // tasks))
+    tested.run(a['warmup_ns'])
+    costs = []
+    for _ in range(max(1, a['measure_ns'] // _STRETCH_NS)):
+        runs = sum(task.runs for task in tested.tasks)
+        begin_ns = time.process_time_ns()
+        tested.run(_STRETCH_NS)
+        used_ns = time.process_time_ns() - begin_ns
+        costs.append(used_ns // (sum(task.runs for task in tested.tasks) - runs))
+    return np.array(costs, np.int64)
+
+
+def wake(harness: Harness) -> Measured:
+    """Divide the CPU time of a bare ``clock_nanosleep`` loop by its wake-ups: the least of one."""
+    a = harness.arguments
+    sleeper = Sleeper()
+    harness.prepare(freeze=True)
+    period_ns = NS_PER_S // a['rate_hz']
+    count = _STRETCH_NS // period_ns
+    costs = []
+    deadline_ns = time.monotonic_ns()
+    for _ in range(1 + max(1, a['measure_ns'] // _STRETCH_NS)):
+        begin_ns = time.process_time_ns()
+        for _ in range(count):
+            deadline_ns += period_ns
+            sleeper.sleep_until_ns(deadline_ns)
+        costs.append((time.process_time_ns() - begin_ns) // count)
+    return Measured({'cpu_ns': np.array(costs[1:], np.int64)})
+
+
+def _nothing() -> None:
+    """Do nothing: what is measured is the kernel."""

@@ -1,0 +1,85 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The difference that something makes to the CPU time of a process, taken in turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+import numpy as np
+
+from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.units import NS_PER_MS
+
+STRETCH_NS = 250 * NS_PER_MS
+_SETTLE_NS = 20 * NS_PER_MS
+
+
+class Turns:
+    """
+    A job for a periodic task that does a thing for a stretch, then another, then the first again.
+
+    At the end of each stretch the CPU time of the process is noted, so that what else it spends
+    is in both.
+
+    :param with_it: does what is measured.
+    :param without: the same without.
+    :param between: called after each stretch, outside of what is measured.
+    """
+
+    def __init__(self, with_it: Callable[[], object], without: Callable[[], object],
+                 between: Callable[[], None] | None = None) -> None:
+        self._functions = (without, with_it)
+        self._between = between
+        self._costs: tuple[list[float], list[float]] = ([], [])
+        self._turn = 0
+        self._now_ns = time.monotonic_ns
+        self._begin()
+
+    def _begin(self) -> None:
+        self._count = self._cpu_ns = self._from_ns = 0
+        self._begun_ns = self._now_ns()
+
+    def job(self) -> None:
+        """Do it once; the first times of a stretch do not count."""
+        self._functions[self._turn]()
+        now_ns = self._now_ns()
+        if now_ns < self._begun_ns + _SETTLE_NS:
+            return
+        if not self._from_ns:
+            self._from_ns, self._cpu_ns = now_ns, time.process_time_ns()
+            return
+        self._count += 1
+        if now_ns >= self._from_ns + STRETCH_NS:
+            used_ns = time.process_time_ns() - self._cpu_ns
+            self._costs[self._turn].append(used_ns / self._count)
+            self._turn = 1 - self._turn
+            if self._between is not None:
+                self._between()
+            self._begin()
+
+    def differences(self, warmup_ns: int) -> Measured:
+        """
+        Compare each stretch with the one before it.
+
+        :raises RuntimeError: there was no time for a pair.
+        """
+        skip = max(1, warmup_ns // (2 * STRETCH_NS))
+        pairs = list(zip(*self._costs))[skip:]
+        if not pairs:
+            raise RuntimeError('too short to compare a stretch with it and one without')
+        off, on = (np.array([pair[i] for pair in pairs]).round().astype(np.int64) for i in (0, 1))
+        return Measured({'with_ns': on, 'without_ns': off, 'difference_ns': on - off})

@@ -1,0 +1,70 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Everything that `plan` finds out about a robot, in one place, and its exit code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rt_robot_os.tools.plan.analysis import analyse
+from rt_robot_os.tools.plan.given import RobotTasks
+from rt_robot_os.tools.plan.phases import hyper_period_ns
+from rt_robot_os.tools.plan.phases import lowest_peak
+from rt_robot_os.tools.plan.phases import PhasePlan
+from rt_robot_os.tools.plan.remedy import remedy
+from rt_robot_os.tools.plan.result import Analysis
+from rt_robot_os.tools.plan.sensitivity import load_margins
+from rt_robot_os.tools.plan.sensitivity import Sensitivity
+
+SCHEDULABLE, NOT_SCHEDULABLE, BAD_CONFIGURATION, NOT_JUDGED = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """
+    What was found.
+
+    :ivar sensitivity: None while tasks with a deadline cannot be judged.
+    :ivar hyper_period_ns: None when it is too long to matter, 0 without timers.
+    :ivar remedy: the first thing to do; empty when nothing has to be done.
+    """
+
+    robot: RobotTasks
+    analysis: Analysis
+    sensitivity: Sensitivity | None
+    phases: PhasePlan
+    hyper_period_ns: int | None
+    remedy: str
+
+    @property
+    def exit_code(self) -> int:
+        """Give 0 schedulable, 1 not schedulable, 3 some task with a deadline is not judged."""
+        if self.analysis.failed:
+            return NOT_SCHEDULABLE
+        return NOT_JUDGED if self.analysis.unjudged else SCHEDULABLE
+
+
+def make_report(robot: RobotTasks) -> Report:
+    """
+    Find out everything about a robot's tasks.
+
+    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`.
+    """
+    tasks, overhead = robot.tasks, robot.overhead
+    analysis = analyse(tasks, overhead)
+    sensitivity = None if analysis.unjudged else load_margins(tasks, overhead)
+    return Report(
+        robot, analysis, sensitivity, lowest_peak(tasks, robot.fixed_phases()),
+        hyper_period_ns(tasks), remedy(tasks, overhead, analysis))

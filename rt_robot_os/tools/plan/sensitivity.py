@@ -1,0 +1,152 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far the load may grow, and what breaks first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+
+from rt_robot_os.tools.plan.analysis import judge
+from rt_robot_os.tools.plan.result import Analysis
+from rt_robot_os.tools.plan.task import check
+from rt_robot_os.tools.plan.task import Overhead
+from rt_robot_os.tools.plan.task import PlannedTask
+
+# The factors are found to one part in this many.
+RESOLUTION = 1000
+FACTOR_MAXIMUM = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """
+    How far one task's execution time may grow while all others stay.
+
+    :ivar execution_ns: the longest with which the set is schedulable; None without a limit.
+    :ivar breaks: the task that is late first beyond it; empty: there is more work than time.
+    """
+
+    task: str
+    execution_ns: int | None
+    breaks: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """
+    What breaks first.
+
+    :ivar factor: all execution times may be multiplied by it; below 1 they have to be.
+    :ivar breaks: the task that is late first when they grow more; empty: as above.
+    """
+
+    factor: float
+    breaks: str
+    growth: tuple[Growth, ...]
+
+
+def scaled(task: PlannedTask, factor: float) -> PlannedTask:
+    """Make a task that computes longer, everywhere alike."""
+    def grow(length_ns: int) -> int:
+        return max(1, round(length_ns * factor)) if length_ns else 0
+
+    if task.execution_ns is None:
+        return task
+    execution_ns = grow(task.execution_ns)
+    sections = {name: None if length is None else min(execution_ns, grow(length))
+                for name, length in task.sections.items()}
+    return replace(task, execution_ns=execution_ns, native_ns=grow(task.native_ns),
+                   sections=sections)
+
+
+def _stretched(task: PlannedTask, execution_ns: int) -> PlannedTask:
+    """Make a task that computes longer outside of its sections and native calls."""
+    sections = {name: None if length is None else min(execution_ns, length)
+                for name, length in task.sections.items()}
+    return replace(task, execution_ns=execution_ns, sections=sections)
+
+
+def largest(low: float, high: float, fits: Callable[[float], bool]) -> float:
+    """Find the largest number that fits, between one that does and one that does not."""
+    while high - low > high / RESOLUTION:
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return low
+
+
+def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Sensitivity:
+    """
+    Find how far the load may grow.
+
+    Tasks whose execution time is not known are left as they are.
+
+    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`.
+    """
+    check(tasks, overhead)
+
+    def all_times(factor: float) -> Analysis:
+        return judge([scaled(task, factor) for task in tasks], overhead)
+
+    factor = largest_factor(lambda f: not all_times(f).failed)
+    breaks = _first(all_times(factor * (1 + 2 / RESOLUTION)))
+    growth = tuple(_growth(tasks, index, overhead) for index, task in enumerate(tasks)
+                   if task.execution_ns) if factor >= 1 else ()
+    return Sensitivity(factor, breaks, growth)
+
+
+def largest_factor(fits: Callable[[float], bool]) -> float:
+    """Find the largest factor that fits, from 1 / ``FACTOR_MAXIMUM``; 0 when none does."""
+    if fits(1.0):
+        low, high = 1.0, 2.0
+        while fits(high):
+            low, high = high, high * 2
+            if high > FACTOR_MAXIMUM:
+                return FACTOR_MAXIMUM
+    else:
+        low, high = 0.5, 1.0
+        while not fits(low):
+            low, high = low / 2, low
+            if low < 1 / FACTOR_MAXIMUM:
+                return 0.0
+    return largest(low, high, fits)
+
+
+def _growth(tasks: Sequence[PlannedTask], index: int, overhead: Overhead) -> Growth:
+    task = tasks[index]
+
+    def with_time(execution_ns: float) -> Analysis:
+        changed = list(tasks)
+        changed[index] = _stretched(task, round(execution_ns))
+        return judge(changed, overhead)
+
+    low = high = float(task.execution_ns or 1)
+    # Nothing may compute longer than the longest time that anybody is given.
+    limit = max((t.limit_ns or t.period_ns for t in tasks), default=0)
+    while not with_time(high := min(2 * high, 2.0 * limit)).failed:
+        low = high
+        if high >= 2 * limit:
+            return Growth(task.name, None, '')
+    longest = largest(low, high, lambda ns: not with_time(ns).failed)
+    return Growth(task.name, round(longest), _first(with_time(high)) if longest == low
+                  else _first(with_time(longest * (1 + 2 / RESOLUTION))))
+
+
+def _first(analysis: Analysis) -> str:
+    """Name the task that is late; of several the one that it hits hardest."""
+    late = [result for result in analysis.failed if result.response_ns is not None]
+    return max(late, key=lambda r: r.late_ns / r.task.limit_ns).task.name if late else ''

@@ -1,0 +1,167 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who publishes what in a robot, and how often: from that follows who releases whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+import math
+
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.modules.ports import WAKE_ON_ALL
+from rt_robot_os.modules.registry import module_class
+from rt_robot_os.settings import DeviceSettings
+from rt_robot_os.settings import ModuleSettings
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.tools.plan.task import Event
+from rt_robot_os.units import period_from_rate
+
+COMMANDS = 'link/commands'
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """
+    A task that publishes a topic.
+
+    :ivar task: its name.
+    :ivar priority: of the task.
+    :ivar task_rate_hz: how often it runs by its timer; 0 without.
+    :ivar topic_rate_hz: how often it publishes the topic; 0 when it may in each job.
+    """
+
+    task: str
+    priority: int
+    task_rate_hz: float
+    topic_rate_hz: float
+
+
+class Wiring:
+    """
+    The topics of a robot.
+
+    Devices and modules are made, as the core makes them, and asked; none is opened.
+    """
+
+    def __init__(self, settings: RobotSettings) -> None:
+        self._settings = settings
+        self._sources: dict[str, list[Source]] = {}
+        self._wakes: dict[str, dict[str, bool | int | str]] = {}
+        self._coroutines: set[str] = set()
+        for device in settings.devices:
+            self._add_device(device)
+        for module in settings.modules:
+            self._add_module(module)
+        rates = {topic.topic: topic.rate_hz for topic in settings.topics}
+        #: Topics that ROS feeds, with the rate that is expected; 0 when unknown.
+        self.inputs: dict[str, float] = {}
+        for mirror in settings.mirrors:
+            if mirror.direction == 'in':
+                self.inputs[mirror.topic] = rates.get(mirror.topic, 0.0)
+        for topic, rate_hz in self.inputs.items():
+            self._add(topic, Source(COMMANDS, settings.core.command_priority, 0.0, rate_hz))
+
+    def _add(self, topic: str, source: Source) -> None:
+        self._sources.setdefault(topic, []).append(source)
+
+    def _add_device(self, device: DeviceSettings) -> None:
+        made = DRIVERS.load(device.type)(device.name, dict(device.settings))
+        for each in made.publications():
+            self._add(each.topic, Source(device.name, device.priority, device.rate_hz,
+                                         each.rate_hz))
+
+    def _add_module(self, entry: ModuleSettings) -> None:
+        module = module_class(entry.type)(entry.name, entry.settings)
+        for each in module.publications():
+            self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
+        self._wakes[entry.name] = module.wakes()
+        if getattr(module, 'run', None) is not None:
+            self._coroutines.add(entry.name)
+
+    def outputs(self) -> tuple[str, ...]:
+        """Give the topics that ROS sees, each once."""
+        return tuple(dict.fromkeys(
+            mirror.topic for mirror in self._settings.mirrors if mirror.direction == 'out'))
+
+    def samples_hz(self, device: str) -> float:
+        """Say how many samples a second a device is expected to give: of its fastest topic."""
+        return max((source.topic_rate_hz for sources in self._sources.values()
+                    for source in sources if source.task == device), default=0.0)
+
+    def is_coroutine(self, module: str) -> bool:
+        """Say whether a module is an ``async def run``, which says itself when it goes on."""
+        return module in self._coroutines
+
+    def outputs_events(self, priority: int) -> tuple[Event, ...]:
+        """
+        Say what releases the task of a priority that carries topics to ROS.
+
+        At most: publications that go out together release it once.
+        """
+        return self._events(dict.fromkeys(self.outputs(), 1), priority)
+
+    def module_events(self, module: str, priority: int) -> tuple[Event, ...]:
+        """Say what releases a module that wakes on topics."""
+        wakes = self._wakes.get(module, {})
+        together = [topic for topic, wake in wakes.items() if wake == WAKE_ON_ALL]
+        single = {topic: int(wake) for topic, wake in wakes.items() if wake != WAKE_ON_ALL}
+        return self._events(single, priority) + self._together(together, priority)
+
+    def _together(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
+        """
+        Say what releases a task when each of some topics has something new.
+
+        It is released once for each publication of any of them at most, and once more for what
+        was there before: the one that comes least often counts.
+        """
+        if not topics:
+            return ()
+        slowest = min(topics, key=self._rate_hz)
+        return tuple(replace(event, waits=True) for event in self._events({slowest: 1}, priority))
+
+    def _rate_hz(self, topic: str) -> float:
+        """Give the rate of a topic; infinity when it is not known."""
+        return sum(source.topic_rate_hz or source.task_rate_hz or math.inf
+                   for source in self._sources.get(topic, ()))
+
+    def _events(self, topics: Mapping[str, int], priority: int) -> tuple[Event, ...]:
+        """
+        Say what releases a task of a priority that wakes on every n-th sample of topics.
+
+        What one job of a task at or above this priority publishes, on any of the topics, makes
+        one release: the others find it waiting already.
+        """
+        by_task: dict[str, list[tuple[Source, int]]] = {}
+        for topic, every in topics.items():
+            for source in self._sources.get(topic, ()):
+                by_task.setdefault(source.task, []).append((source, every))
+        found: list[Event] = []
+        for name, sources in by_task.items():
+            rates = [source.topic_rate_hz / every for source, every in sources]
+            first = sources[0][0]
+            above = priority > first.priority
+            seldom = all(rates) and (not first.task_rate_hz or sum(rates) < first.task_rate_hz)
+            if seldom or (all(rates) and above):
+                # What arrived since the poll before comes together: a jitter of one poll.
+                jitter_ns = period_from_rate(first.task_rate_hz) if first.task_rate_hz else 0
+                found += (Event(name, period_from_rate(rate), jitter_ns) for rate in rates)
+            elif above or len(sources) == 1:
+                found += (Event(name, every=every) for _, every in sources)
+            else:
+                found.append(Event(name))
+        return tuple(found)

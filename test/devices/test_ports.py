@@ -1,0 +1,575 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every port, whatever carries it: bytes both ways, never waiting, errors with a remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import select
+import socket
+import time
+from typing import Any
+from typing import ClassVar
+
+from driver_fakes import bind
+from driver_fakes import settings_of
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+from rt_robot_os.devices.hokuyo.driver import Hokuyo
+from rt_robot_os.devices.manager import SensorManager
+from rt_robot_os.devices.nmea.driver import NmeaGps
+from rt_robot_os.devices.nmea.wire import sentence
+from rt_robot_os.devices.serial import lookup
+from rt_robot_os.devices.serial.lookup import HostName
+from rt_robot_os.devices.serial.network import network_address
+from rt_robot_os.devices.serial.port import open_port
+from rt_robot_os.devices.state import DeviceState
+from rt_robot_os.devices.state import RecoverySettings
+from rt_robot_os.devices.ublox.driver import Ublox
+from rt_robot_os.devices.xsens.driver import Xsens
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.reports import Reports
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.topics import Bus
+
+S = 1_000_000_000
+
+
+def has_v6() -> bool:
+    """Say whether this machine can talk to itself by IPv6."""
+    try:
+        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as trial:
+            trial.bind(('::1', 0))
+            return True
+    except OSError:
+        return False
+
+
+needs_v6 = pytest.mark.skipif(not has_v6(), reason='this machine has no IPv6')
+
+
+class Far:
+    """The far end of a port: the device."""
+
+    port = ''
+
+    def write(self, data: bytes) -> None:
+        """Send to the driver."""
+        raise NotImplementedError
+
+    def read(self, count: int) -> bytes:
+        """Wait for that many bytes of the driver."""
+        raise NotImplementedError
+
+    def go(self) -> None:
+        """Go away."""
+        raise NotImplementedError
+
+
+class PtyFar(Far):
+    def __init__(self, folder: Path) -> None:
+        self._plug = PtyPort(folder / 'port')
+        self._plug.plug()
+        self.port = str(self._plug.link)
+
+    def write(self, data: bytes) -> None:
+        self._plug.write(data)
+
+    def read(self, count: int) -> bytes:
+        found = b''
+        while len(found) < count:
+            assert select.select([self._plug.fileno()], [], [], 10)[0]
+            found += self._plug.read()
+        return found
+
+    def go(self) -> None:
+        self._plug.unplug()
+
+
+class TcpFar(Far):
+    family = socket.AF_INET
+    host = '127.0.0.1'
+    scheme = 'tcp'
+
+    def __init__(self, folder: Path) -> None:
+        self.listener = socket.create_server(
+            (self.host, 0), family=self.family)
+        host = f'[{self.host}]' if ':' in self.host else self.host
+        self.port = f'{self.scheme}://{host}:{self.listener.getsockname()[1]}'
+        self._socket: socket.socket | None = None
+
+    @property
+    def socket(self) -> socket.socket:
+        if self._socket is None:
+            self.listener.settimeout(10)
+            self._socket = self.listener.accept()[0]
+            self._socket.settimeout(10)
+        return self._socket
+
+    def write(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def read(self, count: int) -> bytes:
+        found = b''
+        while len(found) < count:
+            found += self.socket.recv(count - len(found))
+        return found
+
+    def go(self) -> None:
+        self.listener.close()
+        if self._socket is not None:
+            self._socket.close()
+
+
+class Tcp6Far(TcpFar):
+    family = socket.AF_INET6
+    host = '::1'
+
+
+class UdpFar(Far):
+    def __init__(self, folder: Path) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(('127.0.0.1', 0))
+        self.socket.settimeout(10)
+        self.port = f'udp://127.0.0.1:{self.socket.getsockname()[1]}'
+        self._driver: Any = None
+
+    def write(self, data: bytes) -> None:
+        if self._driver is None:  # it answers to who writes to it
+            self._driver = self.socket.recvfrom(100)[1]
+        for at in range(0, len(data), 1000):
+            self.socket.sendto(data[at:at + 1000], self._driver)
+
+    def read(self, count: int) -> bytes:
+        found = b''
+        while len(found) < count:
+            found += self.socket.recv(65536)
+        return found
+
+    def go(self) -> None:
+        self.socket.close()
+
+
+class ListenFar(UdpFar):
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(('127.0.0.1', 0))
+            self._driver = free.getsockname()
+        self.port = f'udp-listen://:{self._driver[1]}'
+
+
+class PortContract:
+    """
+    What every port has to do.
+
+    :cvar far: the other end.
+    :cvar hello: what the driver has to send first, if anything.
+    """
+
+    far: ClassVar[type[Far]]
+    hello: ClassVar[bytes] = b''
+
+    @contextmanager
+    def pair(self, folder: Path) -> Iterator[tuple[Any, Any]]:
+        far = self.far(folder)
+        port = open_port(far.port, None)
+        port.write(self.hello)
+        try:
+            yield port, far
+        finally:
+            port.close()
+            far.go()
+
+    def read(self, port: Any, count: int) -> bytes:
+        found = b''
+        while len(found) < count:
+            assert select.select([port.fileno()], [], [], 10)[0], found
+            data = port.read()
+            assert len(data) <= 2 * 65536
+            found += data
+        return found
+
+    def test_bytes_go_both_ways(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, far):
+            every_byte = bytes(range(256))
+            far.write(every_byte)
+            assert self.read(port, 256) == every_byte
+            assert port.bytes_read == 256
+            far.read(len(self.hello)) if self.hello and isinstance(far, TcpFar) else None
+            port.write(every_byte)
+            assert far.read(256) == every_byte
+            assert port.dropped_write_bytes == 0
+
+    def test_reading_nothing_is_no_error_and_does_not_wait(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, _):
+            assert [port.read() for _ in range(3)] == [b''] * 3
+            assert port.bytes_read == 0
+
+    def test_much_comes_in_order(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, far):
+            for _ in range(20):
+                data = bytes(range(250)) * 12
+                far.write(data)
+                assert self.read(port, len(data)) == data
+
+    def test_closing_may_be_repeated(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, _):
+            port.close()
+            port.close()
+            assert port.fileno() == -1
+
+    def test_a_device_of_it_gives_samples_and_is_opened_again(self, tmp_path: Path) -> None:
+        far = self.far(tmp_path)
+        device = NmeaGps('dut', settings_of(NmeaGps, port=far.port, baud=0))
+        publishers = bind(device)
+        fix = sentence('GNGGA,123519.00,4807.0380,N,01131.0000,E,1,08,0.9,545.4,M,46.9,M,,')
+        for turn in range(2):
+            device.open()
+            device.send(b'hello')
+            far.write(fix * 3)
+            while device.statistics().frames < 3 * (turn + 1):
+                assert select.select([device.fileno()], [], [], 10)[0]
+                device.read(S)
+            device.close()
+            if isinstance(far, TcpFar):
+                far.socket.close()
+                far._socket = None
+            elif isinstance(far, UdpFar) and not isinstance(far, ListenFar):
+                far._driver = None
+        assert publishers[0].samples
+        assert device.statistics().rejected_bytes == 0
+        far.go()
+
+
+class StreamContract(PortContract):
+    """What those have to do that are streams."""
+
+    def test_what_came_before_the_end_is_not_lost_and_then_it_is_an_error(
+            self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, far):
+            far.write(b'last words')
+            assert self.read(port, 10) == b'last words'
+            far.go()
+            with pytest.raises(DeviceError, match='again'):
+                while select.select([port.fileno()], [], [], 10)[0]:
+                    port.read()
+
+    def test_what_is_not_taken_waits_and_then_is_dropped_whole(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, _):
+            for _ in range(100_000):
+                port.write(b'command;' * 64)
+                if port.dropped_write_bytes > 1024:
+                    break
+            assert port.dropped_write_bytes > 0 and port.dropped_write_bytes % 512 == 0
+
+
+class TestPty(StreamContract):
+    far = PtyFar
+
+
+class TestTcp(StreamContract):
+    far = TcpFar
+
+
+@needs_v6
+class TestTcp6(StreamContract):
+    far = Tcp6Far
+
+
+class TestUdp(PortContract):
+    far = UdpFar
+    hello = b'hello'
+
+    def test_bytes_go_both_ways(self, tmp_path: Path) -> None:
+        with self.pair(tmp_path) as (port, far):
+            far.write(b'\x00\xff')
+            assert self.read(port, 2) == b'\x00\xff'
+            port.write(b'')
+            port.write(b'whole')
+            assert far.read(5) == b'whole'
+
+
+class TestUdpListen(PortContract):
+    far = ListenFar
+
+
+# --- TCP -----------------------------------------------------------------------------------------
+
+def test_a_refused_connection_says_so() -> None:
+    with socket.create_server(('127.0.0.1', 0)) as listener:
+        number = listener.getsockname()[1]
+    port = open_port(f'tcp://127.0.0.1:{number}', None)
+    with pytest.raises(DeviceError, match=f'tcp://127.0.0.1:{number}: the connection was refused'):
+        while select.select([port.fileno()], [], [], 10)[0]:
+            port.read()
+    port.close()
+
+
+@pytest.fixture
+def full() -> Iterator[str]:
+    """Give the port of a host that does not answer: the queue of its listener is full."""
+    listener = socket.socket()
+    listener.bind(('127.0.0.1', 0))
+    listener.listen(0)
+    waiting = []
+    for _ in range(4):
+        waiting.append(socket.socket())
+        waiting[-1].setblocking(False)
+        waiting[-1].connect_ex(listener.getsockname())
+    yield f'tcp://127.0.0.1:{listener.getsockname()[1]}'
+    for each in (*waiting, listener):
+        each.close()
+
+
+def test_a_host_that_does_not_answer_costs_no_time_and_is_named(full: str) -> None:
+    device = NmeaGps('gps', settings_of(NmeaGps, port=full, baud=0))
+    kernel = Kernel()
+    reports = Reports()
+    manager = SensorManager(kernel, Bus(kernel), reports)
+    managed = manager.add(device, rate_hz=100.0, priority=40, interrupt=True,
+                          recovery=RecoverySettings(S // 5, S // 20, S // 10))
+    low: Any = None
+
+    def look() -> None:
+        if managed.faults >= 2:
+            kernel.stop('seen')
+
+    low = kernel.add_task('low', look, priority=2, rate_hz=100.0)
+    assert kernel.run(60 * S) == 'seen'
+    statistics = low.statistics()
+    manager.close()
+    assert statistics.missed * 4 < statistics.releases
+    assert f'{full} does not answer to the connection: check address and cable' in managed.reason
+
+
+def test_a_server_that_ends_and_comes_back_is_connected_again(tmp_path: Path) -> None:
+    far = TcpFar(tmp_path)
+    fix = sentence('GNGGA,123519.00,4807.0380,N,01131.0000,E,1,08,0.9,545.4,M,46.9,M,,')
+    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port, baud=0))
+    kernel = Kernel()
+    manager = SensorManager(kernel, Bus(kernel), Reports())
+    managed = manager.add(device, rate_hz=100.0, priority=40, interrupt=True,
+                          recovery=RecoverySettings(S, S // 20, S // 10))
+    clients: list[socket.socket] = []
+    far.listener.setblocking(False)
+    ended = 0
+
+    def serve() -> None:
+        nonlocal ended
+        try:
+            clients.append(far.listener.accept()[0])
+        except BlockingIOError:
+            pass
+        for client in clients[-1:]:
+            if managed.state is DeviceState.ACTIVE and len(clients) == 1 and not ended:
+                ended = managed.opened
+                client.close()
+            elif client.fileno() >= 0:
+                client.send(fix)
+        if ended and len(clients) > 1 and managed.state is DeviceState.ACTIVE:
+            kernel.stop('again')
+
+    kernel.add_task('server', serve, priority=10, rate_hz=20.0)
+    assert kernel.run(60 * S) == 'again', managed.reason
+    manager.close()
+    assert managed.faults == 1 and managed.opened == 2
+    for client in clients:
+        client.close()
+    far.go()
+
+
+def test_gpsd_is_asked_for_the_bytes_of_its_receiver(tmp_path: Path) -> None:
+    far = TcpFar(tmp_path)
+    port = open_port(far.port.replace('tcp:', 'gpsd:'), None)
+    assert far.read(32) == b'?WATCH={"enable":true,"raw":2};\n'
+    port.close()
+    far.go()
+
+
+# --- UDP -----------------------------------------------------------------------------------------
+
+def test_others_than_the_one_heard_first_are_not_mixed_in(tmp_path: Path) -> None:
+    far = ListenFar(tmp_path)
+    port: Any = open_port(far.port.replace('://:', '://0.0.0.0:'), None)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(('127.0.0.2', 0))
+        far.write(b'first')
+        other.sendto(b'other', far._driver)
+        far.write(b'second')
+        found = b''
+        while found != b'firstsecond':
+            assert select.select([port.fileno()], [], [], 10)[0], found
+            found += port.read()
+    assert port.more() == {'foreign_datagrams': 1}
+    port.close()
+    far.go()
+
+
+def test_what_was_not_used_is_seen_in_the_counters_of_the_device(tmp_path: Path) -> None:
+    far = ListenFar(tmp_path)
+    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port, baud=0))
+    bind(device)
+    assert device.statistics().more == {}
+    device.open()
+    assert device.statistics().more == {'foreign_datagrams': 0}
+    device.close()
+    far.go()
+
+
+def test_what_nobody_listens_to_is_an_error() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(('127.0.0.1', 0))
+        number = free.getsockname()[1]
+    port = open_port(f'udp://127.0.0.1:{number}', None)
+    with pytest.raises(DeviceError, match='nothing listens there'):
+        port.write(b'x')
+        while select.select([port.fileno()], [], [], 10)[0]:
+            port.read()
+    port.close()
+
+
+def test_a_port_that_another_listens_on_is_an_error() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(('0.0.0.0', 0))
+        with pytest.raises(DeviceError, match='another program listens there'):
+            open_port(f'udp-listen://:{other.getsockname()[1]}', None)
+    with pytest.raises(DeviceError, match='does not have that address'):
+        open_port('udp-listen://192.0.2.7:5000', None)
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+def test_a_name_is_looked_up_elsewhere(tmp_path: Path) -> None:
+    far = TcpFar(tmp_path)
+    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port.replace('127.0.0.1', 'localhost'),
+                                        baud=0))
+    bind(device)
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        try:
+            device.open()  # of several addresses each opening takes the next one
+            device.send(b'hello')
+            select.select([device.fileno()], [], [], 0.05)
+            device.read(S)
+            if select.select([far.listener], [], [], 0.1)[0]:
+                break
+        except DeviceError as error:
+            assert 'looked up' in str(error) or 'refused' in str(error), error
+    assert far.read(5) == b'hello'
+    device.close()
+    far.go()
+    for host in lookup.HOSTS.values():
+        host.close()
+
+
+@pytest.fixture
+def look_up(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], HostName]]:
+    """Give a host whose name is looked up by a program of the test."""
+    host = HostName('gps.example')
+
+    def given(program: str) -> HostName:
+        monkeypatch.setattr(lookup, '_PROGRAM', program)
+        return host
+
+    yield given
+    host.close()
+
+
+def test_a_name_that_nobody_knows(look_up: Callable[[str], HostName]) -> None:
+    host = look_up('import sys; sys.exit("Name or service not known")')
+    host.prepare()
+    with pytest.raises(DeviceError, match="'gps.example' is not known .Name or service not known"
+                                          '.: check the name and the network, or write its IP'):
+        host.take()
+
+
+def test_a_look_up_that_hangs_holds_up_nobody(
+        look_up: Callable[[str], HostName], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lookup, '_PATIENCE_S', 0.0)
+    host = look_up('import sys; sys.stdin.close(); import time; time.sleep(60)')
+    host.prepare()
+    for _ in range(3):
+        with pytest.raises(DeviceError, match='is being looked up; if that lasts, check the netw'):
+            host.take()
+
+
+def test_each_opening_takes_the_next_address(
+        look_up: Callable[[str], HostName], monkeypatch: pytest.MonkeyPatch) -> None:
+    host = look_up('print("192.0.2.1"); print("2001:db8::1")')
+    monkeypatch.setattr(lookup, '_PATIENCE_S', 30.0)
+    host.prepare()
+    assert [host.take().host for _ in range(3)] == ['192.0.2.1', '2001:db8::1', '192.0.2.1']
+
+
+# --- what is written -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize('port', ['/dev/ttyUSB0', 'sim', 'scripted', 'COM1'])
+def test_what_has_no_scheme_is_a_path(port: str) -> None:
+    assert network_address(port) is None
+
+
+@pytest.mark.parametrize('port, host, number', [
+    ('tcp://10.0.0.5:2000', '10.0.0.5', 2000), ('tcp://[fe80::1%eth0]:23', 'fe80::1%eth0', 23),
+    ('udp://lidar.local:2368', 'lidar.local', 2368), ('udp-listen://:10110', '', 10110),
+    ('udp-listen://239.1.2.3:5000', '239.1.2.3', 5000), ('gpsd://localhost', 'localhost', 2947)])
+def test_addresses(port: str, host: str, number: int) -> None:
+    address = network_address(port)
+    assert address is not None
+    assert (address.host, address.port) == (host, number)
+
+
+@pytest.mark.parametrize('port, right', [
+    ('tcp://10.0.0.5', 'must look like tcp://host:port'), ('tcp://:5', 'must look like tcp://ho'),
+    ('tcp://a:99999', 'must look like tcp://host:port'), ('tcp://a:5/x', 'must look like tcp'),
+    ('udp://a:0', 'must look like udp'), ('http://a:80', 'must be a path or begin with one of'),
+    ('tcp://u:p@a:5', 'must look like'), ('tcp://[::1:5', 'must look like tcp')])
+@pytest.mark.parametrize('driver', [NmeaGps, Ublox, Hokuyo, Xsens])
+def test_a_wrong_address_is_found_with_the_configuration(
+        driver: Any, port: str, right: str) -> None:
+    with pytest.raises(ConfigError, match=f'dut.port = .*: {right}'):
+        driver('dut', settings_of(driver, port=port))
+    with pytest.raises(DeviceError, match=right):
+        open_port(port, None)
+
+
+@given(st.text())
+def test_any_text_is_an_address_a_path_or_an_error(text: str) -> None:
+    for port in (text, 'tcp://' + text):
+        try:
+            network_address(port)
+        except ValueError as error:
+            assert str(error)
+
+
+def test_frames_of_a_network_are_not_dated_back(tmp_path: Path) -> None:
+    far = TcpFar(tmp_path)
+    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port, baud=9600))
+    publishers = bind(device)
+    device.open()
+    far.write(sentence('GNGGA,123519.00,4807.0380,N,01131.0000,E,1,08,0.9,545.4,M,46.9,M,,')
+              + sentence('GNRMC,123519.00,A,4807.038,N,01131.000,E,0.0,0.0,230394,,,A'))
+    while device.statistics().frames < 2:
+        assert select.select([device.fileno()], [], [], 10)[0]
+        device.read(77 * S)
+    assert set(publishers[0].stamps) == {77 * S}
+    device.close()
+    far.go()

@@ -1,0 +1,139 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Are the bytes of another device recognised, and never those of none."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+import random
+from typing import Any
+
+from driver_fakes import bind
+from driver_fakes import settings_of
+import pytest
+from rt_robot_os import plugins
+from rt_robot_os.devices import recognise
+from rt_robot_os.devices.hokuyo import wire as scip
+from rt_robot_os.devices.maxbotix.wire import reading
+from rt_robot_os.devices.nmea import wire as nmea
+from rt_robot_os.devices.nmea.driver import NmeaGps
+from rt_robot_os.devices.recognise import ForeignRecognisers
+from rt_robot_os.devices.recognise import recognised
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.devices.ublox import wire as ubx
+from rt_robot_os.devices.witmotion import wire as witmotion
+from rt_robot_os.devices.xsens import wire as xbus
+from rt_robot_os.sim.line import at_wrong_speed
+
+STREAMS = {
+    'nmea': nmea.sentence('GPGSV,1,1,00') * 3,
+    'ublox': ubx.message(1, 7, bytes(92)) + nmea.sentence('GPGSV,1,1,00'),
+    'xsens': xbus.mtdata2([(0x4020, xbus.reals((0, 0, 9.8)))]) * 2,
+    'witmotion': witmotion.acceleration_frame(0, 0, 9.8) * 4,
+    'maxbotix': reading(1234) * 5,
+    'hokuyo': scip.scan(scip.scan_command(44, 725), 0, range(1000, 1682))[300:812],
+}
+
+
+@pytest.mark.parametrize('driver', STREAMS)
+def test_each_protocol_is_recognised_from_the_middle_of_its_stream(driver: str) -> None:
+    stream = STREAMS[driver]
+    text = recognised(b'\x00' + stream[3:] + stream, 57600)
+    assert f'at 57600 baud: set type: {driver}, or swap the ports' in text
+    assert driver in DRIVERS.names()
+    assert ' at ' not in recognised(stream, 0)
+
+
+@pytest.mark.parametrize('driver', STREAMS)
+def test_at_the_wrong_speed_nothing_is_recognised(driver: str) -> None:
+    for factor in (0.5, 2.0, 4.0):
+        assert recognised(at_wrong_speed(STREAMS[driver] * 4, factor)[-512:], 9600) == ''
+
+
+def test_noise_is_nobody() -> None:
+    noise = random.Random(5)
+    found = [recognised(noise.randbytes(512), 9600) for _ in range(200)]
+    assert [text for text in found if text] == []
+
+
+# --- drivers of other packages -------------------------------------------------------------------
+
+class Sonar(SerialDevice[Any]):
+    FRAMES = 'sonar frames'
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        return data.count(b'$SONAR') > 1
+
+
+class Defective(Sonar):
+    FRAMES = 'defects'
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        raise RuntimeError('of somebody else')
+
+
+class Nameless(Sonar):
+    FRAMES = ''
+
+
+@pytest.fixture
+def foreign(monkeypatch: pytest.MonkeyPatch) -> ForeignRecognisers:
+    """Install a package with drivers, three of them broken in ways of their own."""
+    points = [EntryPoint(name, f'{__name__}:{value}', 'rt_robot_os.drivers') for name, value in (
+        ('defective', 'Defective'), ('absent', 'Absent'), ('my_sonar', 'Sonar'),
+        ('nameless', 'Nameless'), ('nmea', 'Sonar'))]
+    points.append(EntryPoint('gone', 'no_such_package:Driver', 'rt_robot_os.drivers'))
+    monkeypatch.setattr(plugins, 'entry_points', lambda group: points)
+    made = ForeignRecognisers(DRIVERS)
+    monkeypatch.setattr(recognise, 'FOREIGN', made)
+    return made
+
+
+def test_the_bytes_of_another_package_are_recognised(foreign: ForeignRecognisers) -> None:
+    stream = nmea.sentence('SONAR,1.25') * 3
+    assert 'none of a satellite' in recognised(stream, 9600)  # nothing is imported in the loop
+    recognise.prepare_recognisers()
+    assert recognised(stream, 9600) == (
+        'these are sonar frames at 9600 baud: set type: my_sonar, or swap the ports')
+    assert 'set type: ublox' in recognised(STREAMS['ublox'], 9600)
+    assert [name for _, name, _ in foreign.all()] == ['defective', 'my_sonar']
+
+
+def test_they_are_prepared_before_the_loop_runs(foreign: ForeignRecognisers) -> None:
+    device = NmeaGps('gps', settings_of(NmeaGps, port='/dev/none'))
+    assert foreign.all() == ()
+    bind(device)
+    assert foreign.all()
+    device._strange = nmea.sentence('SONAR,1.25') * 3
+    assert 'these are sonar frames at 9600 baud: set type: my_sonar' in device.diagnosis()
+
+
+def test_packets_of_the_bluetooth_models_of_witmotion_get_a_hint() -> None:
+    chance = random.Random(6)
+    packets = [b'\x55\x61' + chance.randbytes(18) for _ in range(20)]
+    for stream in (b''.join(packets), b''.join(packets)[7:], b''.join(packets[:3]) + b'\x55'):
+        text = recognised(stream, 115200)
+        assert "WitMotion's Bluetooth models (55 61)" in text
+        assert 'type: witmotion reads the serial models' in text
+    assert recognised(packets[0] + b'\x00' + packets[1] + packets[2], 115200) == ''
+
+
+def test_sentences_of_no_receiver_are_not_called_those_of_one() -> None:
+    vectornav = nmea.sentence('VNYMR,+100.9,-000.3,+003.5,+1.0,+0.1,+1.9,+00.1,-00.7,-09.8')
+    assert 'none of a satellite receiver: choose the driver' in recognised(vectornav * 2, 115200)
+    assert 'set type: nmea' in recognised(vectornav + nmea.sentence('GPGSV,1,1,00'), 9600)

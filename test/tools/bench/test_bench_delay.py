@@ -1,0 +1,42 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the case `delay` measures: each message reaches its subscribers, whatever its size."""
+
+from __future__ import annotations
+
+import pytest
+
+from rt_robot_os.tools.bench.workers.delay import due
+from rt_robot_os.tools.bench.workers.delay import Variant
+
+pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize('size', [64, 2048, 64 * 1024, 1024 * 1024])
+@pytest.mark.parametrize('subscribers', [1, 3])
+def test_messages_arrive(size: int, subscribers: int) -> None:
+    arguments = {'period_ns': 2 * MS, 'warmup_ns': 10 * MS, 'measure_ns': 80 * MS}
+    delays = Variant(arguments, size, subscribers).run()
+    # A busy machine may miss releases, but what is published arrives.
+    assert len(delays) > due(arguments) / 2
+    assert (delays > 0).all()
+
+
+def test_messages_that_warm_the_caches_are_not_counted() -> None:
+    arguments = {'period_ns': 2 * MS, 'warmup_ns': 10 * MS, 'measure_ns': 80 * MS}
+    delays = Variant(arguments, 64, 1, before=4).run()
+    assert due(arguments) / 2 < len(delays) <= due(arguments) + 1
