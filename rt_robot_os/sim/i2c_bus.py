@@ -134,7 +134,7 @@ class EmulatedBus:
 
 
 class LocalTransport:
-    """An emulated bus in the same process; see :class:`rt_robot_os.devices.i2c.bus.I2cTransport`."""
+    """An emulated bus in this process; see :class:`rt_robot_os.devices.i2c.bus.I2cTransport`."""
 
     def __init__(
         self, bus: EmulatedBus, clock_ns: Callable[[], int],

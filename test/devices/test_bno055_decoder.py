@@ -32,7 +32,7 @@ def test_requests_are_those_of_the_data_sheet() -> None:
 
 def test_the_block_has_every_value_at_its_register() -> None:
     block = wire.block((1, 2, -3), (1e-6, 2e-6, -3e-6), (4, 5, -6), (0.5, -0.5, 0.5, 0.5),
-                         (0, 0, 9.8), temperature_c=-7, calibration=0xE4)
+                       (0, 0, 9.8), temperature_c=-7, calibration=0xE4)
     registers = dict(enumerate(block, 0x08))
 
     def number(register: int) -> int:

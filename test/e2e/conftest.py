@@ -142,8 +142,8 @@ class World:
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""
-        return self.start('rt_robot_os.sim.program:player', str(log), '--link', str(port), '--wait',
-                          *arguments)
+        return self.start('rt_robot_os.sim.program:player', str(log), '--link', str(port),
+                          '--wait', *arguments)
 
     def listen(self, message: Any, topic: str, depth: Any = 2000) -> list[Any]:
         """Collect what comes on a topic; depth may be a quality of service."""

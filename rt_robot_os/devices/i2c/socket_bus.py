@@ -42,7 +42,9 @@ _PATIENCE_S: Final = 0.3
 
 class SocketConnection:
     """
-    A device's access to a bus behind a socket; see :class:`rt_robot_os.devices.i2c.bus.I2cConnection`.
+    A device's access to a bus behind a socket.
+
+    See :class:`~rt_robot_os.devices.i2c.bus.I2cConnection`.
 
     Requests are numbered: when one was given up, by a time-out or because the kernel aborted the
     task in the middle of it, its answer may come later, and is not that of the next one.
