@@ -126,12 +126,10 @@ class ScheduleTap:
         self._tasks = tasks
         self._topics = topics
         self._pending: deque[tuple[Any, ...]] = deque()
-        self._add = kernel.black_box.add
-        kernel.record = self._record
+        kernel.add_observer(self._record)
 
     def _record(self, record: tuple[Any, ...]) -> None:
         """Take a record of the kernel, in its critical section, besides the black box."""
-        self._add(record)
         if record[0] <= PUBLISH and (
                 record[1] in self._tasks if record[0] == JOB else record[3] in self._topics):
             if len(self._pending) < _PENDING_MOST:

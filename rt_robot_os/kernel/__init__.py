@@ -15,19 +15,19 @@
 
 """The kernel's whole public face; everything above is built on these names alone."""
 
-from rt_robot_os.kernel.abort import TaskAborted
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import TaskFacts
 from rt_robot_os.kernel.clock import Clock
+from rt_robot_os.kernel.clock import CooperativeClock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import VirtualClock
-from rt_robot_os.kernel.cooperative import CooperativeClock
 from rt_robot_os.kernel.coroutine import Event
 from rt_robot_os.kernel.coroutine import Ticks
 from rt_robot_os.kernel.coroutine import Wait
 from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.histogram import bucket_limits
 from rt_robot_os.kernel.histogram import BUCKETS
@@ -36,18 +36,18 @@ from rt_robot_os.kernel.histogram import summarise
 from rt_robot_os.kernel.histogram import Summary
 from rt_robot_os.kernel.kernel import Kernel
 from rt_robot_os.kernel.one_shot import OneShot
-from rt_robot_os.kernel.policy import BudgetPolicy
-from rt_robot_os.kernel.policy import FailurePolicy
-from rt_robot_os.kernel.policy import OverrunPolicy
-from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import OverrunPolicy
+from rt_robot_os.kernel.spec import TaskSpec
+from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.statistics import DeadlineMiss
 from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.statistics import ResourceStatistics
 from rt_robot_os.kernel.statistics import SourceStatistics
 from rt_robot_os.kernel.statistics import TaskStatistics
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import TaskSpec
 from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
 

@@ -42,6 +42,8 @@ from typing import Any, Final
 
 from rt_robot_os.kernel.task import Task
 
+Record = tuple[Any, ...]
+
 JOB: Final = 0
 PUBLISH: Final = 1
 INTERRUPT: Final = 2
@@ -87,7 +89,7 @@ class BlackBoxDump:
     start_ns: int
     tasks: tuple[TaskFacts, ...]
     running: tuple[tuple[int, int, int], ...]
-    records: tuple[tuple[Any, ...], ...]
+    records: tuple[Record, ...]
     full: bool
 
 
@@ -103,7 +105,7 @@ class BlackBox:
     __slots__ = ('records', 'add')
 
     def __init__(self, capacity: int = RECORDS_DEFAULT) -> None:
-        self.records: deque[tuple[Any, ...]] = deque(maxlen=capacity)
+        self.records: deque[Record] = deque(maxlen=capacity)
         self.add = self.records.append
 
     def mark(self, at_ns: int, text: str) -> None:

@@ -39,11 +39,14 @@ from rt_robot_os.linux.schedule import WaitingTime
 from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
+from rt_robot_os.units import NS_PER_MS
 
 NEVER_NS = 1 << 62
 
 TICK_SIGNAL = signal.SIGRTMIN + 5
 INTERRUPT_SIGNAL = signal.SIGRTMIN + 6
+# What a clock without signals looks at this often while the kernel idles: file descriptors.
+_LOOK_NS = NS_PER_MS
 
 Handler = Callable[..., None]
 
@@ -330,3 +333,54 @@ class VirtualClock(Clock):
             left_ns -= step_ns
             if self._take_alarms(self._now_ns + AGAIN_NS) and self._on_tick is not None:
                 self._on_tick()
+
+
+class CooperativeClock(Clock):
+    """
+    CLOCK_MONOTONIC, whose alarm interrupts nothing.
+
+    A kernel on this clock looks at the time between two jobs, where a job calls
+    ``kernel.settle()``, and where it publishes. Whatever a job does in between holds up all
+    others, whatever their priorities: the longest job bounds every latency.
+    """
+
+    preemptive = False
+
+    def __init__(self) -> None:
+        self.now_ns = time.monotonic_ns
+        self.computed_ns = time.thread_time_ns
+        self._alarm_ns = NEVER_NS
+        self._spare_ns = NEVER_NS
+
+    def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
+        """Do nothing: no handler will be called."""
+
+    def detach(self) -> None:
+        """Do nothing: nothing was attached."""
+
+    def arm(self, deadline_ns: int) -> None:
+        self._alarm_ns = deadline_ns
+
+    def arm_spare(self, deadline_ns: int) -> None:
+        self._spare_ns = deadline_ns
+
+    def swap(self) -> None:
+        self._alarm_ns, self._spare_ns = self._spare_ns, self._alarm_ns
+
+    def hold(self) -> None:
+        """Do nothing: nothing is asynchronous here."""
+
+    def admit(self) -> None:
+        """Do nothing: nothing is asynchronous here."""
+
+    def wait(self) -> bool:
+        left_ns = min(self._alarm_ns - self.now_ns(), _LOOK_NS)
+        if left_ns > 0:
+            time.sleep(left_ns / 1e9)
+        return True
+
+    def spend(self, duration_ns: int) -> None:
+        read_ns = self.now_ns
+        end_ns = read_ns() + duration_ns
+        while read_ns() < end_ns:
+            pass

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 import functools
 import heapq
 
@@ -27,16 +28,15 @@ from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.histogram import bucket
-from rt_robot_os.kernel.policy import FailurePolicy
-from rt_robot_os.kernel.policy import OverrunPolicy
-from rt_robot_os.kernel.policy import TaskState
 from rt_robot_os.kernel.ran_instead import ran_instead
 from rt_robot_os.kernel.releases import Releases
-from rt_robot_os.kernel.state import Timer
+from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import OverrunPolicy
+from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
-from rt_robot_os.kernel.task import FOLLOW
-from rt_robot_os.kernel.task import HELD
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import Timer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
@@ -44,23 +44,35 @@ BLOCKED_NS = 50 * NS_PER_US
 _SUSPECTS_EVERY_NS = 10 * NS_PER_MS
 
 
-class Consequences(Releases):
-    """The rare half of the scheduler. All methods are called locked."""
+class Consequences:
+    """
+    The rare half of the scheduler. All methods are called locked.
 
-    __slots__ = ()
+    :param resources: those of the kernel, by name.
+    """
+
+    __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
+
+    def __init__(self, kernel: Releases, resources: Mapping[str, Resource]) -> None:
+        self._kernel = kernel
+        self._resources = resources
+        self._suspects_ns = 0
+        # The job that was found to have lost time to Linux when it ended: task, start, how much.
+        self._ended: tuple[Task | None, int, int] = (None, 0, 0)
 
     # ---- overruns ----------------------------------------------------------------------------
 
-    def _reckon(self, task: Task, timer: Timer, now_ns: int) -> Timer | None:
+    def reckon(self, task: Task, timer: Timer, now_ns: int) -> Timer | None:
         """
         Account for the points of a task's grid that passed while its job waited or ran.
 
         :param timer: the first of them.
         :return: the timer for the next, or None: the grid begins anew when that job has ended.
         """
+        kernel = self._kernel
         due_ns, index = timer[:2]
         period_ns = task.period_ns
-        unserved = (min(now_ns, self._end_ns - 1) - due_ns) // period_ns + 1
+        unserved = (min(now_ns, kernel._end_ns - 1) - due_ns) // period_ns + 1
         if unserved <= 0:
             return timer
         task.releases += unserved
@@ -69,7 +81,7 @@ class Consequences(Releases):
             task.missed += unserved
             return after
         task.overruns += unserved
-        self.record((OVERRUN, task, due_ns, unserved))
+        kernel.record((OVERRUN, task, due_ns, unserved))
         if task.skips:  # nothing else is asked for: an overload must not cost more than it has to
             task.missed += unserved
             return after
@@ -80,30 +92,31 @@ class Consequences(Releases):
             kept = min(unserved, task.spec.catch_up - len(task.backlog))
             task.backlog.extend(due_ns + n * period_ns for n in range(kept))
             task.missed += unserved - kept
-            task.follow |= FOLLOW
+            task.follow_up = True
         elif policy is OverrunPolicy.REPHASE:
             task.missed += unserved - 1
             task.rephasing = True
-            task.follow |= FOLLOW
+            task.follow_up = True
             return None
         else:
             task.missed += unserved
             if policy is OverrunPolicy.STOP:
-                self._demand(task, FailurePolicy.STOP, f'{unserved} releases found the job '
-                             'before unfinished (overrun: stop)', now_ns)
+                self.demand(task, FailurePolicy.STOP, f'{unserved} releases found the job '
+                            'before unfinished (overrun: stop)', now_ns)
         return after
 
-    def _account(self, task: Task, now_ns: int) -> None:
+    def account(self, task: Task, now_ns: int) -> None:
         """Bring what a task counts up to date, before it is read or begun anew."""
+        kernel = self._kernel
         level = task.priority
-        now_ns = min(now_ns, self._end_ns - 1)
-        if self._timers[level][0][0] <= now_ns:
-            self._take_in(level, now_ns)
-            if level > self._level:
-                self.pending = True
+        now_ns = min(now_ns, kernel._end_ns - 1)
+        if kernel._timers[level][0][0] <= now_ns:
+            kernel._take_in(level, now_ns)
+            if level > kernel._level:
+                kernel.pending = True
         timer = task.timer
         if timer is not None and timer[0] <= now_ns:
-            task.timer = self._reckon(task, timer, now_ns)
+            task.timer = self.reckon(task, timer, now_ns)
 
     def _fill_bucket(self, task: Task, overruns: int, now_ns: int) -> None:
         spec = task.spec
@@ -111,17 +124,17 @@ class Consequences(Releases):
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            self._demand(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
-                         f'with {spec.overrun_leak} jobs without (overrun_limit: '
-                         f'{spec.overrun_limit})', now_ns)
+            self.demand(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
+                        f'with {spec.overrun_leak} jobs without (overrun_limit: '
+                        f'{spec.overrun_limit})', now_ns)
             task.bucket = 0
 
     # ---- limits ------------------------------------------------------------------------------
 
-    def _long_execution(self, task: Task, execution_ns: int) -> None:
+    def long_execution(self, task: Task, execution_ns: int) -> None:
         """Look at a job that computed for longer than the longest so far, or than its budget."""
         if execution_ns > LOOKS_LONG_NS:
-            taken_ns = self._claim(task, self.now_ns(), execution_ns)
+            taken_ns = self._claim(task, self._kernel.now_ns(), execution_ns)
             if taken_ns:
                 self._ended = (task, task.start_ns, taken_ns)
                 task.execution_counts[bucket(execution_ns)] -= 1
@@ -132,7 +145,7 @@ class Consequences(Releases):
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
         task.budget_exceeded += execution_ns > task.budget_ns
 
-    def _long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
+    def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
         """Look at a job that ended later after its release than any so far, or too late."""
         response_ns = end_ns - release_ns
         longest_ns = task.response_maximum_ns = max(task.response_maximum_ns, response_ns)
@@ -142,122 +155,128 @@ class Consequences(Releases):
 
     def _late(self, task: Task, release_ns: int, end_ns: int) -> None:
         """Note that a job ended after its deadline."""
+        kernel = self._kernel
         late_ns = end_ns - release_ns - task.deadline_ns
         task.deadline_missed += 1
         if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # or an overload would feed itself
             self._suspects_ns = end_ns
             task.suspects = ran_instead(
-                reversed(self.black_box.records), task, release_ns, end_ns)
+                reversed(kernel.black_box.records), task, release_ns, end_ns)
         task.miss = (task.runs, release_ns, late_ns)
-        self.record((MISS, task, end_ns, late_ns))
+        kernel.record((MISS, task, end_ns, late_ns))
 
     # ---- blocking ----------------------------------------------------------------------------
 
-    def _held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
+    def held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
         """
         Charge an alarm that came late to the job that ran; what it released is ready by now.
 
         :param at_ns: when the job could be interrupted again, or when it had ended.
         :return: how much of the job's time Linux took, as far as that was not known.
         """
+        kernel = self._kernel
         taken_ns = 0
         if late_ns > LOOKS_LONG_NS:
-            taken_ns = self._claim(task, at_ns, at_ns - task.start_ns - self._stolen_ns)
+            taken_ns = self._claim(task, at_ns, at_ns - task.start_ns - kernel._stolen_ns)
             known = self._ended
             late_ns -= taken_ns
             if known[0] is task and known[1] == task.start_ns:  # found when the job ended
                 late_ns -= known[2]
         if late_ns > task.blocked_maximum_ns:
             task.blocked_maximum_ns = late_ns
-        if late_ns > BLOCKED_NS and self._ready >> level + 1:
-            self.record((BLOCKED, task, at_ns, late_ns))
+        if late_ns > BLOCKED_NS and kernel._ready >> level + 1:
+            kernel.record((BLOCKED, task, at_ns, late_ns))
         return taken_ns
 
     def _claim(self, task: Task, now_ns: int, window_ns: int) -> int:
-        taken_ns = self.stolen.claim(now_ns, window_ns)
+        kernel = self._kernel
+        taken_ns = kernel.stolen.claim(now_ns, window_ns)
         if taken_ns > NS_PER_MS:
-            self.black_box.mark(now_ns, f'Linux took the CPU from {task.name} for '
-                                f'{taken_ns / NS_PER_MS:.1f} ms')
+            kernel.black_box.mark(now_ns, f'Linux took the CPU from {task.name} for '
+                                          f'{taken_ns / NS_PER_MS:.1f} ms')
         return taken_ns
 
     # ---- failures ----------------------------------------------------------------------------
 
-    def _follow(self, task: Task, failure: FailureReport | None, outcome: int, now_ns: int
-                ) -> None:
+    def follow(self, task: Task, failure: FailureReport | None, outcome: int,
+               now_ns: int) -> None:
         """
         Do what is due when a job has ended.
 
         :param outcome: of the job, as its record has it.
         """
+        kernel = self._kernel
         task.failures += outcome == FAILED
         task.limit_ns, task.over = 0, False
         policy, task.wanted = task.wanted, None
-        held = task.follow & HELD
-        task.follow = FOLLOW if task.successors else 0
+        inside, task.inside = task.inside, 0
+        task.follow_up = bool(task.successors)
         if failure is not None:
-            self._note_failure(failure)
+            kernel._note_failure(failure)
             policy = policy or task.spec.failure
-        if held:
+        if inside:
             for resource in self._resources.values():
                 resource.abandon(task)
-            self._note_failure(FailureReport(
+            kernel._note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
         if task.strikes:
             task.aborted += outcome != FAILED
             policy = self._after_strikes(task, policy, now_ns)
         task.struck = False  # one that came too late
         if task.state is not TaskState.ACTIVE:  # its safe state was run
-            self._withdraw(task)
+            kernel._withdraw(task)
             task.pending = True
         elif policy is not None and policy is not FailurePolicy.CONTINUE:
             self._apply(task, policy, now_ns)
         if task.rephasing:
             self._rephase(task, now_ns)
         elif task.backlog and not task.pending:
-            self._take_in(task.priority, now_ns)  # what came before
-            self._queue(task, task.backlog.popleft(), task.period_ns)
-            task.follow |= FOLLOW
-        for successor in task.successors:
-            self._make_ready(successor, now_ns)
-        self._listen_again(task)
+            kernel._take_in(task.priority, now_ns)  # what came before
+            kernel._queue(task, task.backlog.popleft(), task.period_ns)
+            task.follow_up = True
+        kernel.wake(task.successors, now_ns)
+        kernel._listen_again(task)
 
     def _after_strikes(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
         delivered, task.strikes = task.strikes, 0
         if delivered == 1:
             return policy or task.spec.failure
-        self._note_failure(FailureReport(
+        self._kernel._note_failure(FailureReport(
             task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
             'let it end in `finally` and never catch BaseException', ()))
         return FailurePolicy.STOP
 
     def _rephase(self, task: Task, now_ns: int) -> None:
+        kernel = self._kernel
         task.rephasing = False
         if task.pending:  # held, or released by an event as well
             task.missed += 1
         else:
-            self._take_in(task.priority, now_ns)
-            self._queue(task, now_ns, task.period_ns)
+            kernel._take_in(task.priority, now_ns)
+            kernel._queue(task, now_ns, task.period_ns)
         self._put_back(task, (now_ns + task.period_ns, task.index, task, task.period_ns))
 
     def _put_back(self, task: Task, timer: Timer) -> None:
+        kernel = self._kernel
         task.timer = None
-        heapq.heappush(self._timers[task.priority], timer)
-        self._expect(task.priority)
+        heapq.heappush(kernel._timers[task.priority], timer)
+        kernel._expect(task.priority)
 
-    def _demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
+    def demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
         """Apply a policy for another reason than an exception, when its job has ended."""
-        self._note_failure(FailureReport(task.name, now_ns, reason, ()))
+        self._kernel._note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
         if task.busy or (task.pending and task.state is TaskState.ACTIVE):
-            task.follow |= FOLLOW
+            task.follow_up = True
         else:
             task.wanted = None
             self._apply(task, policy, now_ns)
 
     def _apply(self, task: Task, policy: FailurePolicy, now_ns: int) -> None:
         """Hold a task that has no job on the stack."""
-        self._withdraw(task)
+        kernel = self._kernel
+        kernel._withdraw(task)
         if policy is FailurePolicy.SAFE_STATE:
             if task.on_safe_state is not None:
                 self._run_next(task, task.on_safe_state, now_ns)
@@ -268,9 +287,9 @@ class Consequences(Releases):
             if now_ns - task.resume_ns > spec.restart_maximum_ns:
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
-            self._schedule(task.resume_ns,
-                           functools.partial(self._end_backoff, task, task.resume_ns),
-                           task.priority)
+            kernel._schedule(task.resume_ns,
+                             functools.partial(self._end_backoff, task, task.resume_ns),
+                             task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED
@@ -278,20 +297,21 @@ class Consequences(Releases):
 
     def _end_backoff(self, task: Task, resume_ns: int, now_ns: int) -> None:
         if task.state is TaskState.BACKOFF and task.resume_ns == resume_ns:
-            self._resume(task, now_ns)
+            self.resume(task, now_ns)
 
-    def _resume(self, task: Task, now_ns: int) -> None:
+    def resume(self, task: Task, now_ns: int) -> None:
         """Let a held task make jobs again."""
+        kernel = self._kernel
         if task.state is TaskState.ACTIVE:
             return
         timer = task.timer
         if timer is not None and not task.busy:
-            timer = self._reckon(task, timer, now_ns)
+            timer = self.reckon(task, timer, now_ns)
             if timer is not None:
                 self._put_back(task, timer)
-        self._withdraw(task)
+        kernel._withdraw(task)
         task.state = TaskState.ACTIVE
-        self._listen_again(task)
+        kernel._listen_again(task)
         if task.on_restart is not None:
             self._run_next(task, task.on_restart, now_ns)
 
@@ -302,6 +322,6 @@ class Consequences(Releases):
             function()
 
         task.function = job
-        self._make_ready(task, now_ns)
+        self._kernel.wake((task,), now_ns)
         if function is task.on_safe_state:
-            task.follow |= FOLLOW
+            task.follow_up = True

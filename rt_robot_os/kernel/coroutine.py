@@ -28,15 +28,12 @@ from collections.abc import Callable
 from collections.abc import Coroutine
 from collections.abc import Generator
 from typing import Any
-from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.one_shot import OneShot
-from rt_robot_os.kernel.task import HELD
+from rt_robot_os.kernel.releases import Releases
+from rt_robot_os.kernel.task import Coroutine as TaskCoroutine
 from rt_robot_os.kernel.task import Task
-
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.scheduler import Scheduler
 
 AsyncFunction = Callable[[], Coroutine[Any, Any, None]]
 
@@ -98,7 +95,7 @@ class Event:
 
     __slots__ = ('_kernel', '_set', '_waiting')
 
-    def __init__(self, kernel: Scheduler) -> None:
+    def __init__(self, kernel: Releases) -> None:
         self._kernel = kernel
         self._set = False
         self._waiting: list[Task] = []
@@ -116,11 +113,9 @@ class Event:
         """
         self._set = True
         kernel = self._kernel
-        locked, kernel.locked = kernel.locked, True
+        before = kernel.lock()
         kernel.wake(tuple(self._waiting), kernel.now_ns())  # all of them, before the first runs
-        kernel.locked = locked
-        if kernel.pending and not locked:
-            kernel.settle()
+        kernel.unlock(before)
 
     def clear(self) -> None:
         """Let those wait who await it from now on."""
@@ -149,22 +144,21 @@ class _EventWait(Wait):
             self._event._waiting.remove(body.task)
 
 
-class AsyncBody:
+class AsyncBody(TaskCoroutine):
     """
     The function of a task that is written as a coroutine.
 
     :param function: gives a new coroutine for each start.
-    :ivar finished: the coroutine returned; the task makes no more jobs.
     """
 
-    __slots__ = ('kernel', 'task', 'timer', 'finished', '_function', '_coroutine', '_wait')
+    __slots__ = ('kernel', 'task', 'timer', '_function', '_coroutine', '_wait')
 
     task: Task
     timer: OneShot
 
-    def __init__(self, kernel: Scheduler, function: AsyncFunction) -> None:
+    def __init__(self, kernel: Releases, function: AsyncFunction) -> None:
+        super().__init__()
         self.kernel = kernel
-        self.finished = False
         self._function = function
         self._coroutine: Coroutine[Any, Any, None] | None = None
         self._wait: Wait | None = None
@@ -233,7 +227,7 @@ class AsyncBody:
                 f'task {self.task.name!r} awaited {awaited!r}: only what releases tasks can be '
                 'awaited: subscription.next(), kernel.sleep(ns), ticks of kernel.every(hz), '
                 'event.wait(). asyncio needs a process of its own')
-        if self.task.follow & HELD:
+        if self.task.inside:
             return TaskError(f'task {self.task.name!r} awaits inside a resource: nobody could '
                              'enter it meanwhile; leave it before')
         return None
@@ -250,7 +244,7 @@ class Ticks:
 
     __slots__ = ('period_ns', 'missed', '_kernel', '_next_ns')
 
-    def __init__(self, kernel: Scheduler, period_ns: int) -> None:
+    def __init__(self, kernel: Releases, period_ns: int) -> None:
         self.period_ns = period_ns
         self.missed = 0
         self._kernel = kernel

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Check and build what is declared before the kernel runs."""
+"""Check what is declared before the kernel runs."""
 
 from __future__ import annotations
 
@@ -23,30 +23,25 @@ from collections.abc import Sequence
 from dataclasses import fields
 import inspect
 from typing import Any
-from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TaskError
-from rt_robot_os.kernel.policy import BudgetPolicy
-from rt_robot_os.kernel.policy import FailurePolicy
-from rt_robot_os.kernel.task import checked_period_ns
+from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import checked_period_ns
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import TaskSpec
-
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.declarations import Declarations
 
 _KEYWORDS = frozenset(field.name for field in fields(TaskSpec)) - {'name', 'period_ns'}
 
 
-def make_task(
-    kernel: Declarations, name: str, function: Callable[[], object], index: int, *, priority: int,
-    rate_hz: float | None, on_restart: Callable[[], object] | None,
-    on_safe_state: Callable[[], object] | None, declared: Mapping[str, Any],
-) -> Task:
+def make_spec(name: str, function: Callable[[], object], *, priority: int, rate_hz: float | None,
+              can_be_safe: bool, preemptive: bool, declared: Mapping[str, Any]) -> TaskSpec:
     """
-    Build a task.
+    Build the declaration of a task.
 
-    :raises TaskError: with everything that is wrong with its declaration.
+    :param can_be_safe: it has an ``on_safe_state``.
+    :param preemptive: the kernel's clock interrupts what runs.
+    :raises TaskError: with everything that is wrong with it.
     """
     unknown = sorted(set(declared) - _KEYWORDS)
     if unknown:
@@ -59,14 +54,13 @@ def make_task(
                         'add_async_task')
     period_ns = 0 if rate_hz is None else checked_period_ns(name, rate_hz)
     spec = TaskSpec(name, priority, period_ns, **declared)
-    if spec.on_budget is BudgetPolicy.ABORT and not kernel.clock.preemptive:
+    if spec.on_budget is BudgetPolicy.ABORT and not preemptive:
         raise TaskError(f'task {name!r}: on_budget abort needs a preemptive kernel; this clock '
                         'has no signals. Choose on_budget warn')
-    if spec.failure is FailurePolicy.SAFE_STATE and on_safe_state is None:
+    if spec.failure is FailurePolicy.SAFE_STATE and not can_be_safe:
         raise TaskError(f'task {name!r}: failure safe_state needs on_safe_state, which brings '
                         'about the safe state; give it, or choose failure stop')
-    return Task(spec, function, index, on_restart=on_restart, on_safe_state=on_safe_state,
-                rearm=kernel.rearm, account=kernel.account)
+    return spec
 
 
 def check_async(name: str, function: Any, declared: Mapping[str, Any]) -> Mapping[str, Any]:

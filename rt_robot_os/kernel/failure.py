@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Describe an exception that was contained, whatever it does when it is looked at."""
+"""How jobs fail, and how that is described, whatever an exception does when it is looked at."""
 
 from __future__ import annotations
 
@@ -21,10 +21,29 @@ from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
 
-from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.units import NS_PER_US
 
 _CALLS_KEPT = 8
 _TEXT_MAXIMUM = 1000
+
+
+class TaskAborted(BaseException):
+    """
+    The job has used up its budget, or goes on while the kernel stops.
+
+    Raised inside it, at its next preemption point. It is no :class:`Exception`, so that ``except
+    Exception`` lets it through, as it does with KeyboardInterrupt. A job may clean up in
+    ``finally``; one that goes on computing is struck again, and its task is stopped.
+
+    :param why: when it is not the budget.
+    :ivar used_ns: computing time of the job until then, what preempted it taken off.
+    """
+
+    def __init__(self, task: str, used_ns: int, budget_ns: int, why: str = '') -> None:
+        self.used_ns = used_ns
+        what = why or (f'used {used_ns // NS_PER_US} us of its budget of '
+                       f'{budget_ns // NS_PER_US} us')
+        super().__init__(f'task {task!r} {what}')
 
 
 @dataclass(frozen=True)

@@ -16,18 +16,20 @@
 """
 The kernel: tasks are declared, then run; see :mod:`rt_robot_os.kernel.scheduler` for the how.
 
-What is here happens before, after and between the ticks: start, idling, stop, statistics.
+What is here happens before, after and between the ticks: declaring, start, idling, stop,
+statistics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Sequence
 import functools
 import heapq
 import sys
+from typing import Any
 
 from rt_robot_os.errors import TaskError
-from rt_robot_os.kernel.abort import TaskAborted
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
@@ -36,25 +38,40 @@ from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import signal_name
-from rt_robot_os.kernel.declarations import Declarations
+from rt_robot_os.kernel.coroutine import AsyncBody
+from rt_robot_os.kernel.coroutine import AsyncFunction
+from rt_robot_os.kernel.coroutine import Ticks
+from rt_robot_os.kernel.coroutine import Until
+from rt_robot_os.kernel.declare import check_async
 from rt_robot_os.kernel.declare import check_chains
+from rt_robot_os.kernel.declare import make_spec
 from rt_robot_os.kernel.failure import describe
-from rt_robot_os.kernel.policy import PRIORITY_MAXIMUM
-from rt_robot_os.kernel.state import IDLE_LEVEL
-from rt_robot_os.kernel.state import LEVEL_END
-from rt_robot_os.kernel.state import Timer
+from rt_robot_os.kernel.failure import TaskAborted
+from rt_robot_os.kernel.logical import Logical
+from rt_robot_os.kernel.logical_tasks import LogicalTasks
+from rt_robot_os.kernel.one_shot import OneShot
+from rt_robot_os.kernel.releases import IDLE_LEVEL
+from rt_robot_os.kernel.releases import LEVEL_END
+from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.scheduler import Scheduler
+from rt_robot_os.kernel.spec import checked_period_ns
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import Timer
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_US
 
 _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
 _CLOSE_NS = 100 * NS_PER_MS
 SPIN_MAXIMUM_NS = NS_PER_MS
+SEPARATION_NS = 100 * NS_PER_US
 
 
-class Kernel(Declarations):
+class Kernel(Scheduler):
     """
     A preemptive fixed-priority kernel.
 
@@ -69,7 +86,7 @@ class Kernel(Declarations):
         release in nanoseconds, unless it is None.
     """
 
-    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_broken', '_leaving')
+    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken', '_leaving')
 
     def __init__(self, clock: Clock | None = None, *, spin_ns: int = 0,
                  black_box_records: int = RECORDS_DEFAULT) -> None:
@@ -80,8 +97,120 @@ class Kernel(Declarations):
         self.on_idle: Callable[[int], None] | None = None
         self.start_ns = 0
         self.wakeups = 0
+        self._tasks: list[Task] = []
+        self._by_name: dict[str, Task] = {}
         self._broken = False
         self._leaving: BaseException | None = None
+
+    # ---- declaring ---------------------------------------------------------------------------
+
+    def add_task(self, name: str, function: Callable[[], object], *, priority: int,
+                 rate_hz: float | None = None, resources: Sequence[Resource] = (),
+                 after: Sequence[Task] = (), on_restart: Callable[[], object] | None = None,
+                 on_safe_state: Callable[[], object] | None = None, **declared: Any) -> Task:
+        """
+        Declare a task; before :meth:`run`.
+
+        :param name: unique in this kernel.
+        :param function: called without arguments for each job; runs to its end. Of a coroutine
+            function each segment between two awaits is a job.
+        :param priority: 1..99, higher runs first; equals run in order of release, then of
+            declaration.
+        :param rate_hz: above 0; None for a task that only events release.
+        :param resources: what it may enter.
+        :param after: tasks whose ended jobs release it.
+        :param on_restart: run as its next job when it is restarted or re-armed.
+        :param on_safe_state: run as its last job when it goes to its safe state.
+        :param declared: the rest of :class:`~rt_robot_os.kernel.TaskSpec`: ``phase_ns``,
+            ``deadline_ns``, ``budget_ns``, ``overrun``, ``failure``, ...
+        :raises TaskError: the name is taken, values are out of range or contradict each other
+            (all of them are named), or the kernel runs.
+        """
+        if self.running:
+            raise TaskError(f'task {name!r}: the kernel is running; add all tasks before run()')
+        if name in self._by_name:
+            raise TaskError(f'task {name!r} exists already; names are unique')
+        spec = make_spec(name, function, priority=priority, rate_hz=rate_hz,
+                         can_be_safe=on_safe_state is not None,
+                         preemptive=self.clock.preemptive, declared=declared)
+        task = Task(spec, function, len(self._tasks), on_restart=on_restart,
+                    on_safe_state=on_safe_state, rearm=self.rearm, account=self.account)
+        for resource in resources:
+            resource.declare(task)
+        for before in after:
+            before.successors = (*before.successors, task)
+        self._tasks.append(task)
+        self._by_name[name] = task
+        if task.spec.logical:
+            task.logical = Logical()
+            self._tasks.extend(LogicalTasks(self, task, task.logical).tasks)
+        return task
+
+    def add_async_task(self, name: str, function: AsyncFunction, *, priority: int,
+                       on_restart: Callable[[], object] | None = None, **declared: Any) -> Task:
+        """
+        Declare a task that is written as a coroutine; before :meth:`run`.
+
+        It starts with the kernel. Each segment between two awaits is a job. When it returns, the
+        task makes no more jobs; when it fails, it begins anew after the back-off
+        (``failure`` is ``restart`` unless given).
+
+        :param function: an ``async def`` without arguments.
+        :param declared: as for :meth:`add_task`, but neither ``rate_hz`` nor ``logical``.
+        :raises TaskError: as for :meth:`add_task`.
+        """
+        body = AsyncBody(self, function)
+
+        def restart() -> None:
+            if on_restart is not None:
+                on_restart()
+            body.start()
+
+        declared.setdefault('failure', FailurePolicy.RESTART)
+        task = self.add_task(name, body.segment, priority=priority, on_restart=restart,
+                             **check_async(name, function, declared))
+        body.bind(task)
+        task.coroutine = body
+        return task
+
+    def sleep(self, delay_ns: int) -> Until:
+        """Give something to await: over after a delay."""
+        return Until(self.now_ns() + delay_ns)
+
+    def every(self, rate_hz: float) -> Ticks:
+        """
+        Give a grid of times to await, which begins now.
+
+        :raises TaskError: the rate is out of range.
+        """
+        return Ticks(self, checked_period_ns('every', rate_hz))
+
+    def resource(self, name: str) -> Resource:
+        """Make a resource, or find the one that has this name; see :class:`Resource`."""
+        if name not in self._resources:
+            self._resources[name] = Resource(self, name)
+        return self._resources[name]
+
+    def timer(self, task: Task) -> OneShot:
+        """Make a timer that releases a task once each time it is started."""
+        return OneShot(self, task)
+
+    @property
+    def tasks(self) -> Sequence[Task]:
+        """All tasks in the order of their declaration."""
+        return tuple(self._tasks)
+
+    def task(self, name: str) -> Task:
+        """
+        Find a task.
+
+        :raises TaskError: there is none of that name.
+        """
+        try:
+            return self._by_name[name]
+        except KeyError:
+            known = ', '.join(self._by_name) or 'none'
+            raise TaskError(f'no task {name!r}; there are: {known}') from None
 
     # ---- running -----------------------------------------------------------------------------
 
@@ -99,7 +228,7 @@ class Kernel(Declarations):
         if self.running:
             raise TaskError('the kernel runs already')
         check_chains(self._tasks)
-        self.clock.attach(self._on_tick, self._on_interrupt, self._on_break)
+        self.clock.attach(self.settle, self._on_interrupt, self._on_break)
         recursion_limit = sys.getrecursionlimit()
         self._recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
         sys.setrecursionlimit(self._recursion_limit)
@@ -116,7 +245,7 @@ class Kernel(Declarations):
             self.running = False
             self._abandon()
             self.locked = self.pending = False
-            self._level, self._current = IDLE_LEVEL, None
+            self._level, self.current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
             sys.unraisablehook = unraisable_hook
             reason, broken = self._stop_reason, self._broken
@@ -171,7 +300,7 @@ class Kernel(Declarations):
                     self._release(timer)
         for task in self._tasks:
             if task.timer is not None and task.timer[0] <= now_ns:
-                self._reckon(task, task.timer, now_ns)
+                self._consequences.reckon(task, task.timer, now_ns)
             self._withdraw(task)
             task.missed += task.rephasing
             task.timer = None
@@ -184,7 +313,7 @@ class Kernel(Declarations):
             if task.coroutine is None or not self.running:
                 continue
             now_ns = task.start_ns = self.now_ns()
-            self._current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0
+            self.current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
             self._look_at(now_ns + _CLOSE_NS)
             try:
@@ -239,15 +368,64 @@ class Kernel(Declarations):
             self._note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
 
+    # ---- while it runs -----------------------------------------------------------------------
+
+    def hold(self, task: Task, policy: FailurePolicy, reason: str) -> None:
+        """
+        Apply a failure policy from outside, as a watchdog or an emergency stop does.
+
+        A job that runs or waits ends first. Safe in the real-time loop.
+
+        :param reason: for the report.
+        """
+        before = self.lock()
+        self._consequences.demand(task, policy, reason, self.now_ns())
+        self.unlock(before)
+
+    def rearm(self, task: Task) -> None:
+        """Let a held task make jobs again, beginning with its ``on_restart``; as Task.rearm."""
+        before = self.lock()
+        self._consequences.resume(task, self.now_ns())
+        self.unlock(before)
+
     # ---- interrupts --------------------------------------------------------------------------
+
+    def add_interrupt(self, fd: int, task: Task, *, separation_ns: int = SEPARATION_NS,
+                      name: str = '') -> None:
+        """
+        Release a task whenever a file descriptor becomes readable.
+
+        The task reads until nothing is left: several arrivals may make one release. May be called
+        before :meth:`run` and by a task.
+
+        :param separation_ns: shortest time between two releases: what comes sooner waits until
+            then, and is counted. Without it a flood could take the whole CPU.
+        :param name: of the source, for the statistics.
+        :raises OSError: the descriptor cannot do that.
+        """
+        before = self.lock()
+        try:
+            self._interrupts.add(fd, task, separation_ns, name)
+            if self.running:
+                self._interrupted = self.pending = True  # it may be readable already
+        finally:
+            self.unlock(before)
+
+    def remove_interrupt(self, fd: int) -> None:
+        """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
+        before = self.lock()
+        try:
+            self._interrupts.remove(fd)
+        finally:
+            self.unlock(before)
 
     def _on_interrupt(self, signum: int = 0, frame: object = None) -> None:
         self._interrupted = True
-        self._on_tick(signum)
+        self.settle(signum)
 
     def _on_break(self, signum: int = 0, frame: object = None) -> None:
         """Stop on Ctrl-C; pressed again, it ends a job that does not end by itself."""
-        current = self._current
+        current = self.current
         if self._broken and current is not None and not (self.locked or current.over):
             raise KeyboardInterrupt
         self._broken = True
@@ -272,7 +450,7 @@ class Kernel(Declarations):
     def _on_unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Report what a finaliser raised; Python would print each, and wait for the console."""
         if unraisable.exc_value is not None:
-            name = self._current.name if self._current is not None else 'idle'
+            name = self.current.name if self.current is not None else 'idle'
             self._note_failure(describe(name, self.now_ns(), unraisable.exc_value, outermost=True))
 
     def guard_handlers(self) -> None:
@@ -285,6 +463,14 @@ class Kernel(Declarations):
             self.clock.wrap_handlers(self._run_handler)
 
     # ---- reports -----------------------------------------------------------------------------
+
+    def account(self, task: Task) -> None:
+        """Bring the counters of a task up to date; as :meth:`Task.account`."""
+        if not self.running:
+            return
+        before = self.lock()
+        self._consequences.account(task, self.now_ns())
+        self.unlock(before)
 
     def black_box_dump(self, reason: str) -> BlackBoxDump:
         """Copy the black box: milliseconds, but preemptible; not for the real-time loop."""

@@ -17,14 +17,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Task
-
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.scheduler import Scheduler
-    from rt_robot_os.kernel.state import Timer
+from rt_robot_os.kernel.task import Timer
 
 
 class OneShot:
@@ -36,7 +32,7 @@ class OneShot:
 
     __slots__ = ('task', '_kernel', '_timer')
 
-    def __init__(self, kernel: Scheduler, task: Task) -> None:
+    def __init__(self, kernel: Releases, task: Task) -> None:
         self.task = task
         self._kernel = kernel
         self._timer: Timer | None = None
@@ -68,25 +64,21 @@ class OneShot:
         if not kernel.running:
             raise TaskError(f'timer of task {self.task.name!r}: the kernel is not running; start '
                             'it from a task')
-        locked, kernel.locked = kernel.locked, True
+        before = kernel.lock()
         if self._timer is not None:
             kernel._cancel(self._timer, self.task.priority)
         self._timer = kernel._schedule(
             max(time_ns, kernel.now_ns()), self._fire, self.task.priority)
-        kernel.locked = locked
-        if kernel.pending and not locked:
-            kernel.settle()
+        kernel.unlock(before)
 
     def cancel(self) -> None:
         """Take the start back; nothing happens if it has released its task already."""
         kernel = self._kernel
-        locked, kernel.locked = kernel.locked, True
+        before = kernel.lock()
         if self._timer is not None:
             kernel._cancel(self._timer, self.task.priority)
             self._timer = None
-        kernel.locked = locked
-        if kernel.pending and not locked:
-            kernel.settle()
+        kernel.unlock(before)
 
     def _fire(self, now_ns: int) -> None:
         # When it was due: the kernel comes to it later if something higher runs.

@@ -14,40 +14,62 @@
 
 
 """
-Releases: which tasks are due, in what order, and at no cost for what cannot run yet.
+The lower half of the kernel: its data, what releases tasks, and when the clock is to interrupt.
 
 Each priority has its own timers. What has fallen due at a level is taken in when the dispatcher
 comes to that level (:meth:`Releases._take_in`), in the order of time, and not before: as long as
 something higher runs, a due timer costs nothing, however many there are. All that is done before
-is to note that a level has to be looked at (:attr:`_ready`), once until it has been looked at.
+is to note that a level has to be looked at (``_ready``), once until it has been looked at.
 
-A periodic task whose job waits or runs has no timer in the heap; the next is in ``task.timer``.
+A periodic task whose job waits or is late has no timer in the heap; the next is in ``task.timer``.
 When the job has ended, the points of the grid that passed meanwhile are reckoned in one step
-(``Consequences._reckon``), and the timer goes back.
+(``Consequences.reckon``), and the timer goes back.
 
 So the work of releasing is in proportion to the jobs that run, not to the releases that fall due.
 The alternative, an alarm for each release, ends in a livelock as soon as the alarms alone take
 more than the CPU has (Mogul, Ramakrishnan: Eliminating receive livelock, 1997).
+
+To set an alarm costs a system call and, on most machines, an access to the timer hardware:
+microseconds that the next job would wait for. So there are two alarms: the second is set for the
+release after the next when a job has ended, and before one begins there is nothing left to do but
+to swap them.
 """
 
 from __future__ import annotations
 
+from abc import ABC
+from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 import functools
 import heapq
 
+from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import INTERRUPT
+from rt_robot_os.kernel.black_box import Record
+from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
+from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.failure import describe
+from rt_robot_os.kernel.failure import FailureReport
+from rt_robot_os.kernel.interrupts import InterruptSources
 from rt_robot_os.kernel.interrupts import Source
-from rt_robot_os.kernel.policy import TaskState
-from rt_robot_os.kernel.state import KernelState
-from rt_robot_os.kernel.state import LEVELS
-from rt_robot_os.kernel.state import Timer
-from rt_robot_os.kernel.task import FOLLOW
+from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
+from rt_robot_os.kernel.spec import TaskState
+from rt_robot_os.kernel.stolen import Stolen
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import Timer
 from rt_robot_os.units import NS_PER_MS
 
+IDLE_LEVEL = 0
+# Above every task: what happens at a point in time rather than in a job.
+LEVEL_END = PRIORITY_MAXIMUM + 3
+LEVEL_OUTPUTS = PRIORITY_MAXIMUM + 2
+LEVEL_INPUTS = PRIORITY_MAXIMUM + 1
+LEVELS = LEVEL_END + 1
+
+_FAILURES_KEPT = 32
 _ONE_SHOT_ORDER = 1 << 32
 # Spare the question whether there are as many.
 _SENTINELS: list[Timer] = [(NEVER_NS, order, None, 0) for order in (-4, -3, -2)]
@@ -58,19 +80,143 @@ _FIRSTS_MOST = 4 * LEVELS
 _ASIDE_MOST = 8
 _ASIDE_NS = NS_PER_MS
 
+TraceHook = Callable[[int, str, str], None]
+Observer = Callable[[Record], None]
 
-class Releases(KernelState):
-    """Timers, events and interrupts that make tasks ready. All methods are called locked."""
 
-    __slots__ = ()
+class Releases(ABC):
+    """
+    Timers, events and interrupts that make tasks ready.
+
+    What begins with an underscore is the kernel's own and called locked.
+
+    :ivar locked: set inside a critical section of the kernel or of a topic.
+    :ivar pending: something came up meanwhile: call ``settle`` after clearing ``locked``.
+    :ivar current: the task whose job runs; None between jobs.
+    :ivar record: adds to the black box, and tells the observers.
+    :ivar trace: called with (time, kind, task name) for each start and end, unless it is None;
+        may not raise.
+    :ivar black_box: the last things that happened.
+    :ivar spin_ns: wake this much before a release and spin until it.
+    :ivar stolen: time that Linux took from the jobs.
+    :ivar stop_grace_ns: jobs that run so long after :meth:`Kernel.stop` are ended; by default
+        never.
+    :ivar ended: the tasks whose jobs were, since the kernel was started.
+    :ivar overhead_ns: what the kernel itself computed for: releasing, dispatching, setting alarms.
+
+    Of what is not public:
+
+    - ``_timers``, of each level: a heap of what falls due;
+    - ``_queues``, of each level: tasks whose job waits, in the order of their releases;
+    - ``_ready``: bits of the levels at which something waits, or may have fallen due;
+    - ``_firsts``: a heap of (due, level) with the first timer of each level that has no bit there;
+    - ``_watched_ns``, of each level: which entry of ``_firsts`` counts;
+    - ``_level``: of what runs, its task's priority or the ceiling of a resource that it is in.
+    """
+
+    # Slots are the fastest attributes, and there are more than an inline dictionary holds.
+    __slots__ = (
+        'clock', 'now_ns', 'running',
+        # The critical section, and what runs
+        'locked', 'pending', 'current', '_level', '_stolen_ns',
+        # What is due
+        '_ready', '_bits', '_queues', '_timers', '_firsts', '_watched_ns', '_one_shots',
+        '_interrupts', '_interrupted',
+        # The alarms
+        'spin_ns', '_armed_ns', '_armed_due_ns', '_spare_ns',
+        # The end
+        'stop_grace_ns', 'ended', '_stopping', '_stop_reason', '_stop_ns', '_end_ns',
+        # What is told of it
+        'trace', 'record', 'black_box', 'failures', 'failures_total', 'stolen', 'overhead_ns',
+        '_observers')
+
+    def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
+        self.clock = clock
+        self.now_ns = clock.now_ns
+        self.running = False
+        self.locked = False
+        self.pending = False
+        self.current: Task | None = None
+        self._level = IDLE_LEVEL
+        self._stolen_ns = 0
+        self._bits = [1 << level for level in range(LEVELS)]
+        self._queues: list[deque[Task]] = [deque() for _ in range(LEVELS)]
+        self._clear_timers()
+        self._one_shots = 0
+        self._interrupts = InterruptSources(clock)
+        self._interrupted = False
+        self.spin_ns = spin_ns
+        self._armed_ns = 0
+        self._armed_due_ns = 0  # the release that the alarm is for, if nothing else matters
+        self._spare_ns = 0
+        self.stop_grace_ns = NEVER_NS
+        self.ended: list[str] = []
+        self._stopping = False
+        self._stop_reason = ''
+        self._stop_ns = NEVER_NS
+        self._end_ns = NEVER_NS
+        self.trace: TraceHook | None = None
+        self.black_box = BlackBox(records)
+        self.record: Observer = self.black_box.add
+        self._observers: tuple[Observer, ...] = ()
+        self.failures: deque[FailureReport] = deque(maxlen=_FAILURES_KEPT)
+        self.failures_total = 0
+        self.stolen = Stolen(clock)
+        self.overhead_ns = 0
+
+    # ---- critical sections -------------------------------------------------------------------
+
+    @abstractmethod
+    def settle(self, signum: int = 0, frame: object = None) -> None:
+        """Do what came up while ``locked`` was set."""
+
+    def lock(self) -> bool:
+        """
+        Enter a critical section.
+
+        :return: what :meth:`unlock` takes: whether it lies within another.
+        """
+        before, self.locked = self.locked, True
+        return before
+
+    def unlock(self, before: bool) -> None:
+        """Leave a critical section and do what came up meanwhile; written out where it is hot."""
+        self.locked = before
+        if not before and (self.pending or self._ready >> self._level + 1):
+            self.settle()
+
+    # ---- what is told ------------------------------------------------------------------------
+
+    def add_observer(self, observer: Observer) -> None:
+        """
+        Let something be told all that the kernel and the topics record, besides the black box.
+
+        :param observer: gets the record, see :mod:`rt_robot_os.kernel.black_box`, within a
+            critical section: it must be quick. One that raises is reported, and told no more.
+        """
+        self._observers = (*self._observers, observer)
+        self.record = self._tell
+
+    def _tell(self, record: Record) -> None:
+        self.black_box.add(record)
+        for observer in self._observers:
+            try:
+                observer(record)
+            except Exception as error:
+                self._observers = tuple(one for one in self._observers if one is not observer)
+                self._note_failure(describe('observer', self.now_ns(), error))
+
+    def _note_failure(self, failure: FailureReport) -> None:
+        self.failures_total += 1
+        self.failures.append(failure)
 
     # ---- timers ------------------------------------------------------------------------------
 
     def _clear_timers(self) -> None:
         """Forget all."""
         self._ready = 0
-        self._timers = [_SENTINELS.copy() for _ in range(LEVELS + 3)]
-        self._firsts = [(NEVER_NS, LEVELS + number) for number in range(3)]
+        self._timers: list[list[Timer]] = [_SENTINELS.copy() for _ in range(LEVELS + 3)]
+        self._firsts: list[tuple[int, int]] = [(NEVER_NS, LEVELS + n) for n in range(3)]
         self._watched_ns = [NEVER_NS] * LEVELS
 
     def _expect(self, level: int) -> None:
@@ -155,45 +301,35 @@ class Releases(KernelState):
 
     # ---- events ------------------------------------------------------------------------------
 
-    def _make_ready(self, task: Task, now_ns: int) -> None:
-        """Note that an event released a task, also one that is running."""
-        level = task.priority
-        if not task.pending and self._timers[level][0][0] <= now_ns:
-            self._take_in(level, min(now_ns, self._end_ns - 1))  # it came before
-        # What _arrive does, written out: this is a part of each publication.
-        task.releases += 1
-        if task.pending:
-            if task.state is TaskState.ACTIVE:
-                task.coalesced += 1
-            else:
-                task.missed += 1
+    def wake(self, tasks: Sequence[Task], now_ns: int) -> None:
+        """
+        Note that an event released tasks, also such that run; ignored while not running.
+
+        For topics; called locked, as a part of each publication.
+        """
+        if not self.running:
             return
-        task.pending = True
-        task.release_ns = now_ns
-        self._queues[level].append(task)
-        self._ready |= self._bits[level]
-        if level > self._level:
-            self.pending = True
+        for task in tasks:
+            level = task.priority
+            if not task.pending:
+                if self._timers[level][0][0] <= now_ns:
+                    self._take_in(level, min(now_ns, self._end_ns - 1))  # it came before
+                if level > self._level:
+                    self.pending = True
+            self._arrive(task, now_ns)
 
     def _arrive(self, task: Task, release_ns: int) -> None:
         """Note an event that came after all that is due at its level and not taken in."""
         task.releases += 1
-        if task.pending:
-            if task.state is TaskState.ACTIVE:
-                task.coalesced += 1
-            else:
-                task.missed += 1
-            return
-        task.pending = True
-        task.release_ns = release_ns
-        self._queues[task.priority].append(task)
-        self._ready |= self._bits[task.priority]
-
-    def wake(self, tasks: Sequence[Task], now_ns: int) -> None:
-        """Release tasks while ``locked`` is set; for topics. Ignored while not running."""
-        if self.running:
-            for task in tasks:
-                self._make_ready(task, now_ns)
+        if not task.pending:
+            task.pending = True
+            task.release_ns = release_ns
+            self._queues[task.priority].append(task)
+            self._ready |= self._bits[task.priority]
+        elif task.state is TaskState.ACTIVE:
+            task.coalesced += 1
+        else:
+            task.missed += 1
 
     def _queue(self, task: Task, release_ns: int, period_ns: int) -> None:
         """Let a job of a task wait, behind those that wait at its level."""
@@ -228,7 +364,7 @@ class Releases(KernelState):
             self._arrive(task, now_ns)
             if waits:  # its job will read all: do not listen before it has
                 sources.defer(source)
-                task.follow |= FOLLOW
+                task.follow_up = True
         for source in sources.early():
             self._listen_at(source, source.open_ns)
 
@@ -243,3 +379,84 @@ class Releases(KernelState):
         """Hear the sources again that were not heard while a job of their task waited."""
         for source in self._interrupts.waiting_for(task):
             self._listen_at(source, source.open_ns)
+
+    # ---- alarms ------------------------------------------------------------------------------
+
+    def _arm_for(self, task: Task, level: int, due_ns: int) -> None:
+        """Let the alarm come for the next release, or at the end of the budget of a new job."""
+        alarm_ns = due_ns
+        if self.spin_ns and due_ns == self._firsts[0][0]:
+            alarm_ns = self._early_ns(level)
+        if task.aborts:
+            task.limit_ns = task.budget_ns
+            alarm_ns = min(alarm_ns, self.now_ns() + task.budget_ns)
+        self._arm(alarm_ns)
+        # Spinning depends on who runs, budgets end: these must be looked at each time.
+        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
+
+    def _arm(self, alarm_ns: int) -> None:
+        if alarm_ns == self._armed_ns:
+            return
+        if alarm_ns == self._spare_ns:
+            self.clock.swap()
+            self._spare_ns = 0
+        else:
+            self.clock.arm(alarm_ns)
+        self._armed_ns = alarm_ns
+
+    def _look_at(self, at_ns: int) -> None:
+        """Let the alarm come no later than that."""
+        if not self.now_ns() < self._armed_ns <= at_ns:
+            self._arm(at_ns)
+            self._armed_due_ns = 0
+
+    def _arm_ahead(self, level: int, look_ns: int) -> None:
+        """
+        Set the alarm, and the other one for what comes after, if that is cheap to say.
+
+        :param level: of what goes on then.
+        :param look_ns: when its budget may end.
+        """
+        first, second, third = self._firsts[:3]
+        alarm_ns = due_ns = first[0] if not self._stopping else NEVER_NS
+        spin_ns = self.spin_ns
+        if spin_ns and not self._stopping:
+            alarm_ns = self._early_ns(level)
+        if look_ns < alarm_ns:
+            alarm_ns = look_ns
+            spare_ns = due_ns - spin_ns
+        else:
+            timers = self._timers[first[1]]
+            period_ns = timers[0][3]
+            spare_ns = due_ns + period_ns if period_ns else NEVER_NS
+            if due_ns < second[0] < spare_ns and second[1] > level:
+                spare_ns = second[0]
+            if due_ns < third[0] < spare_ns and third[1] > level:
+                spare_ns = third[0]
+            if due_ns < timers[1][0] < spare_ns:
+                spare_ns = timers[1][0]
+            if due_ns < timers[2][0] < spare_ns:
+                spare_ns = timers[2][0]
+            spare_ns -= spin_ns
+        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
+        if alarm_ns != self._armed_ns:
+            self._arm(alarm_ns)
+        if spare_ns != self._spare_ns:
+            self._spare_ns = spare_ns
+            self.clock.arm_spare(spare_ns)
+
+    def _early_ns(self, level: int) -> int:
+        """Give the time of the alarm before the first release, early if that is worth spinning."""
+        due_ns, first_level = self._firsts[0]
+        if first_level > level and self._timers[first_level][0][3]:
+            return due_ns - self.spin_ns
+        return due_ns
+
+    def _spin(self, now_ns: int, level: int) -> int:
+        """Spin to the first release, if it is near and above a level."""
+        due_ns = self._firsts[0][0]
+        if now_ns < due_ns and self._early_ns(level) <= now_ns:
+            read_ns = self.now_ns
+            while now_ns < due_ns:
+                now_ns = read_ns()
+        return now_ns

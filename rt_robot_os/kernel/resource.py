@@ -28,7 +28,7 @@ from types import TracebackType
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.black_box import CEILING
-from rt_robot_os.kernel.scheduler import Scheduler
+from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.statistics import ResourceStatistics
 from rt_robot_os.kernel.task import Task
 
@@ -47,10 +47,10 @@ class Resource:
     __slots__ = ('name', 'ceiling', 'holder', 'entries', 'held_maximum_ns', '_kernel', '_users',
                  '_below', '_enter_ns')
 
-    def __init__(self, kernel: Scheduler, name: str) -> None:
+    def __init__(self, kernel: Releases, name: str) -> None:
         self.name = name
         self.ceiling = 0
-        self._users: set[Task | None] = set()
+        self._users: set[Task] = set()
         self.holder: Task | None = None
         self.entries = 0
         self.held_maximum_ns = 0
@@ -73,17 +73,17 @@ class Resource:
     @property
     def users(self) -> tuple[Task, ...]:
         """Give the tasks that declared it, in the order in which the kernel knows them."""
-        return tuple(sorted((t for t in self._users if t is not None), key=lambda t: t.index))
+        return tuple(sorted(self._users, key=lambda task: task.index))
 
     def __enter__(self) -> Resource:
         kernel = self._kernel
         kernel.locked = True
-        task = kernel._current
-        if task not in self._users or self.holder is not None:
+        task = kernel.current
+        if task is None or task not in self._users or self.holder is not None:
             kernel.locked = False
             raise self._misuse(task)
         self.holder = task
-        task.follow += 1  # type: ignore[union-attr]
+        task.inside += 1
         self._below = below = kernel._level
         if self.ceiling > below:
             kernel._level = self.ceiling
@@ -97,7 +97,11 @@ class Resource:
                  traceback: TracebackType | None) -> None:
         kernel = self._kernel
         kernel.locked = True
-        task, self.holder = self.holder, None
+        task = self.holder
+        if task is None or task is not kernel.current:  # its job had ended inside
+            kernel.locked = False
+            raise TaskError(f'resource {self.name!r} is left by who is not inside')
+        self.holder = None
         below = self._below
         leave_ns = kernel.now_ns()
         held_ns = leave_ns - self._enter_ns
@@ -105,10 +109,10 @@ class Resource:
             self.held_maximum_ns = held_ns
         self.entries += 1
         kernel.record((CEILING, task, self._enter_ns, leave_ns, self.name))
-        task.follow -= 1  # type: ignore[union-attr]
+        task.inside -= 1
         kernel._level = below
         kernel.locked = False
-        if kernel.pending or kernel._ready >> below + 1 or task.struck:  # type: ignore[union-attr]
+        if kernel.pending or kernel._ready >> below + 1 or task.struck:
             kernel.settle()
 
     def _misuse(self, task: Task | None) -> TaskError:

@@ -34,34 +34,63 @@ from __future__ import annotations
 import heapq
 import sys
 
-from rt_robot_os.kernel.abort import TaskAborted
+from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import OK
+from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
+from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import BLOCKED_NS
+from rt_robot_os.kernel.consequences import Consequences
+from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
-from rt_robot_os.kernel.strikes import RECURSION_ROOM
-from rt_robot_os.kernel.strikes import Strikes
-from rt_robot_os.kernel.task import HELD
+from rt_robot_os.kernel.failure import TaskAborted
+from rt_robot_os.kernel.releases import Releases
+from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_US
+
+# Computing time for ``finally`` clauses between the first TaskAborted and the second, at least;
+# after that the task is known to resist, and a strike between two of its handlers is a matter of
+# tries.
+GRACE_NS = 20 * NS_PER_MS
+STRIKE_AGAIN_NS = 20 * NS_PER_US
+# Computing time for describing an exception and for dropping it: both may run its author's code.
+CONTAIN_NS = 10 * NS_PER_MS
+# Python frames that each level of nesting adds to the limit: a task that recursed to its own must
+# not leave too few for those that preempt it.
+RECURSION_ROOM = 200
+# Before Python 3.12 a job that comes so close to its limit is ended: where it is deeper still
+# there is no room for the handler of the alarm, and it would hold up everybody.
+_RECURSION_EDGE = 50
 
 _set_recursion_limit = sys.setrecursionlimit
 
 
-class Scheduler(Strikes):
-    """Release and dispatch: what runs in every tick. :class:`Kernel` adds the rest."""
+class Scheduler(Releases):
+    """Dispatch, and ending jobs: what runs in every tick. :class:`Kernel` adds the rest."""
 
-    __slots__ = ()
+    __slots__ = ('_recursion_limit', '_resources', '_consequences')
+
+    def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
+        super().__init__(clock, spin_ns, records)
+        self._recursion_limit = 0
+        self._resources: dict[str, Resource] = {}
+        self._consequences = Consequences(self, self._resources)
 
     # ---- ticks -------------------------------------------------------------------------------
 
-    def _on_tick(self, signum: int = 0, frame: object = None) -> None:
+    def settle(self, signum: int = 0, frame: object = None) -> None:
         """
         Release what is due and run what is above the interrupted task, on top of it.
+
+        The alarm's handler, and what is called after ``locked`` was cleared if there is something
+        ``pending``. On a clock that does not preempt, a job calls it where others may run.
 
         :raises TaskAborted: in the interrupted task, when it has used up its budget.
         """
@@ -79,7 +108,7 @@ class Scheduler(Strikes):
             self._recursion_limit = limit
             self.locked = False
             raise
-        current, level = self._current, self._level
+        current, level = self.current, self._level
         if signum and not SEPARATE_LIMITS and current is not None:
             self._look_at_depth(current, limit)
         while True:
@@ -88,7 +117,7 @@ class Scheduler(Strikes):
             if not again:
                 break
         strike: TaskAborted | None = None
-        if current is not None and current.struck and not current.follow & HELD:
+        if current is not None and current.struck and not current.inside:
             strike = self._strike(current)
         self._recursion_limit = limit
         # Written out: no call may follow where the stack is as deep as it may be.
@@ -105,8 +134,6 @@ class Scheduler(Strikes):
             except RecursionError:  # no room: the alarm comes again
                 pass
 
-    settle = _on_tick
-
     def stop(self, reason: str = 'stop') -> None:
         """
         End :meth:`run` when the jobs that run now have ended; safe in the real-time loop.
@@ -118,7 +145,7 @@ class Scheduler(Strikes):
             self._stop_ns = min(NEVER_NS, self.now_ns() + self.stop_grace_ns)
         self._stopping = True
         self._stop_reason = reason
-        if self._current is not None and self._stop_ns < NEVER_NS:
+        if self.current is not None and self._stop_ns < NEVER_NS:
             if self.locked:
                 self.pending = True
             else:
@@ -140,7 +167,7 @@ class Scheduler(Strikes):
             self._notice(now_ns)
         if current is not None and (
                 late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
-            stolen_ns += self._held_up(current, level, entry_ns, late_ns)
+            stolen_ns += self._consequences.held_up(current, level, entry_ns, late_ns)
         done_ns = entry_ns
         if self._ready.bit_length() - 1 > level:
             done_ns = self._dispatch(level, now_ns, entry_ns)
@@ -151,7 +178,7 @@ class Scheduler(Strikes):
                 level, self._police(current, entry_ns - current.start_ns - stolen_ns))
         elif firsts[0][0] != self._armed_due_ns or not self._spare_ns:
             self._arm_ahead(level, NEVER_NS)
-        self._current, self._level = current, level
+        self.current, self._level = current, level
         end_ns = self.now_ns()
         self.overhead_ns += end_ns - done_ns
         self._stolen_ns = stolen_ns + end_ns - entry_ns
@@ -212,7 +239,7 @@ class Scheduler(Strikes):
                 period_ns = task.period_ns
                 task.timer = (release_ns + period_ns, index, task, period_ns)
             task.busy = True
-            self._current, self._level = task, level
+            self.current, self._level = task, level
             # Its own next release, which is above nobody now, is what comes when it has ended.
             next_ns = firsts[0][0]
             timer = task.timer
@@ -233,13 +260,13 @@ class Scheduler(Strikes):
                 try:
                     self.locked = False
                     if self.pending:
-                        self._on_tick()
+                        self.settle()
                     task.function()
                     self.locked = True
                 except BaseException as error:
                     task.limit_ns = 0  # what comes now is not its own
                     outcome = ABORTED if issubclass(type(error), TaskAborted) else FAILED
-                    failure = self._contain(task, error, self.settle)  # preemptible as well
+                    failure = self._contain(task, error)  # preemptible as well
                 # Only here is an exception gone, with code that its author may have for that.
                 self.locked = True
             except BaseException:
@@ -258,7 +285,7 @@ class Scheduler(Strikes):
             task.execution_counts[
                 execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)] += 1
             if execution_ns > task.execution_limit_ns:
-                self._long_execution(task, execution_ns)
+                self._consequences.long_execution(task, execution_ns)
             latency_ns = start_ns - release_ns
             shift = latency_ns.bit_length() - 4
             task.latency_counts[
@@ -266,7 +293,7 @@ class Scheduler(Strikes):
             if latency_ns > task.latency.maximum_ns:
                 task.latency.maximum_ns = latency_ns
             if end_ns - release_ns > task.response_limit_ns:
-                self._long_response(task, release_ns, end_ns)
+                self._consequences.long_response(task, release_ns, end_ns)
             if previous_ns >= 0:
                 gap_ns = start_ns - previous_ns
                 if gap_ns > task.gap_maximum_ns:
@@ -286,13 +313,13 @@ class Scheduler(Strikes):
                 timer = task.timer
             if timer is not None:
                 if timer[0] <= end_ns:
-                    timer = self._reckon(task, timer, end_ns)
+                    timer = self._consequences.reckon(task, timer, end_ns)
                 task.timer = None
                 if timer is not None:
                     heapq.heappush(timers, timer)
             task.busy = False
-            if failure is not None or task.follow:
-                self._follow(task, failure, outcome, end_ns)
+            if failure is not None or task.follow_up or task.inside:
+                self._consequences.follow(task, failure, outcome, end_ns)
             due_ns = timers[0][0]
             if due_ns > end_ns and not queue:  # nothing more to do at this level
                 self._ready ^= self._bits[level]
@@ -309,7 +336,89 @@ class Scheduler(Strikes):
                 late_ns = looked_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
                 self._notice(looked_ns)
                 if late_ns > BLOCKED_NS:  # it ended in a native call
-                    self._held_up(task, level, looked_ns, late_ns)
+                    self._consequences.held_up(task, level, looked_ns, late_ns)
         self.overhead_ns += overhead_ns
-        self._current, self._level = None, floor
+        self.current, self._level = None, floor
         return end_ns
+
+    # ---- ending jobs -------------------------------------------------------------------------
+
+    def _police(self, task: Task, used_ns: int) -> int:
+        """
+        Have the interrupted task struck if it has used what it may.
+
+        :param used_ns: its computing time.
+        :return: when to look again.
+        """
+        now_ns = self.now_ns()
+        look_ns = now_ns + task.limit_ns - used_ns if task.limit_ns else NEVER_NS
+        if self._stopping and not (task.strikes or task.over) and self._stop_ns < look_ns:
+            look_ns = self._stop_ns
+        if now_ns < look_ns:
+            return look_ns
+        if not task.struck:
+            self._have_struck(task)
+            if not task.over:
+                self.record((ABORT, task, now_ns, used_ns))
+        return NEVER_NS  # when it is delivered, the alarm is set anew
+
+    def _have_struck(self, task: Task) -> None:
+        """Let TaskAborted be raised in the task on the top of the stack as soon as it may be."""
+        task.struck = True
+        task.follow_up = True
+
+    def _strike(self, task: Task) -> TaskAborted:
+        """Give what is to be raised in the task on the top of the stack, at once."""
+        now_ns = self.now_ns()
+        used_ns = now_ns - task.start_ns - self._stolen_ns
+        task.struck = False
+        first = not task.strikes
+        if not task.over:
+            task.strikes += 1
+        pause_ns = max(GRACE_NS, task.spec.budget_ns) if first else STRIKE_AGAIN_NS
+        task.limit_ns = used_ns + pause_ns
+        self._look_at(now_ns + pause_ns)
+        why = ''
+        if self._stopping and now_ns >= self._stop_ns:
+            why = (f'was ended {(now_ns - self._stop_ns + self.stop_grace_ns) // NS_PER_MS} ms '
+                   f'after the kernel was told to stop ({self._stop_reason})')
+            if task.name not in self.ended:
+                self.ended.append(task.name)
+        elif not task.aborts or used_ns < task.budget_ns:
+            why = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
+        return TaskAborted(task.name, used_ns, task.spec.budget_ns, why)
+
+    def _contain(self, task: Task, error: BaseException) -> FailureReport:
+        """
+        Describe what came out of the job that runs, within a computing time of its own.
+
+        Not locked: whatever the exception does when it is looked at is preemptible, and ended.
+        """
+        self.locked = True
+        now_ns = self.now_ns()
+        task.over = True
+        task.struck = False  # too late
+        task.limit_ns = now_ns - task.start_ns - self._stolen_ns + CONTAIN_NS
+        self._look_at(now_ns + CONTAIN_NS)
+        self.locked = False
+        if self.pending:
+            self.settle()
+        return describe(task.name, now_ns, error)
+
+    # ---- recursion ---------------------------------------------------------------------------
+
+    def _narrow(self, limit: int) -> None:
+        """Take back the room that the handler of a signal was given."""
+        try:
+            sys.setrecursionlimit(limit)
+        except RecursionError:
+            force_recursion_limit(limit)
+
+    def _look_at_depth(self, task: Task, limit: int) -> None:
+        """Have a job struck that is about to reach its recursion limit."""
+        try:
+            sys.setrecursionlimit(limit - _RECURSION_EDGE)
+        except RecursionError:
+            if not task.strikes:  # later its time counts
+                self._have_struck(task)
+        sys.setrecursionlimit(limit + RECURSION_ROOM)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rt_robot_os.kernel.histogram import Summary
-from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.spec import TaskState
 
 
 @dataclass(frozen=True)

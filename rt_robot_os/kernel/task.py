@@ -13,137 +13,105 @@
 # limitations under the License.
 
 
-"""A task: what its author declares, what the kernel remembers of it, what it tells of itself."""
+"""A task: what its author declared, what the kernel remembers of it, what it tells of itself."""
 
 from __future__ import annotations
 
+from abc import ABC
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
-from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.histogram import Histogram
-from rt_robot_os.kernel.policy import BudgetPolicy
-from rt_robot_os.kernel.policy import FailurePolicy
-from rt_robot_os.kernel.policy import OverrunPolicy
-from rt_robot_os.kernel.policy import problems
-from rt_robot_os.kernel.policy import TaskState
+from rt_robot_os.kernel.logical import Logical
+from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import checked_period_ns
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import OverrunPolicy
+from rt_robot_os.kernel.spec import TaskSpec
+from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.statistics import DeadlineMiss
 from rt_robot_os.kernel.statistics import TaskStatistics
-from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.coroutine import AsyncBody
-    from rt_robot_os.kernel.logical import Logical
-
-RATE_MINIMUM_HZ = 1e-6
-RATE_MAXIMUM_HZ = 100_000.0
-
-HELD = (1 << 16) - 1
-FOLLOW = 1 << 16
+# (time, order among equals, task or action, period in force until then; 0: it comes once)
+Timer = tuple[int, int, Any, int]
 
 
-@dataclass(frozen=True)
-class TaskSpec:
+class Coroutine(ABC):
     """
-    The declaration of a task; :func:`rt_robot_os.kernel.policy.problems` says what is refused.
+    What a task is made of that is written as one: :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
 
-    :ivar name: unique in its kernel.
-    :ivar priority: 1..99, higher runs first.
-    :ivar period_ns: releases lie on the grid ``start + phase_ns + n * period_ns``; 0 means that
-        only events release it (a publication, an interrupt, a timer, another task).
-    :ivar phase_ns: from 0; where on the grid it begins.
-    :ivar deadline_ns: from a release to the end of its job; 0 means the period.
-    :ivar budget_ns: computing time of a job, what preempts it taken off; 0 means no limit.
-    :ivar on_budget: what happens to a job that exceeds it.
-    :ivar overrun: what happens to a release that finds the last job unfinished.
-    :ivar catch_up: releases that wait at most, with that overrun policy.
-    :ivar overrun_limit: a leaky bucket: each overrun puts one in, ``overrun_leak`` jobs without
-        any take one out; above the limit the failure policy is applied. 0 means never.
-    :ivar failure: what happens after an exception, an abort, or too many overruns.
-    :ivar restart_ns: pause before the first restart; doubled each time, up to
-        ``restart_maximum_ns``, until as long as that passes without a failure.
-    :ivar critical: the watchdog watches it.
-    :ivar logical: logical execution time: inputs as of the release, outputs at the deadline.
+    :ivar finished: it returned; the task makes no more jobs.
     """
 
-    name: str
-    priority: int
-    period_ns: int = 0
-    phase_ns: int = 0
-    deadline_ns: int = 0
-    budget_ns: int = 0
-    on_budget: BudgetPolicy = BudgetPolicy.WARN
-    overrun: OverrunPolicy = OverrunPolicy.SKIP
-    catch_up: int = 1
-    overrun_limit: int = 0
-    overrun_leak: int = 100
-    failure: FailurePolicy = FailurePolicy.CONTINUE
-    restart_ns: int = 100 * NS_PER_MS
-    restart_maximum_ns: int = 10 * NS_PER_S
-    critical: bool = False
-    logical: bool = False
+    __slots__ = ('finished',)
 
-    def __post_init__(self) -> None:
-        found = problems(self)
-        if found:
-            raise TaskError('\n'.join(f'task {self.name!r}: {problem}' for problem in found))
+    def __init__(self) -> None:
+        self.finished = False
 
-
-def checked_period_ns(name: str, rate_hz: float) -> int:
-    """
-    Turn a task's rate into its period.
-
-    :raises TaskError: the rate is not a number from 1e-6 Hz (11 days) to 100 kHz.
-    """
-    if isinstance(rate_hz, bool) or not isinstance(rate_hz, int | float) or not (
-            RATE_MINIMUM_HZ <= rate_hz <= RATE_MAXIMUM_HZ):
-        raise TaskError(f'task {name!r}: rate_hz {rate_hz!r} must be above 0 ({RATE_MINIMUM_HZ:g} '
-                        f'or more) and at most {RATE_MAXIMUM_HZ:g} Hz')
-    return period_from_rate(rate_hz)
+    @abstractmethod
+    def close(self) -> None:
+        """Drop the coroutine; its ``finally`` clauses run."""
 
 
 class Task:
     """
     A task in its kernel; made by :meth:`rt_robot_os.kernel.Kernel.add_task`.
 
-    The public attributes are for reading.
+    The public attributes are for reading. What was declared:
+
+    :ivar logical: what publishes its outputs at the deadline, if that was declared.
+    :ivar coroutine: what it is made of when it is written as one.
+    :ivar aborts: a job that exceeds the budget is struck.
+    :ivar skips: an overrun is counted, and nothing else.
+
+    Its releases and its job:
 
     :ivar pending: it waits for its turn, or is held (``state``).
-    :ivar timer: for its next release, while a job of it waits or runs, or it is held; else None.
+    :ivar timer: for its next release, once that is no longer among the kernel's timers, because a
+        job of it waits, runs or is late, or it is held; else None.
     :ivar busy: a job of it is on the stack.
-    :ivar follow: not 0: something is to be looked at when the job that runs now has ended. The
-        bits of ``HELD`` count the resources that it is inside of.
-    :ivar aborts: a job that exceeds the budget is struck.
+    :ivar inside: number of resources that this job is inside of.
+    :ivar follow_up: something is to be looked at when this job has ended.
+
+    What became of its budget:
+
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
     :ivar strikes: times that it was; one more waits to be delivered while ``struck``.
     :ivar over: its function has ended by an exception, which is being described and dropped.
+
+    What went wrong:
+
     :ivar miss: job, release_ns and late_ns of ``last_miss``.
     :ivar suspects: its ``ran_instead``; looked for every 10 ms at most.
-    :ivar skips: an overrun is counted, and nothing else.
     :ivar execution_limit_ns: longer jobs are looked at: the longest so far, or the budget.
     :ivar response_limit_ns: the same for the time from release to end, with the deadline.
-    :ivar logical: what publishes its outputs at the deadline, if that was declared.
-    :ivar coroutine: what it is made of when it is written as one.
     """
 
     __slots__ = (
-        'spec', 'name', 'priority', 'function', 'body', 'index', 'period_ns',
-        'interval_ns', 'deadline_ns', 'budget_ns', 'limit_ns', 'aborts', 'pending', 'timer',
-        'busy', 'follow', 'strikes', 'struck', 'over', 'backlog', 'rephasing', 'state', 'wanted',
-        'bucket', 'bucket_runs', 'restart_ns', 'resume_ns', 'on_restart', 'on_safe_state',
-        'successors', 'logical', 'coroutine', 'release_ns', 'start_ns', 'releases',
-        'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
-        'budget_exceeded', 'deadline_missed', 'miss', 'suspects', 'skips', 'latency',
-        'execution', 'jitter', 'gap_maximum_ns', 'blocked_maximum_ns',
-        'response_maximum_ns', 'response_limit_ns', 'execution_limit_ns',
-        'latency_counts', 'execution_counts', 'jitter_counts', 'execution_total_ns',
+        # What was declared
+        'spec', 'name', 'priority', 'index', 'body', 'on_restart', 'on_safe_state', 'successors',
+        'logical', 'coroutine', 'period_ns', 'deadline_ns', 'budget_ns', 'aborts', 'skips',
+        # Its releases and its job
+        'pending', 'timer', 'release_ns', 'interval_ns', 'backlog', 'rephasing', 'function',
+        'busy', 'start_ns', 'inside', 'follow_up',
+        # Its budget
+        'limit_ns', 'strikes', 'struck', 'over',
+        # Trouble, and what is done about it
+        'state', 'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns',
+        # Counters; of each histogram also its list of counts, the dispatcher's short way to it
+        'releases', 'runs', 'missed', 'coalesced', 'failures', 'overruns', 'aborted',
+        'budget_exceeded', 'deadline_missed', 'miss', 'suspects', 'latency', 'latency_counts',
+        'execution', 'execution_counts', 'execution_total_ns', 'jitter', 'jitter_counts',
+        'gap_maximum_ns', 'blocked_maximum_ns', 'response_maximum_ns', 'execution_limit_ns',
+        'response_limit_ns',
+        # Its kernel
         '_rearm', '_account')
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
@@ -164,11 +132,10 @@ class Task:
         self.on_safe_state = on_safe_state
         self.successors: Sequence[Task] = ()
         self.logical: Logical | None = None
-        self.coroutine: AsyncBody | None = None
+        self.coroutine: Coroutine | None = None
         self.latency = Histogram()
         self.execution = Histogram()
         self.jitter = Histogram()
-        # The dispatcher's short ways to them.
         self.latency_counts = self.latency.counts
         self.execution_counts = self.execution.counts
         self.jitter_counts = self.jitter.counts
@@ -182,9 +149,10 @@ class Task:
         """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
         self.function: Callable[[], object] = self.body
         self.pending = False
-        self.timer: tuple[int, int, Any, int] | None = None
+        self.timer: Timer | None = None
         self.busy = False
-        self.follow = FOLLOW if self.successors else 0
+        self.inside = 0
+        self.follow_up = bool(self.successors)
         self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
         self.limit_ns = 0
         self.strikes = 0
@@ -232,15 +200,11 @@ class Task:
                             'give it a rate_hz when it is added')
         period_ns = checked_period_ns(self.name, rate_hz)
         if period_ns != self.period_ns and (self.spec.budget_ns or self.spec.deadline_ns):
-            self._check_period(period_ns)
+            replace(self.spec, period_ns=period_ns)  # which checks it
         if not self.spec.deadline_ns:
             self.deadline_ns = period_ns
             self.response_limit_ns = min(self.response_maximum_ns, period_ns)
         self.period_ns = period_ns
-
-    def _check_period(self, period_ns: int) -> None:
-        values: dict[str, Any] = {**vars(self.spec), 'period_ns': period_ns}
-        TaskSpec(**values)
 
     @property
     def rate_hz(self) -> float:

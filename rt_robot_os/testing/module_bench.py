@@ -24,7 +24,7 @@ from typing import TypeVar
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.kernel.task import RATE_MINIMUM_HZ
+from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.modules import Module
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus

@@ -23,7 +23,7 @@ from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
-from rt_robot_os.topics.trigger import Trigger
+from rt_robot_os.topics.topic import Trigger
 
 __all__ = ['Bus', 'Layout', 'MAX_SUBSCRIBERS', 'Publisher', 'ReadStatus', 'SubscriberStatistics',
            'Subscription', 'Topic', 'TopicStatistics', 'Trigger']

@@ -71,7 +71,7 @@ class Publisher:
         self._stamps[index] = stamp_ns or now_ns
         topic.head = head + 1
         self.published += 1
-        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
+        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
         if topic.wakes:
             kernel.wake(topic.wakes, now_ns)
         if topic.triggers:
@@ -133,7 +133,7 @@ class Publisher:
         self._stamps[index] = stamp_ns or now_ns
         topic.head = head + 1
         self.published += 1
-        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
+        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
         kernel.wake(topic.wakes, now_ns)
         if topic.triggers:
             topic.pull(now_ns)
@@ -180,7 +180,7 @@ class LargePublisher(Publisher):
         self.published += 1
         self._buffer[:self._before] = full[:self._before]
         self._buffer[self._after:] = full[self._after:]
-        kernel.record((PUBLISH, kernel._current, now_ns, topic.name, head))
+        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
         kernel.wake(topic.wakes, now_ns)
         if topic.triggers:
             topic.pull(now_ns)

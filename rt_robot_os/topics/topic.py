@@ -36,6 +36,8 @@ step 2 holds as before, since a slot's buffer is written again only after ``head
 
 from __future__ import annotations
 
+from abc import ABC
+from abc import abstractmethod
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -49,7 +51,6 @@ from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.topics.layout import Layout
-    from rt_robot_os.topics.trigger import Trigger
 
 
 class Default(int):
@@ -242,3 +243,24 @@ class SubscriberStatisticsSource:
     def statistics(self) -> SubscriberStatistics:
         """Take the statistics."""
         raise NotImplementedError
+
+
+class Trigger(ABC):
+    """
+    Decide with each publication whether a task is released; made by ``bus.trigger``.
+
+    :ivar task: which.
+    """
+
+    __slots__ = ('task',)
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+
+    @abstractmethod
+    def published(self, topic: Topic) -> bool:
+        """
+        Say whether the task is to be released now; called within the publication.
+
+        :param topic: where a message has just been published.
+        """

@@ -17,37 +17,12 @@
 
 from __future__ import annotations
 
-from abc import ABC
-from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Task
-
-if TYPE_CHECKING:
-    from rt_robot_os.topics.topic import Topic
-
-
-class Trigger(ABC):
-    """
-    Decide with each publication whether a task is released; made by ``bus.trigger``.
-
-    :ivar task: which.
-    """
-
-    __slots__ = ('task',)
-
-    def __init__(self, task: Task) -> None:
-        self.task = task
-
-    @abstractmethod
-    def published(self, topic: Topic) -> bool:
-        """
-        Say whether the task is to be released now; called within the publication.
-
-        :param topic: where a message has just been published.
-        """
+from rt_robot_os.topics.topic import Topic
+from rt_robot_os.topics.topic import Trigger
 
 
 class Every(Trigger):

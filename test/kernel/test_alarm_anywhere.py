@@ -35,13 +35,12 @@ from kernel_tools import MS
 from kernel_tools import US
 import pytest
 
-from rt_robot_os.kernel import alarms
 from rt_robot_os.kernel import consequences
 from rt_robot_os.kernel import interrupts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
+from rt_robot_os.kernel import releases
 from rt_robot_os.kernel import scheduler as scheduler_module
-from rt_robot_os.kernel import state
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.linux.timer import AGAIN_NS
 
@@ -119,7 +118,7 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
-        alarms, consequences, kernel_module, scheduler_module, state))
+        consequences, kernel_module, releases, scheduler_module))
     tracer = AtStep(files, step, clock.fire)
     sys.settrace(tracer)
     try:

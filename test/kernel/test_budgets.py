@@ -294,7 +294,7 @@ class Reference:
         self.other = bus.subscribe('x', 'woken', task=self.woken)
         self.taken = 0
         self.guarded = [0, 0]
-        self.tracer = AtOpcode(step, lambda: kernel._current is self.task, self.strike)
+        self.tracer = AtOpcode(step, lambda: kernel.current is self.task, self.strike)
 
     def job(self) -> None:
         self.tracer.on = self.task.runs == 1

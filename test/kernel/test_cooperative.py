@@ -89,11 +89,11 @@ def test_a_job_is_not_preempted_but_the_highest_comes_next(kernel: Kernel) -> No
     log = kernel.trace = TraceLog()
 
     def low_job() -> None:
-        kernel.clock.spend(20 * MS)
+        kernel.clock.spend(150 * MS)
 
     kernel.add_task('low', low_job, priority=10, rate_hz=0.01)
-    kernel.add_task('lower', kernel.stop, priority=5, rate_hz=0.01, phase_ns=MS)
-    kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=2 * MS)
+    kernel.add_task('lower', kernel.stop, priority=5, rate_hz=0.01, phase_ns=50 * MS)
+    kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=100 * MS)
     kernel.run(60 * S)
     assert log.text() == ('low start\nlow end\nhigh start\nhigh end\nlower start\nlower end\n')
 

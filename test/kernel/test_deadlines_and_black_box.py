@@ -17,7 +17,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 import json
+from typing import Any
 
 from kernel_tools import MS
 from kernel_tools import S
@@ -177,3 +179,34 @@ def test_the_box_is_bounded() -> None:
     kernel.run(S)
     assert len(kernel.black_box.records) == 100
     assert kernel.black_box.records[-1][3] == S - 100 * US
+
+
+def test_observers_are_told_what_is_recorded_in_the_order_in_which_they_came() -> None:
+    kernel = Kernel(VirtualClock())
+    told: list[tuple[str, int, str]] = []
+
+    def note(who: str, record: tuple[Any, ...]) -> None:
+        assert kernel.locked and kernel.black_box.records[-1] is record
+        told.append((who, record[0], record[1].name))
+
+    kernel.add_observer(partial(note, 'first'))
+    kernel.add_observer(partial(note, 'second'))
+    kernel.add_task('task', lambda: None, priority=50, rate_hz=100.0)
+    kernel.run(15 * MS)
+    assert told == [('first', black_box.JOB, 'task'), ('second', black_box.JOB, 'task')] * 2
+
+
+def test_an_observer_that_raises_is_reported_and_told_no_more() -> None:
+    kernel = Kernel(VirtualClock())
+    told: list[int] = []
+
+    def bad(record: tuple[Any, ...]) -> None:
+        raise ValueError('not prepared for that')
+
+    kernel.add_observer(bad)
+    kernel.add_observer(lambda record: told.append(record[0]))
+    task = kernel.add_task('task', lambda: None, priority=50, rate_hz=100.0)
+    kernel.run(25 * MS)
+    assert told == [black_box.JOB] * 3 and task.failures == 0 and task.runs == 3
+    report, = kernel.failures
+    assert report.task == 'observer' and report.error == 'ValueError: not prepared for that'

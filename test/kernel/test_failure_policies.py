@@ -237,3 +237,14 @@ def test_an_unknown_declaration_names_those_there_are() -> None:
     kernel = Kernel(VirtualClock())
     with pytest.raises(TaskError, match='no such declaration: budget; there are: budget_ns, '):
         kernel.add_task('arm', print, priority=5, budget=3)
+
+
+@pytest.mark.parametrize('policy', FailurePolicy)
+def test_a_task_that_is_held_before_the_first_run_starts_like_the_others(
+        policy: FailurePolicy) -> None:
+    machine = Machine()
+    machine.kernel.hold(machine.task, policy, 'the emergency stop is pressed')
+    machine.kernel.run(15 * MS)
+    assert machine.calls == [(0, 'job'), (10, 'job')]
+    assert [f.error for f in machine.kernel.failures] == ['the emergency stop is pressed']
+    assert not any(map(balance, machine.kernel.tasks))

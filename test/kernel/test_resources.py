@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hypothesis import given
@@ -155,6 +156,40 @@ def test_a_job_that_never_leaves_is_reported_and_the_next_one_can_enter(kernel: 
     assert [f.error for f in kernel.failures] == [
         'a job ended inside a resource; use it with `with`'] * 3
     assert names(log) == ['task', 'same'] * 3
+
+
+def test_to_leave_what_an_earlier_job_was_inside_of_is_an_error_and_nothing_else(
+        kernel: Kernel) -> None:
+    # As of a generator that holds it over the end of its job.
+    shared = kernel.resource('arm')
+    inside: list[str] = []
+
+    def hold() -> Iterator[None]:
+        with shared:
+            yield
+
+    def enter() -> None:
+        if not holding:
+            holding.append(hold())
+            next(holding[0])
+        else:
+            inside.append('left')
+            next(holding[0], None)
+
+    def use() -> None:
+        with shared:
+            inside.append('used')
+            kernel.clock.spend(MS)
+
+    holding: list[Iterator[None]] = []
+    kernel.add_task('enter', enter, priority=50, rate_hz=100.0, resources=[shared])
+    user = kernel.add_task('use', use, priority=10, rate_hz=100.0, resources=[shared])
+    kernel.run(15 * MS)
+    assert inside == ['used', 'left', 'used']
+    assert [f.error for f in kernel.failures] == [
+        'a job ended inside a resource; use it with `with`',
+        "TaskError: resource 'arm' is left by who is not inside"]
+    assert user.failures == 0 and shared.entries == 2 and shared.holder is None
 
 
 # ---- the promises, for any set of tasks ----------------------------------------------------

@@ -38,7 +38,6 @@ from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import scheduler as scheduler_module
-from rt_robot_os.kernel import strikes as strikes_module
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import BLOCKED
@@ -221,7 +220,7 @@ class StealAt:
     def __init__(self, clock: VirtualClock, step: int, begun: Callable[[], bool]) -> None:
         self.seen = 0
         self._clock, self._step, self._begun = clock, step, begun
-        self._files = (scheduler_module.__file__, strikes_module.__file__)
+        self._files = (scheduler_module.__file__,)
 
     def __call__(self, frame: FrameType, event: str, arg: Any) -> StealAt | None:
         if frame.f_code.co_filename not in self._files:

@@ -55,7 +55,7 @@ from rt_robot_os.errors import RecordingError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import PUBLISH
-from rt_robot_os.kernel.task import RATE_MINIMUM_HZ
+from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.topics import Bus
@@ -129,8 +129,7 @@ class Replay:
         self._timer = self._kernel.timer(feeder)
         self.comparison = Comparison(
             {topic.name: topic.layout for topic in self.core.bus.topics}, self.timeline.cold)
-        self._record = self._kernel.record
-        self._kernel.record = self._note
+        self._kernel.add_observer(self._note)
 
     def _make_bus(self, kernel: Kernel) -> Bus:
         self._bus = ReplayBus(kernel, self._schedule)
@@ -323,7 +322,6 @@ class Replay:
 
     def _note(self, record: tuple[Any, ...]) -> None:
         """Take a record of the kernel, within its critical section."""
-        self._record(record)
         if record[0] == PUBLISH and record[1] is not None and record[1].name in self._replayed:
             _, _, at_ns, name, number = record
             topic = self.core.bus.topic(name)

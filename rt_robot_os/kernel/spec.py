@@ -13,19 +13,23 @@
 # limitations under the License.
 
 
-"""What a task may be told to do when things go wrong, and which declarations contradict."""
+"""What is declared of a task, and what of that is refused: out of range or in contradiction."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.task import TaskSpec
+from rt_robot_os.errors import TaskError
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import period_from_rate
 
 PRIORITY_MINIMUM = 1
 PRIORITY_MAXIMUM = 99
 BACKLOG_MAXIMUM = 1000
+RATE_MINIMUM_HZ = 1e-6
+RATE_MAXIMUM_HZ = 100_000.0
 
 
 class OverrunPolicy(Enum):
@@ -60,6 +64,66 @@ class TaskState(Enum):
     BACKOFF = 'backoff'  # pauses before it restarts by itself
     SAFE = 'safe'        # in its safe state
     STOPPED = 'stopped'
+
+
+@dataclass(frozen=True)
+class TaskSpec:
+    """
+    The declaration of a task; :func:`problems` says what is refused.
+
+    :ivar name: unique in its kernel.
+    :ivar priority: 1..99, higher runs first.
+    :ivar period_ns: releases lie on the grid ``start + phase_ns + n * period_ns``; 0 means that
+        only events release it (a publication, an interrupt, a timer, another task).
+    :ivar phase_ns: from 0; where on the grid it begins.
+    :ivar deadline_ns: from a release to the end of its job; 0 means the period.
+    :ivar budget_ns: computing time of a job, what preempts it taken off; 0 means no limit.
+    :ivar on_budget: what happens to a job that exceeds it.
+    :ivar overrun: what happens to a release that finds the last job unfinished.
+    :ivar catch_up: releases that wait at most, with that overrun policy.
+    :ivar overrun_limit: a leaky bucket: each overrun puts one in, ``overrun_leak`` jobs without
+        any take one out; above the limit the failure policy is applied. 0 means never.
+    :ivar failure: what happens after an exception, an abort, or too many overruns.
+    :ivar restart_ns: pause before the first restart; doubled each time, up to
+        ``restart_maximum_ns``, until as long as that passes without a failure.
+    :ivar critical: the watchdog watches it.
+    :ivar logical: logical execution time: inputs as of the release, outputs at the deadline.
+    """
+
+    name: str
+    priority: int
+    period_ns: int = 0
+    phase_ns: int = 0
+    deadline_ns: int = 0
+    budget_ns: int = 0
+    on_budget: BudgetPolicy = BudgetPolicy.WARN
+    overrun: OverrunPolicy = OverrunPolicy.SKIP
+    catch_up: int = 1
+    overrun_limit: int = 0
+    overrun_leak: int = 100
+    failure: FailurePolicy = FailurePolicy.CONTINUE
+    restart_ns: int = 100 * NS_PER_MS
+    restart_maximum_ns: int = 10 * NS_PER_S
+    critical: bool = False
+    logical: bool = False
+
+    def __post_init__(self) -> None:
+        found = problems(self)
+        if found:
+            raise TaskError('\n'.join(f'task {self.name!r}: {problem}' for problem in found))
+
+
+def checked_period_ns(name: str, rate_hz: float) -> int:
+    """
+    Turn a task's rate into its period.
+
+    :raises TaskError: the rate is not a number from 1e-6 Hz (11 days) to 100 kHz.
+    """
+    if isinstance(rate_hz, bool) or not isinstance(rate_hz, int | float) or not (
+            RATE_MINIMUM_HZ <= rate_hz <= RATE_MAXIMUM_HZ):
+        raise TaskError(f'task {name!r}: rate_hz {rate_hz!r} must be above 0 ({RATE_MINIMUM_HZ:g} '
+                        f'or more) and at most {RATE_MAXIMUM_HZ:g} Hz')
+    return period_from_rate(rate_hz)
 
 
 def problems(spec: TaskSpec) -> list[str]:
