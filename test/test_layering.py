@@ -29,7 +29,7 @@ PACKAGE = 'rt_robot_os'
 LAYERS = (
     ('moved', 'text'),
     ('errors', 'reports', 'schema', 'units'),
-    ('logger', 'plugins'),
+    ('live_settings', 'logger', 'plugins'),
     ('linux',),
     ('kernel',),
     ('dumps',),

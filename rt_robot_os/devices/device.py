@@ -37,10 +37,9 @@ from typing import ClassVar
 from typing import Protocol
 from typing import Union
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
+from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
-from rt_robot_os.schema import Field
 
 
 Value = Union[str, int, float]
@@ -145,7 +144,7 @@ class Tap(Protocol):
         """Note that the port failed in this round."""
 
 
-class Device(ABC):
+class Device(LiveSettings, ABC):
     """
     One device.
 
@@ -163,7 +162,6 @@ class Device(ABC):
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
-    :ivar changes: live settings that were changed and wait for the next poll.
     :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
 
@@ -171,7 +169,6 @@ class Device(ABC):
     blocking, when the task's failure policy or the watchdog says so. The port is open then.
     """
 
-    SETTINGS: ClassVar[tuple[Field, ...]] = ()
     description: ClassVar[str] = ''
     TAPPED: ClassVar[bool] = False
     SHARES_PORT: ClassVar[bool] = False
@@ -190,10 +187,8 @@ class Device(ABC):
 
         :param settings: a value for each of ``SETTINGS``, already checked.
         """
-        self.name = name
-        self.settings = settings
+        super().__init__(name, settings)
         self.log = Logger(name)
-        self.changes: dict[str, Any] = {}
         self.clock_ns: Callable[[], int] = time.monotonic_ns
         self.tap: Tap | None = None
         self._publishers: tuple[SamplePublisher, ...] = ()
@@ -279,36 +274,3 @@ class Device(ABC):
     @abstractmethod
     def statistics(self) -> DeviceStatistics:
         """Give the counters as they are now."""
-
-    def value(self, name: str) -> Any:
-        """Give a setting; a changed one as it will be at the next poll."""
-        return self.changes.get(name, self.settings[name])
-
-    def change(self, name: str, value: Any) -> Any:
-        """
-        Change a live setting with the next poll, never in the middle of one.
-
-        :return: the value in its declared type.
-        :raises ConfigError: no such setting, not a live one, or a value out of range.
-        """
-        fields = {f.name: f for f in self.SETTINGS if f.live}
-        if name not in fields:
-            live = ', '.join(fields) or 'none'
-            raise ConfigError([f'{self.name}.{name} cannot be changed while the robot runs; '
-                               f'what can: {live}'])
-        problem = fields[name].problem(value)
-        if problem:
-            raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
-        coerced = fields[name].coerce(value)
-        self.changes[name] = coerced
-        return coerced
-
-    def take_changes(self) -> None:
-        """Take over the changes; called between two polls."""
-        while self.changes:
-            name = next(iter(self.changes))
-            self.settings = {**self.settings, name: self.changes.pop(name)}
-            self.changed(name)
-
-    def changed(self, name: str) -> None:
-        """React to a changed live setting; in the loop."""

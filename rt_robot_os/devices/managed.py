@@ -86,8 +86,7 @@ class ManagedDevice:
         if (tap := self.device.tap) is not None:
             tap.command = command
         try:
-            if self.device.changes:
-                self.device.take_changes()
+            self.device.take_changes()
             if command:
                 self.device.write(now_ns)
             samples = self.device.read(now_ns)

@@ -33,7 +33,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
-from typing import ClassVar
 
 from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import ConfigError
@@ -42,6 +41,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
+from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
 from rt_robot_os.modules.ports import connect
 from rt_robot_os.modules.ports import Input
@@ -51,7 +51,7 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 
 
-class Module:
+class Module(LiveSettings):
     """
     A function module.
 
@@ -61,16 +61,12 @@ class Module:
     :ivar log: says something to people: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
-    SETTINGS: ClassVar[tuple[Field, ...]] = ()
-
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        self.name = name
-        self.settings = dict(settings)
+        super().__init__(name, settings)
         self.log = Logger(name)
         self.task: Task | None = None
         self.kernel: Kernel | None = None
         self._rate_hz = 0.0
-        self._changes: dict[str, Any] = {}
 
     # ---- what an author overrides ------------------------------------------------------------
 
@@ -108,9 +104,6 @@ class Module:
 
     # A module may have a method safe_state(): it brings its outputs to rest, once, when the
     # failure policy or the watchdog says so; no step follows until somebody re-arms the task.
-
-    def changed(self, name: str) -> None:
-        """React to a changed live setting; called between two jobs."""
 
     def resource(self, name: str) -> Resource:
         """
@@ -205,42 +198,17 @@ class Module:
             self.take_changes()
         self.step()
 
-    def take_changes(self) -> None:
-        """Take over what was changed since the last job."""
-        while self._changes:
-            name = next(iter(self._changes))
-            self.settings[name] = self._changes.pop(name)
-            self.changed(name)
-
-    def value(self, name: str) -> Any:
-        """Give a setting; a changed one as it will be in the next job."""
-        return self._changes.get(name, self.settings[name])
-
     def change(self, name: str, value: Any) -> Any:
         """
-        Change a live setting with the next job, never in the middle of one.
+        Change a live setting, or ``rate_hz``, that of the module's task, with its next release.
 
-        Of several changes before that job the last one counts. ``rate_hz`` is that of the module's
-        task; it changes with the next release.
-
-        :return: the value in its declared type.
-        :raises ConfigError: no such setting, not a live one, or a value out of range.
+        :raises ConfigError: as for :meth:`LiveSettings.change`.
         :raises TaskError: the rate is out of range, or the module has none.
         """
         if name == 'rate_hz' and self.task is not None:
             self.task.set_rate_hz(value)
             return float(value)
-        fields = {f.name: f for f in self.fields() if f.live}
-        if name not in fields:
-            live = ', '.join(fields) or 'none'
-            raise ConfigError([f'{self.name}.{name} cannot be changed while the robot runs; '
-                               f'what can: {live}'])
-        problem = fields[name].problem(value)
-        if problem:
-            raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
-        coerced = fields[name].coerce(value)
-        self._changes[name] = coerced
-        return coerced
+        return super().change(name, value)
 
     def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
         """
