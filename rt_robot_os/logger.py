@@ -49,7 +49,7 @@ _PLAIN = frozenset({int, float, bool, type(None)})
 
 
 def _kept(value: object) -> object:
-    """Give what may be formatted later: nobody changes it meanwhile, and it is not large."""
+    """Return what may be formatted later: nobody changes it meanwhile, and it is not large."""
     if isinstance(value, Number):
         return value
     if isinstance(value, str):
@@ -170,7 +170,7 @@ class Logger:
 
     def _passes(self, caller: FrameType, severity: int, text: str,
                 arguments: tuple[object, ...], now_ns: int, end_ns: int) -> bool:
-        """Say whether a line may be logged now; if not, it is counted."""
+        """Return whether a line may be logged now; if not, it is counted."""
         # Not the text: one that was put together differs each time.
         site = (id(caller.f_code), caller.f_lasti)
         while True:

@@ -57,11 +57,11 @@ class PluginRegistry(Generic[T]):
         self._own = own
 
     def names(self) -> tuple[str, ...]:
-        """Give all names, sorted; those of broken plug-ins too."""
+        """Return all names, sorted; those of broken plug-ins too."""
         return tuple(sorted({**self._others(), **self._own}))
 
     def foreign_names(self) -> tuple[str, ...]:
-        """Give the names of other packages, sorted; those of broken plug-ins too."""
+        """Return the names of other packages, sorted; those of broken plug-ins too."""
         return tuple(sorted(set(self._others()) - set(self._own)))
 
     def load(self, name: str) -> type[T]:

@@ -124,7 +124,7 @@ class Reports:
 
     def since(self, place: int) -> tuple[int, int, tuple[Report, ...]]:
         """
-        Give the reports after a place; formats what was logged, so not for high priorities.
+        Return the reports after a place; formats what was logged, so not for high priorities.
 
         What others have put into them can be encoded and holds no control characters.
 

@@ -62,7 +62,7 @@ class Field:
 
     def problem(self, value: Any) -> str | None:
         """
-        Say what is wrong with a value, each item of a list included.
+        Return what is wrong with a value, each item of a list included.
 
         :return: None when the value may be used, else what would be right.
         """
@@ -74,13 +74,13 @@ class Field:
         return None if right else self.wanted()
 
     def coerce(self, value: Any) -> Any:
-        """Give the value its declared type; call only when :meth:`problem` found nothing."""
+        """Return the value in its declared type; call only when :meth:`problem` found nothing."""
         if self.kind is list:
             return [self.item(v) for v in value]
         return self.kind(value)
 
     def wanted(self) -> str:
-        """Say what the field takes: its type, range and unit, or its choices."""
+        """Return what the field takes: its type, range and unit, or its choices."""
         if self.choices:
             names = ', '.join(str(choice) for choice in self.choices)
             text = f'a list of any of {names}' if self.kind is list else f'one of {names}'

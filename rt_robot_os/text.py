@@ -51,7 +51,7 @@ def safe_line(text: str, longest: int = 200) -> str:
 
 
 def encodable(text: str) -> bool:
-    """Say whether a text is Unicode that others can read: no lone surrogates."""
+    """Return whether a text is Unicode that others can read: no lone surrogates."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -25,6 +25,7 @@ import os
 from pathlib import Path
 import re
 import sys
+import tokenize
 from xml.etree import ElementTree
 
 import pytest
@@ -224,3 +225,60 @@ def test_every_page_can_be_found_from_the_readme() -> None:
     pages = {page.relative_to(ROOT).as_posix() for page in (ROOT / 'docs').rglob('*.md')}
     found = {page for page in pages if page in targets or f'{page.rpartition("/")[0]}/' in targets}
     assert sorted(pages - found) == []
+
+
+# A file with its folder, or the name of a module or page.
+NAMED_FILE = re.compile(
+    r'(?<![\w/.{}$*@<~-])((?:[\w-]+/)+[\w-]+\.(?:py|md|rst|yaml|json|trace|svg|xml|cfg)'
+    r'|[a-z]\w*\.(?:py|md))(?![\w/(])')
+NAMED_MODULE = re.compile(rf'(?<![\w.\'"/@]){PACKAGE}((?:\.[a-z_]\w*)+)')
+OF_OTHERS = re.compile(
+    r'Documentation/.*|(conf|setup|sitecustomize|usercustomize)\.py|.*/cases/NAME\.py')
+NAMES_OF_METADATA = ('drivers', 'modules', 'session', 'simulators')
+
+
+def _prose(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield what people read in a file: comments and docstrings, or a page without its code."""
+    text = path.read_text()
+    if path.suffix == '.md':
+        text = re.sub(r'```.*?```|~~~.*?~~~', lambda code: '\n' * code[0].count('\n'), text,
+                      flags=re.DOTALL)
+        text = re.sub(r'\]\([^)]*\)', ']', text)
+        yield from enumerate(text.splitlines(), 1)
+        return
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) \
+                and ast.get_docstring(node, clean=False) is not None:
+            first = node.body[0].lineno
+            yield from enumerate((ast.get_docstring(node, clean=False) or '').split('\n'), first)
+    with tokenize.open(path) as file:
+        yield from ((token.start[0], token.string)
+                    for token in tokenize.generate_tokens(file.readline)
+                    if token.type == tokenize.COMMENT)
+
+
+def _stands_there(module: str) -> bool:
+    """Tell whether a dotted name is a module of the package, or a name in one."""
+    parts = module.split('.')
+    folder = ROOT / PACKAGE
+    while parts and (folder / parts[0]).is_dir():
+        folder /= parts.pop(0)
+    if parts and (folder / f'{parts[0]}.py').is_file():
+        return True
+    return len(parts) < 2
+
+
+def test_files_and_modules_named_in_comments_and_pages_are_there() -> None:
+    files = {path.relative_to(ROOT).as_posix() for path in _texts()}
+    endings = {'/'.join(name.split('/')[-count:]) for name in files
+               for count in range(1, name.count('/') + 2)}
+    pages = {name for name in files if name.endswith(('.py', '.md')) and 'test/golden' not in name}
+    missing = []
+    for name in sorted(pages):
+        for number, line in _prose(ROOT / name):
+            missing += [f'{name}:{number}: {found}' for found in NAMED_FILE.findall(line)
+                        if found not in endings and not OF_OTHERS.fullmatch(found)]
+            missing += [f'{name}:{number}: {PACKAGE}{found}'
+                        for found in NAMED_MODULE.findall(line)
+                        if found[1:] not in NAMES_OF_METADATA and not _stands_there(found[1:])]
+    assert missing == []

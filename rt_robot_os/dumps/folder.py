@@ -38,7 +38,7 @@ _REASON_MAXIMUM = 40
 
 def default_folder() -> Path:
     """
-    Give ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``.
+    Return ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``.
 
     :raises StartError: a user without a home has none, see
         :func:`rt_robot_os.linux.folders.ros_home`.
@@ -88,7 +88,7 @@ def dumps(folder: Path, robot: str | None = None) -> list[Path]:
 
 def newest(folder: Path) -> Path:
     """
-    Give the newest dump of a folder.
+    Return the newest dump of a folder.
 
     :raises BlackBoxError: it has none.
     """

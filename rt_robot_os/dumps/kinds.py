@@ -29,7 +29,7 @@ _INT_LIMIT = 1 << 63
 
 def is_record(value: Sequence[Any], tasks: int) -> bool:
     """
-    Say whether a sequence is a record.
+    Return whether a sequence is a record.
 
     Kinds that are not known pass: a later release may have more.
 

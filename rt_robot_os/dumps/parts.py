@@ -184,7 +184,7 @@ class Joiner:
 
     def dump(self) -> BlackBoxDump:
         """
-        Give the dump.
+        Return the dump.
 
         :raises DamagedError: the end is missing.
         """

@@ -64,7 +64,7 @@ class Batch:
 
     def room(self, length: int) -> memoryview | None:
         """
-        Give room for a sample of so many bytes, after what there is was sent if need be.
+        Return room for a sample of so many bytes; sends what there is first if need be.
 
         :return: where to write it; None when the client takes nothing.
         :raises OSError: the client is gone.

@@ -47,7 +47,7 @@ class Gather:
         self._open_ns = 0
 
     def due(self) -> bool:
-        """Say whether the task is to run now; else it will, when the interval is over."""
+        """Return whether the task is to run now; else it will, when the interval is over."""
         kernel = self._kernel
         self.waiting = True
         if kernel.now_ns() >= self._open_ns or not kernel.running:

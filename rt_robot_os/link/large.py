@@ -47,7 +47,7 @@ CLIENT_MEMORY_MAXIMUM = 256 << 20
 
 
 def memory_bytes(size: int) -> int:
-    """Give how much memory the mirror of a topic takes whose samples have a size."""
+    """Return how much memory the mirror of a topic takes whose samples have a size."""
     return SLOTS * slot_stride(size)
 
 

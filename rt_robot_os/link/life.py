@@ -69,7 +69,7 @@ class LifePage:
 
     @property
     def fd(self) -> int:
-        """Give what is sent to clients; -1 when there is none."""
+        """Return what is sent to clients; -1 when there is none."""
         return self._memory.fd if self._memory is not None else -1
 
     def write(self, now_ns: int, served_ns: int, task: str = '') -> None:

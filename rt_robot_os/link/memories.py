@@ -68,7 +68,7 @@ class ClientMemories:
 
     def sample(self, packet: bytes) -> memoryview | None:
         """
-        Give the sample that a ``SLOT`` packet names, in place.
+        Return the sample that a ``SLOT`` packet names, in place.
 
         :return: None when it belongs to a memory of before.
         :raises LinkError: there is no such slot, or not so much in it.

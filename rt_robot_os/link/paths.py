@@ -32,7 +32,7 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 def runtime_folder() -> Path:
     """
-    Give the private runtime folder, made if need be; :mod:`rt_robot_os.linux.folders` says where.
+    Return the private runtime folder, made if need be; see :mod:`rt_robot_os.linux.folders`.
 
     :raises StartError: it or a folder above it belongs to another user or can be written by one,
         or it cannot be made.
@@ -59,7 +59,7 @@ def runtime_folder() -> Path:
 
 
 def _is_used_by_others(folder: Path) -> bool:
-    """Tell what must not be closed to others, though it is ours: /run and the like, and a home."""
+    """Return whether others must keep their access, though it is ours: /run, a home."""
     real = folder.resolve()
     return len(real.parts) < 3 or real == Path(os.path.expanduser('~')).resolve()
 
@@ -77,23 +77,23 @@ def _exposed(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def robot_name(node: str = 'robot', namespace: str = '/') -> str:
-    """Give the name of a robot's files: its namespace and node name."""
+    """Return the name of a robot's files: its namespace and node name."""
     return '.'.join([*(part for part in namespace.split('/') if part), node])
 
 
 def robot_of(text: str) -> str:
-    """Give the name of a robot's files from what a user writes: its node, ``/arm/robot``."""
+    """Return the name of a robot's files from what a user writes: its node, ``/arm/robot``."""
     return '.'.join(part for part in text.replace('.', '/').split('/') if part) or 'robot'
 
 
 def node_of(robot: str) -> str:
-    """Give the full name of a robot's node from the name of its files."""
+    """Return the full name of a robot's node from the name of its files."""
     return '/' + robot.replace('.', '/')
 
 
 def socket_path(name: str = 'robot') -> Path:
     """
-    Give the path of a core's socket.
+    Return the path of a core's socket.
 
     :param name: from :func:`robot_name`.
     :raises StartError: the runtime folder cannot be used, or the path is too long for a socket.

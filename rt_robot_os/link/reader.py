@@ -53,7 +53,7 @@ _CLOSED = 'the core closed the connection'
 
 
 def parted(error: OSError) -> LinkError:
-    """Say the same of a core that has ended, whether it was noticed in reading or in sending."""
+    """Make the error for a core that has ended: the same after a failed read as after a send."""
     if isinstance(error, BrokenPipeError | ConnectionResetError):
         return LinkError(_CLOSED)
     return LinkError(f'the core is gone: {error.strerror or error}')

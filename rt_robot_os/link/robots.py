@@ -83,7 +83,7 @@ def hold_core(path: Path, parent: int = 0) -> LockFile:
 
 
 def core_lock_path(path: Path) -> Path:
-    """Give the lock that belongs to a core's socket."""
+    """Return the lock that belongs to a core's socket."""
     return path.with_name(path.stem + _CORE_SUFFIX)
 
 
@@ -112,7 +112,7 @@ def remove_dead_lock(path: Path) -> None:
 
 def running_cores() -> dict[str, Mapping[str, Any]]:
     """
-    Give the cores that run, by the name of their robot, with what their locks say.
+    Return the cores that run, by the name of their robot, with what their locks say.
 
     :raises StartError: the runtime folder cannot be used.
     """

@@ -241,7 +241,7 @@ class LinkServer:
         self._page.write(now_ns, self._served_ns, self._running_task() if starved else '')
 
     def _running_task(self) -> str:
-        """Say what this task has interrupted."""
+        """Return what this task has interrupted."""
         busy = [task for task in self._kernel.tasks if task.busy and task is not self._life]
         if not busy:
             return ''

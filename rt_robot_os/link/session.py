@@ -73,7 +73,7 @@ class ClientStatistics:
     mirrors: tuple[MirrorStatistics, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return asdict(self)
 
 
@@ -232,7 +232,7 @@ class Session:
 
     def channel(self, topic: str) -> int:
         """
-        Give the number of a topic.
+        Return the number of a topic.
 
         :raises TopicError: there is no such topic.
         """

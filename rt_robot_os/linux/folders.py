@@ -31,7 +31,7 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 def runtime_path(environ: Mapping[str, str], uid: int) -> Path:
     """
-    Tell which folder is the private runtime folder of a user, without making it.
+    Return which folder is the private runtime folder of a user, without making it.
 
     ``$RT_ROBOT_OS_RUNTIME_DIR``, else ``$XDG_RUNTIME_DIR/rt_robot_os``, else a folder of the
     user's own in the folder for temporary files.
@@ -51,7 +51,7 @@ def _temporary_path(uid: int) -> Path:
 
 def ros_home() -> Path:
     """
-    Give the folder of ROS 2's files: ``$ROS_HOME`` or ``~/.ros``.
+    Return the folder of ROS 2's files: ``$ROS_HOME`` or ``~/.ros``.
 
     A user without a home, as in some containers, has a private one among the temporary files.
 

@@ -91,7 +91,7 @@ class LockFile:
 
 def holder(path: Path) -> Mapping[str, Any] | None:
     """
-    Say who holds a lock.
+    Return who holds a lock.
 
     :return: what it noted, empty when that cannot be read; None when nobody holds it.
     """

@@ -41,7 +41,7 @@ FREE, FILLING, LOANED = 0, 1, 2
 
 
 def slot_stride(size: int) -> int:
-    """Give the distance of slots of a size: whole pages, so that no two share one."""
+    """Return the distance of slots of a size: whole pages, so that no two share one."""
     return max(1, -(-size // mmap.PAGESIZE)) * mmap.PAGESIZE
 
 
@@ -192,7 +192,7 @@ def send_with_fd(connection: socket.socket, packet: bytes, fd: int) -> None:
 
 
 def received_fds(ancillary: Sequence[tuple[int, int, bytes]]) -> list[int]:
-    """Give the descriptors that came with a packet; whoever asks has to close them."""
+    """Return the descriptors that came with a packet; whoever asks has to close them."""
     found: list[int] = []
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS:

@@ -36,7 +36,7 @@ def die_with_parent(parent_pid: int | None = None, signo: int = signal.SIGTERM) 
 
 
 def parent_of(pid: int) -> int:
-    """Give the parent of a process; 0 when it has ended or is not ours to see."""
+    """Return the parent of a process; 0 when it has ended or is not ours to see."""
     try:
         return int(Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[1])
     except (OSError, ValueError, IndexError):

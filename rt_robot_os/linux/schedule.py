@@ -41,7 +41,7 @@ class WaitingTime:
             weakref.finalize(self, os.close, self._fd)
 
     def read(self) -> int:
-        """Give the nanoseconds so far; about 1 us, safe in the real-time loop."""
+        """Return the nanoseconds so far; about 1 us, safe in the real-time loop."""
         if self._fd < 0:
             return 0
         try:

@@ -86,7 +86,7 @@ class Module(LiveSettings):
 
     def ticks(self) -> Ticks:
         """
-        Give a grid of times at the module's rate, to be awaited in ``run()``.
+        Return a grid of times at the module's rate, to be awaited in ``run()``.
 
         :raises TaskError: it has no rate.
         """
@@ -107,7 +107,7 @@ class Module(LiveSettings):
 
     def resource(self, name: str) -> Resource:
         """
-        Give what the section names under ``resources``, to be entered with ``with`` in a step.
+        Return what the section names under ``resources``, to be entered with ``with`` in a step.
 
         :raises ConfigError: the section does not name it.
         """
@@ -121,12 +121,12 @@ class Module(LiveSettings):
         return found
 
     def connected(self, attribute: str) -> bool:
-        """Say whether a port is used; one that the settings make needless is left alone."""
+        """Return whether a port is used; one that the settings make needless is left alone."""
         return True
 
     def statistics(self) -> Mapping[str, Any]:
         """
-        Tell counters and state, for ``/diagnostics``; by the lowest-priority task.
+        Return counters and state for ``/diagnostics``; called by the lowest-priority task.
 
         :return: numbers and texts by name; a text ``warning`` that is not empty tells of trouble.
         """
@@ -136,7 +136,7 @@ class Module(LiveSettings):
 
     @classmethod
     def ports(cls) -> dict[str, Input | Output]:
-        """Give the inputs and outputs by attribute, those of base classes first."""
+        """Return the inputs and outputs by attribute, those of base classes first."""
         found: dict[str, Input | Output] = {}
         for owner in reversed(cls.__mro__):
             for attribute, value in vars(owner).items():
@@ -146,7 +146,7 @@ class Module(LiveSettings):
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
-        """Give everything that can be set: SETTINGS and a topic name for each port."""
+        """Return everything that can be set: SETTINGS and a topic name for each port."""
         names = tuple(
             Field(f'{attribute}_topic', str, port.topic,
                   f'topic that {"is read" if isinstance(port, Input) else "is written"} '
@@ -160,28 +160,28 @@ class Module(LiveSettings):
         return str(self.settings.get(f'{attribute}_topic', default))
 
     def publications(self) -> tuple[Publication, ...]:
-        """Give the topics that the module writes."""
+        """Return the topics that the module writes."""
         return tuple(
             Publication(self.topic_of(attribute), port.message, port.fixed, port.depth,
                         self._rate_hz)
             for attribute, port in self._connected().items() if isinstance(port, Output))
 
     def subscriptions(self) -> tuple[str, ...]:
-        """Give the names of the topics that the module reads."""
+        """Return the names of the topics that the module reads."""
         return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
                      if isinstance(port, Input))
 
     def input_types(self) -> dict[str, str]:
-        """Give the message type that each input must have, by topic; empty when any will do."""
+        """Return the message type that each input must have, by topic; empty when any will do."""
         return {self.topic_of(attribute): port.message
                 for attribute, port in self._connected().items() if isinstance(port, Input)}
 
     def waking_topics(self) -> tuple[str, ...]:
-        """Give the topics whose publications release the module."""
+        """Return the topics whose publications release the module."""
         return tuple(self.wakes())
 
     def wakes(self) -> dict[str, bool | int | str]:
-        """Give the topics whose publications release the module, and which of them do."""
+        """Return the topics whose publications release the module, and which of them do."""
         return {self.topic_of(attribute): port.wake
                 for attribute, port in self._connected().items()
                 if isinstance(port, Input) and port.wake}

@@ -31,7 +31,7 @@ MODULES: Final[PluginRegistry[Module]] = PluginRegistry(
 
 
 def names() -> tuple[str, ...]:
-    """Give the registered names, sorted."""
+    """Return the registered names, sorted."""
     return MODULES.names()
 
 

@@ -87,7 +87,7 @@ class TwistGuard(Module):
         self.safe.publish()
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell of commands that were too old when they came."""
+        """Return how many commands were too old when they came."""
         warning = ''
         if self._late_ns:
             warning = (f'commands come, but their stamps are {self._late_ns / NS_PER_S:.1f} s old '

@@ -85,7 +85,7 @@ class DriverContract(SampleContract):
             yield device, publishers
 
     def run(self, chunks: list[bytes]) -> tuple[list[Any], list[Any], Any]:
-        """Give the values, the stamps and the counters that the bytes make."""
+        """Return the values, the stamps and the counters that the bytes make."""
         with self.scripted(chunks) as (device, publishers):
             read_all(device, len(chunks))
             # How much waited for a later job depends on the cuts, as it should.

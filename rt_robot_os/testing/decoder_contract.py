@@ -72,12 +72,12 @@ class DecoderContract:
         raise NotImplementedError
 
     def frame_size(self, frame: Any) -> int:
-        """Give the number of bytes of a frame."""
+        """Return the number of bytes of a frame."""
         raise NotImplementedError
 
     def covered(self, frame: bytes) -> Iterable[int]:
         """
-        Say which bytes of a frame its checksum covers; all by default.
+        Return which bytes of a frame its checksum covers; all by default.
 
         A format without a checksum gives none: ``return ()``.
         """
@@ -104,7 +104,7 @@ class DecoderContract:
         return Decoded(places, rejected_bytes, decoder.rejected_frames, decoder.pending_bytes)
 
     def any_chunks(self) -> Any:
-        """Give the strategy of chunks: noise, tokens, good frames and damaged ones."""
+        """Return the strategy of chunks: noise, tokens, good frames and damaged ones."""
         cut = st.tuples(st.integers(0, len(self.stream)), st.integers(0, len(self.stream)))
         parts = cut.map(lambda at: self.stream[min(at):max(at)])
         return st.lists(st.binary(max_size=30) | st.sampled_from((*self.tokens, self.stream))
@@ -169,7 +169,7 @@ class DecoderContract:
     # --- damage ---------------------------------------------------------------------------------
 
     def frames(self) -> list[bytes]:
-        """Give the frames of the stream, each once."""
+        """Return the frames of the stream, each once."""
         return list(dict.fromkeys(
             self.stream[begin:end] for begin, end in self.decode([self.stream]).places))
 

@@ -94,11 +94,11 @@ class ScriptedPort:
         self._left = list(self.chunks)
 
     def fileno(self) -> int:
-        """Give a number; nobody waits on it."""
+        """Return a number; nobody waits on it."""
         return 0
 
     def read(self) -> bytes:
-        """Give the next chunk."""
+        """Return the next chunk."""
         data = self._left.pop(0) if self._left else b''
         self.bytes_read += len(data)
         return data
@@ -113,7 +113,7 @@ class ScriptedPort:
 
 def settings_of(kind: type[Device] | type[Module], **changes: Any) -> dict[str, Any]:
     """
-    Give the default settings of a driver or a module, with changes.
+    Return the default settings of a driver or a module, with changes.
 
     :raises AssertionError: there is no such setting, or a value may not be used.
     """
@@ -132,7 +132,7 @@ def settings_of(kind: type[Device] | type[Module], **changes: Any) -> dict[str, 
 
 
 def bind(device: Device) -> list[Any]:
-    """Give the device publishers that remember."""
+    """Return the device publishers that remember."""
     publishers = [RecordingPublisher(p) for p in device.publications()]
     device.bind(publishers)
     return publishers

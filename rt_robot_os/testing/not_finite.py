@@ -37,7 +37,7 @@ _HEXADECIMAL: Final = re.compile(rb'\*[0-9A-Fa-f]{2}')
 
 
 def not_finite(frame: bytes) -> Iterator[bytes]:
-    """Give candidates: a frame with NaN or infinity at each place, and its checksum mended."""
+    """Yield candidates: a frame with NaN or infinity at each place, and its checksum mended."""
     for value in _BINARY:
         for at in range(1, len(frame) - len(value)):
             changed = frame[:at] + value + frame[at + len(value):]

@@ -77,7 +77,7 @@ class SampleContract(DecoderContract):
         return device, bind(device)
 
     def samples_of(self, *chunks: bytes) -> list[RecordingPublisher]:
-        """Give what the bytes publish."""
+        """Return what the bytes publish."""
         device, publishers = self.device()
         with opened(device, chunks):
             read_all(device, len(chunks), _START_NS, _STEP_NS)
@@ -134,7 +134,7 @@ class SampleContract(DecoderContract):
                              'write, read or idle')
 
     def _frames_without_numbers(self) -> Iterator[bytes]:
-        """Give those of the changed frames that the decoder takes."""
+        """Yield those of the changed frames that the decoder takes."""
         for frame in self.frames()[:4]:
             for candidate in not_finite(frame):
                 if self.decode([candidate]).places == [(0, len(candidate))]:
@@ -157,7 +157,7 @@ class SampleContract(DecoderContract):
 
 
 def numbers(publisher: RecordingPublisher) -> list[Numbers]:
-    """Give the floating point fields of each sample, by name."""
+    """Return the floating point fields of each sample, by name."""
     return [{field.name: np.frombuffer(value, _FLOATS[field.type_name], field.count, field.offset)
              for field in publisher.layout.fields()
              if field.type_name in _FLOATS and field.nbytes and not field.tail}

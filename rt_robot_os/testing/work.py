@@ -44,7 +44,7 @@ class Meter:
 
     @property
     def steps(self) -> float:
-        """Give the work."""
+        """Return the work."""
         return self.lines + self.bytes / _BYTES_PER_STEP
 
     def trace(self, frame: FrameType, event: str, arg: object) -> Any:
@@ -95,7 +95,7 @@ class WatchedBytes(bytes):
 
 
 def watched(data: bytes, meter: Meter) -> WatchedBytes:
-    """Give bytes that count what is done with them."""
+    """Return bytes that count what is done with them."""
     made = WatchedBytes(data)
     made.meter = meter
     return made
@@ -140,7 +140,7 @@ def dearest(decoder: Callable[[], Any], seeds: Sequence[bytes], size: int, round
 
 
 def _changed(chance: random.Random, piece: bytes, other: bytes, alphabet: bytes) -> bytes:
-    """Give a piece with a byte replaced, put in or taken out, or two of them in a row."""
+    """Return a piece with a byte replaced, put in or taken out, or two of them in a row."""
     at = chance.randrange(len(piece))
     byte = bytes((chance.choice(alphabet),))
     return chance.choice((piece[:at] + byte + piece[at + 1:], piece[:at] + byte + piece[at:],

@@ -61,7 +61,7 @@ class Checker:
 
     def problem(self, data: memoryview) -> str | None:
         """
-        Say why bytes do not fit.
+        Return why bytes do not fit.
 
         :param data: of format ``B``, encapsulation included.
         :return: None when they fit.

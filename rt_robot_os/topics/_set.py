@@ -120,7 +120,7 @@ def get_text_tail(target: memoryview, length: int) -> str:
 
 def _as_numbers(view: Any, name: str, target: np.ndarray[Any, Any],
                 value: Any) -> np.ndarray[Any, Any]:
-    """Give the values as a flat array; bytes stand for elements of one byte."""
+    """Return the values as a flat array; bytes stand for elements of one byte."""
     try:
         if isinstance(value, bytes | bytearray) and target.itemsize == 1:
             return np.frombuffer(value, target.dtype)

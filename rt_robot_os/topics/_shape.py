@@ -75,7 +75,7 @@ def brief(value: Any) -> str:
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
-    """Say which names there are, those that look like the wrong one first."""
+    """Return which names there are, those that look like the wrong one first."""
     names = list(known)
     if not names:
         return 'it has no fields'

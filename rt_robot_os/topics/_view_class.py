@@ -108,7 +108,7 @@ def _numbers(payload: memoryview, start: int, count: int,
 
 
 def code_name(code: str) -> str:
-    """Give a :mod:`struct` code as part of an identifier."""
+    """Return a :mod:`struct` code as part of an identifier."""
     return 'bool' if code == '?' else code
 
 
@@ -134,7 +134,7 @@ def _all_numbers(message: nodes.MessageNode, base: int = 0) -> Leaves:
 
 
 def _field_key(node: nodes.Node) -> Any:
-    """Give what the generated code depends on, apart from the interface."""
+    """Return what the generated code depends on, apart from the interface."""
     if isinstance(node, nodes.ScalarNode):
         return node.offset
     if isinstance(node, nodes.MemberNode):

@@ -135,7 +135,7 @@ class Subscription(SubscriberStatisticsSource):
 
     def next(self) -> Wait:  # noqa: A003
         """
-        Give something to await in a task that is a coroutine: over when :meth:`take` succeeded.
+        Return something to await in a task that is a coroutine: over when :meth:`take` succeeded.
 
         ``await`` gives the subscription itself, with the oldest unread sample in :attr:`msg`.
         """
@@ -170,7 +170,7 @@ class Subscription(SubscriberStatisticsSource):
 
     @property
     def next_seq(self) -> int:
-        """Give the number of the sample that is read next, unless it is overwritten before."""
+        """Return the number of the sample that is read next, unless it is overwritten before."""
         return self._next
 
     @property

@@ -155,7 +155,7 @@ class Topic:
 
     @property
     def counted(self) -> int:
-        """Give the number of subscribers that ``max_subscribers`` limits."""
+        """Return the number of subscribers that ``max_subscribers`` limits."""
         return len(self.subscribers) - len(self.uncounted)
 
     def wake_on_publish(self, task: Task) -> None:
@@ -260,7 +260,7 @@ class Trigger(ABC):
     @abstractmethod
     def published(self, topic: Topic) -> bool:
         """
-        Say whether the task is to be released now; called within the publication.
+        Return whether the task is to be released now; called within the publication.
 
         :param topic: where a message has just been published.
         """

@@ -184,7 +184,7 @@ class BagFile:
             os.close(fd)
 
     def topic(self, channel: int) -> TopicFacts:
-        """Give the topic of a channel."""
+        """Return the topic of a channel."""
         return self._topics[channel]
 
     def _write_record(self, record: Header | Metadata | Attachment) -> int:

@@ -54,7 +54,7 @@ class TopicFacts:
     core_topic: str = ''
 
     def qos(self) -> list[dict[str, Any]]:
-        """Give the quality of service that `ros2 bag play` offers."""
+        """Return the quality of service that `ros2 bag play` offers."""
         return [{
             'history': 'keep_last', 'depth': self.depth, 'reliability': self.reliability,
             'durability': self.durability, 'deadline': dict(_FOREVER),
@@ -63,7 +63,7 @@ class TopicFacts:
             'avoid_ros_namespace_conventions': False}]
 
     def metadata(self) -> dict[str, str]:
-        """Give what stands in the channel."""
+        """Return what stands in the channel."""
         return {'offered_qos_profiles': str(yaml.safe_dump(self.qos(), sort_keys=False)),
                 'topic_type_hash': self.type_hash,
                 **({CORE_TOPIC: self.core_topic} if self.core_topic else {})}

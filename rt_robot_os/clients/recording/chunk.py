@@ -48,7 +48,7 @@ Compress = Callable[[bytes], bytes]
 
 
 def compressor(name: str) -> Compress:
-    """Give what compresses a chunk."""
+    """Return what compresses a chunk."""
     if name == 'zstd':
         import zstandard
         return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
@@ -126,7 +126,7 @@ class ChunkWriter:
 
     def take(self, offset: int) -> tuple[bytes, ChunkIndex, dict[int, int], bytes]:
         """
-        Give what was collected, and begin anew.
+        Return what was collected, and begin anew.
 
         :param offset: where in the file it will stand.
         :return: the record, its place in the summary, messages of each channel, the indices.

@@ -87,14 +87,14 @@ class Count:
 
 
 def without_stamp(cdr: bytes, offset: int | None) -> bytes:
-    """Give a message with zeros in ``header.stamp``, as the slots of the core have them."""
+    """Return a message with zeros in ``header.stamp``, as the slots of the core have them."""
     if offset is None or len(cdr) < offset + _STAMP.size:
         return cdr
     return cdr[:offset] + _NO_STAMP + cdr[offset + _STAMP.size:]
 
 
 def with_stamp(cdr: bytes, offset: int | None, wall_ns: int) -> bytes:
-    """Give a message with a time of day in ``header.stamp``, as the recorder writes it."""
+    """Return a message with a time of day in ``header.stamp``, as the recorder writes it."""
     if offset is None:
         return cdr
     return (cdr[:offset] + _STAMP.pack(*divmod(wall_ns, NS_PER_S))
@@ -197,7 +197,7 @@ def _time(wall_ns: int) -> str:
 
 
 def field_differences(layout: Layout, before: bytes, after: bytes) -> list[str]:
-    """Say in which fields two messages differ."""
+    """Return the fields in which two messages differ."""
     for name, cdr in (('recorded', before), ('replayed', after)):
         problem = layout.check(cdr)
         if problem:

@@ -40,7 +40,7 @@ _RULE: Final = '=' * 80
 @cache
 def definition(type_name: str) -> str:
     """
-    Give the definition of a type such as ``sensor_msgs/msg/Imu``.
+    Return the definition of a type such as ``sensor_msgs/msg/Imu``.
 
     :raises LayoutError: the type is not installed.
     """
@@ -56,7 +56,7 @@ def definition(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """Give the hash of a type as DDS carries it, ``RIHS01_...``; empty when it is not known."""
+    """Return the hash of a type as DDS carries it, ``RIHS01_...``; empty when it is not known."""
     try:
         hashes = json.loads(_installed(type_name, '.json') or '{}').get('type_hashes', ())
         return next((str(each['hash_string']) for each in hashes
@@ -114,7 +114,7 @@ def _field(field: FieldSpec) -> str:
 
 
 def is_known(type_name: str) -> bool:
-    """Say whether the type is installed here."""
+    """Return whether the type is installed here."""
     try:
         definition(type_name)
     except LayoutError:

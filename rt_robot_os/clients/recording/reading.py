@@ -141,7 +141,7 @@ class Recording:
         return facts, None
 
     def samples(self) -> Iterator[Recorded]:
-        """Give all samples in the order in which they were received."""
+        """Yield all samples in the order in which they were received."""
         self._offset_ns = self.facts.offset_ns
         before: dict[str, int] = {}
         for file in self._files:
@@ -151,7 +151,7 @@ class Recording:
                 before[topic] = message.publish_ns
 
     def _messages(self, file: Path) -> Iterator[tuple[str, Message]]:
-        """Give the messages of a file as far as it is whole, with their topics in the core."""
+        """Yield the messages of a file as far as it is whole, with their topics in the core."""
         shown, kept = _Channels(self.facts.form), _Channels(0)
         shown.define(*summary_definitions(file))
         try:
@@ -211,7 +211,7 @@ class _Channels:
 
     def messages(self, content: bytes) -> Iterator[tuple[str, Message]]:
         """
-        Give the messages of a chunk with their topics in the core; others are left out.
+        Yield the messages of a chunk with their topics in the core; others are left out.
 
         :raises DamagedRecordError: it is damaged.
         """

@@ -32,12 +32,12 @@ class RecordedPort:
         self._fd = os.eventfd(0, os.EFD_CLOEXEC)
 
     def fileno(self) -> int:
-        """Give a descriptor that is never readable."""
+        """Return a descriptor that is never readable."""
         return self._fd
 
     def read(self) -> bytes:
         """
-        Give the bytes of this round, once.
+        Return the bytes of this round, once.
 
         :raises DeviceError: the real port failed in this round.
         """

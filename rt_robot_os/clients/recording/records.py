@@ -113,7 +113,7 @@ class _WholeReads(ReadDataStream):
 
 def file_records(path: Path, offset: int = len(MAGIC)) -> Iterator[tuple[int, int, bytes]]:
     """
-    Give offset, kind and content of each whole record; what is cut ends it.
+    Yield offset, kind and content of each whole record; what is cut ends it.
 
     :param offset: where to begin.
     :raises DamagedRecordError: one is longer than any record of a recording.
@@ -207,7 +207,7 @@ def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
 
 def chunk_records(chunk: ChunkData) -> Iterator[Schema | Channel | Message]:
     """
-    Give what a chunk holds.
+    Yield what a chunk holds.
 
     :raises DamagedRecordError: something in it is no record of a chunk, or there are more messages
         than could differ from each other in so few bytes.

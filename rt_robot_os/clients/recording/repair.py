@@ -84,7 +84,7 @@ def _write(file: FileIO, data: bytes) -> None:
 
 
 def _end_of(found: Contents) -> tuple[int, bytes]:
-    """Give where the data ends, and the indices of the last chunk if they are not all there."""
+    """Return where the data ends, and the indices of the last chunk if they are not all there."""
     if found.chunks:
         index, _, written = found.chunks[-1]
         after = index.chunk_start_offset + index.chunk_length
@@ -95,7 +95,7 @@ def _end_of(found: Contents) -> tuple[int, bytes]:
 
 def file_facts(path: Path) -> FileFacts:
     """
-    Say what a file holds, for ``metadata.yaml``.
+    Return what a file holds, for ``metadata.yaml``.
 
     :raises RecordingError: as for :func:`scan`.
     """

@@ -72,7 +72,7 @@ class Schedule:
         self.numbers[topic, at_ns] = number
 
     def _job_end(self, task: str, now_ns: int) -> int:
-        """Give the end of the job that a task has now; -1 when it had none then."""
+        """Return the end of the job that a task has now; -1 when it had none then."""
         jobs = self.jobs.get(task)
         while jobs and jobs[0][1] < now_ns:
             jobs.popleft()

@@ -175,7 +175,7 @@ class _Scan:
         return found.end
 
     def _head(self, offset: int) -> tuple[int, int]:
-        """Give kind and length of the record at an offset; -1 for what is none."""
+        """Return kind and length of the record at an offset; -1 for what is none."""
         if offset + RECORD.size > self._size:
             return -1, 0
         kind, length = RECORD.unpack_from(self._data, offset)

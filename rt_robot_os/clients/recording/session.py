@@ -49,7 +49,7 @@ SETTINGS: Final = 'settings.json'
 
 
 def package_version() -> str:
-    """Give the version of this package."""
+    """Return the version of this package."""
     try:
         return version('rt_robot_os')
     except PackageNotFoundError:  # run from its sources
@@ -92,7 +92,7 @@ class Session:
 
     def facts(self, offset_ns: int) -> dict[str, str]:
         """
-        Give it as texts.
+        Return it as texts.
 
         :param offset_ns: from CLOCK_MONOTONIC to the time of day.
         """
@@ -107,7 +107,7 @@ class Session:
 
     def topic_facts(self) -> dict[str, tuple[TopicFacts, ...]]:
         """
-        Say how the topics that were asked for stand in the bag.
+        Return how the topics that were asked for stand in the bag.
 
         :return: by topic of the core, with the names and the service quality of its mirrors.
         """
@@ -135,7 +135,7 @@ class Session:
 
 def ros_names(settings: str, robot: str) -> dict[str, list[tuple[str, Mapping[str, Any]]]]:
     """
-    Give the names that topics of a core have in ROS.
+    Return the names that topics of a core have in ROS.
 
     :param settings: JSON, with the names of the mirrors as the node has resolved them.
     :return: by topic of the core, whole name and settings of each mirror; those to ROS come first.

@@ -89,7 +89,7 @@ class Contents:
         return dict(counts)
 
     def times_ns(self) -> tuple[int, int]:
-        """Give the times of the first and the last message; 0 when there is none."""
+        """Return the times of the first and the last message; 0 when there is none."""
         if not self.chunks:
             return self.loose.first_ns, self.loose.last_ns
         filled = [index for index, counts, _ in self.chunks if counts]

@@ -112,7 +112,7 @@ class Timeline:
 
     def slices(self) -> Iterator[Slice]:
         """
-        Give the slices in order.
+        Yield the slices in order.
 
         :raises RecordingError: what it says cannot have happened.
         """

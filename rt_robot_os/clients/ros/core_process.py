@@ -70,7 +70,7 @@ class CoreProcess:
 
     @property
     def pid(self) -> int:
-        """Give the process id; 0 when it does not run."""
+        """Return the process id; 0 when it does not run."""
         return self._process.pid if self._process is not None else 0
 
     def start(self) -> None:
@@ -104,7 +104,7 @@ class CoreProcess:
                 pass  # it ended already: alive() tells how
 
     def take_life(self) -> Life | None:
-        """Give, once, the sign of life of the core that was started last; None without one."""
+        """Return, once, the sign of life of the core that was started last; None without one."""
         life, self._life = self._life, None
         return life
 

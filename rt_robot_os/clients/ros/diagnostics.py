@@ -77,7 +77,7 @@ class Diagnostics:
               log: Mapping[str, Any] = MappingProxyType({}),
               starved: str = '') -> list[DiagnosticStatus]:
         """
-        Give a status for the core, each device, task, module, topic, client, log and clock.
+        Return a status for the core, each device, task, module, topic, client, log and clock.
 
         What was lost or missed is a warning for ten seconds; the totals stay among the values.
 
@@ -143,7 +143,7 @@ class Diagnostics:
         return _status(f'{self._name}: core', level, message, values)
 
     def _simulation(self, now: CoreStatistics) -> Iterator[DiagnosticStatus]:
-        """Say which devices are simulated; nobody shall take their samples for real ones."""
+        """Yield which devices are simulated; nobody shall take their samples for real ones."""
         names = ', '.join(now.core.get('simulated', ()))
         if names:
             asked = now.core['simulation_asked']
@@ -184,7 +184,7 @@ class Diagnostics:
             'blocked_others_max_us': task.blocked_maximum_ns / 1000})
 
     def _trouble(self, task: TaskStatistics) -> tuple[bytes, str]:
-        """Say the worst of what is wrong with a task, or went wrong lately."""
+        """Return the worst of what is wrong with a task, or went wrong lately."""
         gained = {key: self._recent.gained(f'task {task.name} {key}', getattr(task, key))
                   for _, key, _ in _TROUBLES}
         if task.state in (TaskState.SAFE, TaskState.STOPPED):

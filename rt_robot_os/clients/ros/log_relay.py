@@ -64,7 +64,7 @@ def say(logger: Any, severity: int, text: str) -> None:
 
 
 def _known(severity: int) -> Severity:
-    """Give the severity of ROS that is next to a number, which may come from anywhere."""
+    """Return the severity of ROS that is next to a number, which may come from anywhere."""
     return min(Severity, key=lambda each: abs(each - severity))
 
 

@@ -152,7 +152,7 @@ class InwardMirror:
             self.dropped += 1
 
     def counters(self) -> dict[str, Any]:
-        """Give what is shown of it."""
+        """Return what is shown of it."""
         counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
         if self.settings.stamped:
             counted['stamp_age_ms'] = self.stamp_age_ms
@@ -248,7 +248,7 @@ class Mirrors:
             mirror.carry(head, cdr)
 
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
-        """Give the counters of all mirrors, by ROS topic."""
+        """Return the counters of all mirrors, by ROS topic."""
         rows: list[tuple[str, dict[str, Any]]] = [
             (f'{m.settings.topic} -> {m.settings.ros_topic}',
              {'published': m.published, 'missed': m.missed}) for m in self.outward]

@@ -286,7 +286,7 @@ class RobotNode(LifecycleNode):
             self._adopting = False
 
     def _take_over(self, name: str, value: Any) -> str:
-        """Give a parameter the value that it has in the core; why it cannot, empty if it can."""
+        """Give a parameter the value that it has in the core; return why it cannot, or ''."""
         try:
             result = self.set_parameters([Parameter(name, value=value)])[0]
         except (TypeError, ValueError) as error:  # a text that ROS cannot encode among them

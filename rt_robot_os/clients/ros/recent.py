@@ -62,7 +62,7 @@ class Recent:
 
     def gained(self, key: str, total: int) -> int:
         """
-        Give what a counter has gained within the time that counts.
+        Return what a counter has gained within the time that counts.
 
         :param key: any name of the counter, the same in each round.
         """

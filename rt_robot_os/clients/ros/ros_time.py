@@ -54,7 +54,7 @@ class RosTime:
         return self.simulated and self._clock.now().nanoseconds > 0
 
     def now_ns(self) -> int:
-        """Give the time of day in nanoseconds: of /clock where it is to be and has come."""
+        """Return the time of day in nanoseconds: of /clock where it is to be and has come."""
         if self.simulated:
             now_ns = int(self._clock.now().nanoseconds)
             if now_ns > 0:

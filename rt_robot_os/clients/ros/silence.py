@@ -102,7 +102,7 @@ class Starvation:
 def trouble(signs: Signs | None, silent_s: float, kept_off: bool, heartbeat_s: float
             ) -> tuple[str, str]:
     """
-    Say what is the matter with a core that is connected.
+    Return what is the matter with a core that is connected.
 
     :param signs: what its page of life says; None without one.
     :param kept_off: Linux does not let it run.

@@ -306,7 +306,7 @@ class Supervisor:
         self._told = kind
 
     def _is_starved(self, silent_s: float) -> bool:
-        """Say whether a silent core of our own is silent because it may not run."""
+        """Return whether a silent core of our own is silent because it may not run."""
         if self.process is None:
             return False
         return self._starvation.look(

@@ -83,7 +83,7 @@ class Teller:
 
     def close(self) -> bool:
         """
-        Tell what waits, with some patience; may be called twice.
+        Write what waits, for a limited time; may be called twice.
 
         :return: False when the thread still waits for whoever reads the console.
         """

@@ -191,7 +191,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
 
 
 def sort_keys() -> tuple[str, ...]:
-    """Give the columns that rows can be sorted by."""
+    """Return the columns that rows can be sorted by."""
     return tuple(dict.fromkeys(c.key for table in TABLES.values() for c in table))
 
 

@@ -102,7 +102,7 @@ class Controls:
                                    INTERVALS_S[0])
 
     def help_line(self) -> str:
-        """Say which keys there are and what is chosen; 80 columns."""
+        """Return which keys there are and what is chosen; 80 columns."""
         if self.typing:
             return f'filter: {self.choices.pattern}_   Enter: done  Esc: all'
         backwards = ' (reversed)' if self.choices.backwards else ''

@@ -66,13 +66,13 @@ class Choices:
 
 
 def rows_of(snapshot: Snapshot, part: str, choices: Choices) -> list[Row]:
-    """Give the rows of a part as they were chosen and sorted."""
+    """Return the rows of a part as they were chosen and sorted."""
     rows = [row for row in getattr(snapshot, part) if choices.wanted(row)]
     return sorted_rows(rows, TABLES[part], choices.sort, choices.backwards)
 
 
 def head(snapshot: Snapshot, choices: Choices, width: int) -> list[Line]:
-    """Give the lines about the core as a whole."""
+    """Return the lines about the core as a whole."""
     kernel = snapshot.kernel
     interval = f'over {snapshot.interval_s:.1f} s' if snapshot.interval_s else 'first look'
     first: list[Span] = [
@@ -94,7 +94,7 @@ def _duration(uptime_s: float) -> str:
 
 
 def _blame(snapshot: Snapshot) -> list[Span]:
-    """Say who held up the others, and who was late just now and why."""
+    """Return who held up the others, and who was late just now and why."""
     spans: list[Span] = []
     late = [row for row in snapshot.tasks if 'deadline_missed' in row.new]
     if late:
@@ -152,7 +152,7 @@ def _health(kernel: KernelRow) -> list[Span]:
 
 def body(snapshot: Snapshot, choices: Choices, width: int, height: int,
          log: Sequence[tuple[int, str, str]] = ()) -> list[Line]:
-    """Give the lines below the head: as much as fits, and of what does not, how much there is."""
+    """Return the lines below the head: as many as fit, and how many do not."""
     if choices.part == 'log':
         return _log(log, width, height)
     if choices.part != 'all':

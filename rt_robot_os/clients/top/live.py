@@ -53,7 +53,7 @@ _TYPED_BYTES = 256
 
 
 def drawn(lines: Sequence[Line]) -> Group:
-    """Give lines to rich."""
+    """Convert lines for rich."""
     texts = []
     for line in lines:
         text = Text(no_wrap=True, overflow='crop', end='')

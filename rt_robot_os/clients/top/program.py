@@ -109,7 +109,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def document(snapshot: Snapshot, choices: Choices) -> dict[str, object]:
-    """Give a snapshot as plain values, with the rows that were chosen, in their order."""
+    """Return a snapshot as plain values, with the rows that were chosen, in their order."""
     values = asdict(snapshot)
     for part in TABLES:
         if choices.part in ('all', part):

@@ -98,7 +98,7 @@ def _with_process(client: LinkClient) -> Sample:
 
 
 def _process(pid: int) -> tuple[float | None, int | None]:
-    """Give the computing time and the resident memory of a process, if Linux tells them."""
+    """Return the computing time and the resident memory of a process, if Linux tells them."""
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
         ticks = int(fields[11]) + int(fields[12])

@@ -18,8 +18,8 @@ Satellite receivers that speak NMEA 0183, as nearly all do.
 
 One ``sensor_msgs/msg/NavSatFix`` per epoch, from GGA, else GNS, else RMC, else GLL, and one
 ``sensor_msgs/msg/TimeReference`` per RMC sentence that has date and time and does not warn (status
-``A``). Which sentence it is is decided in ``nmea_source.py``; how position, status, service and
-covariance come about is in ``nmea_fix.py``.
+``A``). Which sentence it is is decided in ``source.py``; how position, status, service and
+covariance come about is in ``fix.py``.
 
 A fix is published when its sentence arrives. Receivers that send RMC later may then contradict it
 with the status ``V`` for the same time. The first such fix cannot be taken back; it is counted,

@@ -18,7 +18,7 @@ The serial device: everything between a port and the frames of a protocol.
 
 The port is a serial line, or what carries the same bytes over a network (``ports.py``).
 
-A driver for a serial device adds a decoder and says what a frame means; see ``witmotion.py``.
+A driver for a serial device adds a decoder and says what a frame means; see ``devices/witmotion``.
 """
 
 from __future__ import annotations

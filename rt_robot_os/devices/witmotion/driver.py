@@ -17,7 +17,7 @@
 WitMotion serial inertial measurement units: WT901, JY901, WT61, WT31N and their relatives.
 
 One ``sensor_msgs/msg/Imu`` per instant, in SI units and along the axes printed on the device; the
-rules by which frames make an instant are in ``decoders/witmotion_set.py``. Orientation comes from
+rules by which frames make an instant are in ``instants.py``. Orientation comes from
 the quaternion frame 0x59, else from the angle frame 0x53 (turned in the order yaw, pitch, roll);
 it is relative to the device's own east-north-up (with magnetometer) or start-up frame. What the
 device does not send has covariance[0] = -1. Magnetic field, when sent, is published as it

@@ -33,7 +33,7 @@ NAMES: Final = ('auto', 'vqf', 'mahony')
 
 def chosen(name: str) -> str:
     """
-    Say which filter a name means here; not for the real-time loop.
+    Return which filter a name means here; not for the real-time loop.
 
     :param name: one of :data:`NAMES`; ``auto`` is vqf where it is installed.
     :raises ConfigError: that filter is not installed.

@@ -70,7 +70,7 @@ class Counters:
     fields_late: int = 0
 
     def as_dict(self) -> dict[str, int]:
-        """Give them by name."""
+        """Return the counters by name."""
         return asdict(self)
 
 

@@ -124,7 +124,7 @@ class Attitude(Module):
         return attribute != 'mag' or self._with_field
 
     def publications(self) -> tuple[Publication, ...]:
-        """Give the output, in the frame of the sensor."""
+        """Return the output, in the frame of the sensor."""
         return tuple(replace(p, fixed={'header.frame_id': self.settings['frame_id']})
                      for p in super().publications())
 

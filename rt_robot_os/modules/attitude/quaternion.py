@@ -39,7 +39,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """Give the turn back."""
+    """Return the inverse rotation."""
     return -q[0], -q[1], -q[2], q[3]
 
 

@@ -115,11 +115,11 @@ class Outcomes:
         self._outcomes[key].append(outcome)
 
     def all(self, key: str) -> Sequence[Outcome]:  # noqa: A003
-        """Give what one run brought back, in the order of the repeats."""
+        """Return what one run brought back, in the order of the repeats."""
         return self._outcomes.get(key, [])
 
     def measured(self, key: str) -> Sequence[Outcome]:
-        """Give the repeats of a run that were measured."""
+        """Return the repeats of a run that were measured."""
         return [o for o in self.all(key) if o.status is Status.OK]
 
     def metric(self, key: str, of: Callable[[Outcome], float | None]) -> Metric | None:

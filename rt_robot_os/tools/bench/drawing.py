@@ -55,7 +55,7 @@ _MARKS = 'osD^vPX<>'
 
 
 def available() -> bool:
-    """Tell whether pictures can be drawn."""
+    """Return whether pictures can be drawn."""
     return find_spec('matplotlib') is not None
 
 

@@ -89,7 +89,7 @@ class Harness:
 
     @property
     def own_cpu(self) -> int:
-        """Tell which CPU this worker is, or will be, pinned to."""
+        """Return which CPU this worker is, or will be, pinned to."""
         return self._allowed[-1] if self._cpu < 0 else self._cpu
 
     def helper(self, worker: str, arguments: Mapping[str, Any], same_cpu: bool) -> Helper:

@@ -38,7 +38,7 @@ def _read(path: str) -> str:
 
 
 def _cpu_lines() -> dict[str, str]:
-    """Give the first processor's entries of /proc/cpuinfo, and those of the board."""
+    """Return the first processor's entries of /proc/cpuinfo, and those of the board."""
     found: dict[str, str] = {}
     for line in _read('/proc/cpuinfo').splitlines():
         key, colon, value = line.partition(':')
@@ -70,7 +70,7 @@ def preemption_model(version: str) -> str:
 
 
 def virtual() -> str:
-    """Tell what the machine runs in; empty when it seems to be a real one."""
+    """Return what the machine runs in; empty when it seems to be a real one."""
     if 'hypervisor' in _cpu_lines().get('flags', '').split():
         vendor = _read('/sys/class/dmi/id/sys_vendor')
         return f'virtual machine ({vendor})' if vendor else 'virtual machine'
@@ -84,7 +84,7 @@ def _container() -> bool:
 
 
 def packages() -> dict[str, str]:
-    """Give the versions of what is measured, as far as it is installed."""
+    """Return the versions of what is measured, as far as it is installed."""
     found = {}
     for name in _PACKAGES:
         try:
@@ -119,7 +119,7 @@ def describe() -> dict[str, Any]:
 
 
 def summary(machine: dict[str, Any]) -> list[str]:
-    """Say the same in lines for people."""
+    """Return the same as lines to read."""
     place = machine['virtual'] or 'not virtual'
     if machine['container']:
         place += ', container'
@@ -133,7 +133,7 @@ def summary(machine: dict[str, Any]) -> list[str]:
 
 
 def warnings(machine: dict[str, Any]) -> list[str]:
-    """Say what makes the figures doubtful."""
+    """Return what makes the figures doubtful."""
     lines = []
     cores = len(machine['cores_allowed'])
     if cores == 1:

@@ -185,7 +185,7 @@ def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
 
 
 def goes_on(request: Request) -> bool:
-    """Tell whether the same call, after Ctrl-C, goes on where it ended."""
+    """Return whether the same call, after Ctrl-C, goes on where it ended."""
     return request.out is not None and [case.name for case in request.cases] == [_HOURS_CASE]
 
 
@@ -198,7 +198,7 @@ def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:
 
 
 def _interrupted(path: Path) -> bool:
-    """Tell whether a call ended early that measured nothing but what can go on."""
+    """Return whether a call ended early that measured nothing but what can go on."""
     try:
         content = json.loads(path.read_text())
         others = {case['name'] for case in content['cases']} - {_HOURS_CASE}

@@ -69,21 +69,21 @@ class Plot:
     y_floor: tuple[float, str] | None = None
 
     def flat(self) -> tuple[float, float] | None:
-        """Give the least and the largest value when they are all but the same; else None."""
+        """Return the least and the largest value when they are all but the same; else None."""
         values = [y for series in self.series for y in series.y]
         if len(values) < 2 or max(values) - min(values) > _FLAT * abs(max(values)):
             return None
         return min(values), max(values)
 
     def as_json(self) -> dict[str, Any]:
-        """Give what it is about; the samples are elsewhere."""
+        """Return what it is about; the samples are elsewhere."""
         return {'name': self.name, 'title': self.title, 'caption': self.caption,
                 'series': [series.label for series in self.series]}
 
 
 def tail(label: str, samples: NDArray[np.int64], unit_ns: float) -> Series:
     """
-    Tell which part of the samples is above each value: a latency's tail at a glance.
+    Return which part of the samples is above each value: a latency's tail at a glance.
 
     :param unit_ns: nanoseconds in the unit of the horizontal axis.
     """

@@ -71,7 +71,7 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 def lock_path() -> Path:
-    """Give the file whose lock the one holds that measures; for all users of the machine."""
+    """Return the file whose lock the one holds that measures; for all users of the machine."""
     return Path(tempfile.gettempdir()) / 'rt_robot_os_bench.lock'
 
 

@@ -56,21 +56,21 @@ class Metric:
 
     @property
     def median(self) -> float:
-        """Give the middle of the repeats: a repeat that something disturbed does not move it."""
+        """Return the middle of the repeats: a repeat that something disturbed does not move it."""
         return statistics.median(self.values)
 
     @property
     def lowest(self) -> float:
-        """Give the least of the repeats."""
+        """Return the least of the repeats."""
         return min(self.values)
 
     @property
     def highest(self) -> float:
-        """Give the greatest of the repeats."""
+        """Return the greatest of the repeats."""
         return max(self.values)
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {'median': self.median, 'lowest': self.lowest, 'highest': self.highest,
                 'repeats': list(self.values)}
 
@@ -113,7 +113,7 @@ class Row:
     run: str = ''
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {'label': self.label, 'status': self.status.value, 'reason': self.reason,
                 'quoted': self.quoted, 'run': self.run,
                 'metrics': {key: None if metric is None else metric.as_json()
@@ -139,7 +139,7 @@ class Table:
     notes: Sequence[str] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {
             'title': self.title, 'notes': list(self.notes),
             'columns': [{'key': c.key, 'title': c.title, 'unit': c.unit, 'group': c.group}
@@ -170,7 +170,7 @@ class Aim:
 
     @property
     def reason(self) -> str:
-        """Say why it is missed; empty unless it is."""
+        """Return why it is missed; empty unless it is."""
         if self.verdict is not Verdict.MISSED:
             return ''
         # "No disturbance" adds nothing to a reason that is known.
@@ -186,7 +186,7 @@ class Aim:
         return Verdict.REACHED if met else Verdict.MISSED
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {'aim': self.text, 'limit': self.limit, 'unit': self.unit,
                 'relation': '<=' if self.at_most else '>=', 'verdict': self.verdict.value,
                 'reason': self.reason, 'paper': self.paper,
@@ -213,16 +213,16 @@ class Need:
 
     @property
     def known(self) -> bool:
-        """Tell whether it was measured for any system."""
+        """Return whether it was measured for any system."""
         return any(metric is not None for metric in self.systems.values())
 
     def gives(self, system: str) -> bool | None:
-        """Tell whether a system gives it; None when that is not known."""
+        """Return whether a system gives it; None when that is not known."""
         metric = self.systems.get(system)
         return None if metric is None else self._enough(metric.median)
 
     def agreed(self, system: str) -> bool:
-        """Tell whether each repeat by itself says the same as their median."""
+        """Return whether each repeat by itself says the same as their median."""
         metric = self.systems.get(system)
         return metric is None or len({self._enough(value) for value in metric.values}) == 1
 
@@ -230,7 +230,7 @@ class Need:
         return value <= self.limit if self.at_most else value >= self.limit
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {'need': self.text, 'limit': self.limit, 'unit': self.unit, 'case': self.case,
                 'relation': '<=' if self.at_most else '>=',
                 'systems': {name: None if metric is None else metric.as_json()
@@ -249,7 +249,7 @@ class CaseResult:
     needs: Sequence[Need] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """Give plain values."""
+        """Return plain values."""
         return {'name': self.name, 'title': self.title,
                 'tables': [table.as_json() for table in self.tables],
                 'aims': [aim.as_json() for aim in self.aims],

@@ -36,7 +36,7 @@ def expected_seconds(case: Case, options: Options) -> float:
 
 
 def repeats(run: Run, options: Options) -> int:
-    """Tell how often a run is repeated."""
+    """Return how often a run is repeated."""
     return 1 if run.once else options.repeats
 
 

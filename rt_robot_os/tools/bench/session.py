@@ -165,7 +165,7 @@ class Session:
 
 
 def command(argv: Sequence[str]) -> str:
-    """Give the line that repeats a call; folders and files by their last name."""
+    """Return the line that repeats a call; folders and files by their last name."""
     words, path_follows = [], False
     for word in argv:
         option, equals, value = word.partition('=')

@@ -55,7 +55,7 @@ class Stamps:
             self.dropped += 1
 
     def taken(self) -> Samples:
-        """Give what was noted, in order."""
+        """Return what was noted, in order."""
         return np.array(self._times[:self.count], np.int64)
 
 

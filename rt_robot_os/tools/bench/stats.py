@@ -32,7 +32,7 @@ _SAMPLES_BEYOND = 1
 
 def percentile(samples: Samples | Sequence[int], part: float) -> float | None:
     """
-    Give the least sample that a part of all samples does not exceed (nearest rank).
+    Return the least sample that a part of all samples does not exceed (nearest rank).
 
     :param part: above 0 and at most 1; 1 gives the maximum.
     :return: a sample, never a value between two; None when there are too few of them to tell it
@@ -94,7 +94,7 @@ def timing(starts: Samples, phase_ns: int, period_ns: int, begin_ns: int, end_ns
 
 def inside_any(moments: Samples, begins: Samples, ends: Samples) -> NDArrayBool:
     """
-    Tell which moments lie in one of several stretches of time.
+    Return which moments lie in one of several stretches of time.
 
     :param begins: of the stretches, ascending; they do not overlap.
     :param ends: of the same stretches.
@@ -110,7 +110,7 @@ def inside_any(moments: Samples, begins: Samples, ends: Samples) -> NDArrayBool:
 def frequencies(starts: Samples, every: int, begin_ns: int, end_ns: int, window_ns: int
                 ) -> NDArray[np.float64]:
     """
-    Give the actual frequency of a periodic call in each window of time.
+    Return the actual frequency of a periodic call in each window of time.
 
     It is the number of periods from the last stamp before a window, or else the first in it, to
     the last one in it, divided by the time between the two. So a missed call makes it lower, a

@@ -82,14 +82,14 @@ class Surroundings:
             'cpu_ms': (usage.ru_utime + usage.ru_stime) * 1000}
 
     def figures(self) -> dict[str, float]:
-        """Give what happened since then, and the mean pace before and after."""
+        """Return what happened since then, and the mean pace before and after."""
         now = self._now()
         return {**{_PREFIX + name: now[name] - before for name, before in self._before.items()},
                 LOOP: (self._loop_ns + loop_ns()) / 2}
 
 
 def explain(figures: Mapping[str, float]) -> str:
-    """Say in words what disturbed a measurement; empty when nothing is known to have done so."""
+    """Return in words what disturbed a measurement; empty when nothing is known to have."""
     stolen_ms = figures.get(_PREFIX + 'stolen_ms', 0.0)
     forced = figures.get(_PREFIX + 'switches_forced', 0.0)
     faults = figures.get(_PREFIX + 'faults_disk', 0.0)

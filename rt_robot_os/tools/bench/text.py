@@ -43,7 +43,7 @@ _INDENT = '    '
 
 
 def terminal_width() -> int:
-    """Give how long lines may be: those of the terminal, at most 100."""
+    """Return how long lines may be: those of the terminal, at most 100."""
     if not sys.stdout.isatty():
         return WIDTH
     return max(_NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))

@@ -76,17 +76,17 @@ class Job:
 
     @property
     def latency_ns(self) -> int:
-        """Give the time from release to start."""
+        """Return the time from release to start."""
         return self.start_ns - self.release_ns
 
     @property
     def response_ns(self) -> int:
-        """Give the time from release to end."""
+        """Return the time from release to end."""
         return self.end_ns - self.release_ns
 
     @property
     def execution_ns(self) -> int:
-        """Give the time that it had the CPU, as far as it is known."""
+        """Return the time that it had the CPU, as far as it is known."""
         return sum(end - start for start, end in self.slices)
 
 
@@ -155,7 +155,7 @@ class History:
     _slices: tuple[tuple[int, int, int], ...] = field(repr=False)
 
     def who_ran(self, from_ns: int, to_ns: int) -> Counter[int]:
-        """Give the CPU time of each task between two moments, in nanoseconds."""
+        """Return the CPU time of each task between two moments, in nanoseconds."""
         used: Counter[int] = Counter()
         at = max(0, bisect_right(self._slices, (from_ns,)) - 1)
         for start_ns, end_ns, task in self._slices[at:]:
@@ -167,7 +167,7 @@ class History:
         return used
 
     def blocked_by(self, job: Job) -> Counter[int]:
-        """Give the CPU time that tasks of lower priority had while a job waited for its start."""
+        """Return the CPU time that lower tasks had while a job waited for its start."""
         priority = self.tasks[job.task].priority
         return Counter({
             task: time_ns for task, time_ns in self.who_ran(job.release_ns, job.start_ns).items()
@@ -179,7 +179,7 @@ class History:
         return ', '.join(self.tasks[v].name for v in blocked.victims) or 'one that did not end yet'
 
     def between(self, from_ns: int, to_ns: int) -> tuple[Job, ...]:
-        """Give the jobs that were released, waited or ran between two moments."""
+        """Return the jobs that were released, waited or ran between two moments."""
         return tuple(j for j in self.jobs if j.end_ns >= from_ns and j.release_ns <= to_ns)
 
 
@@ -214,7 +214,7 @@ def _begun_ns(record: tuple[Any, ...]) -> int | None:
 
 
 def _begin_ns(dump: BlackBoxDump) -> int:
-    """Give the time from which on every record is there."""
+    """Return the time from which on every record is there."""
     if dump.full:
         # What was dropped ended before the oldest that is left.
         return next((ns for ns in map(_ended_ns, dump.records) if ns is not None), dump.at_ns)

@@ -84,7 +84,7 @@ class _Document:
         return (at_ns - self._base_ns) / NS_PER_US
 
     def _track(self, task: int) -> int:
-        """Give the track of a task's priority."""
+        """Return the track of a task's priority."""
         if task < 0:
             return self._named(_MARKS, 'events of no task')
         priority = self._history.tasks[task].priority

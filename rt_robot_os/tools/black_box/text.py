@@ -182,7 +182,7 @@ def _wait(history: History, job: Job) -> str:
 
 
 def _blockers_of(history: History, job: Job) -> list[tuple[int, int]]:
-    """Give the lower tasks that a job waited for, and how long, who blocked longest first."""
+    """Return the lower tasks that a job waited for, and how long, who blocked longest first."""
     return [(task, time_ns) for task, time_ns in history.blocked_by(job).most_common()
             if time_ns >= BLOCKED_NS]
 
@@ -223,14 +223,14 @@ def _events(history: History, last: int) -> str:
 
 
 def fault_ns(history: History) -> int | None:
-    """Give the moment of the last fault: a failure, an abort or a missed deadline."""
+    """Return the moment of the last fault: a failure, an abort or a missed deadline."""
     times = [job.end_ns for job in history.jobs if job.outcome in _FAULTS]
     times += [m.at_ns for m in history.moments if m.kind in (ABORT, MISS)]
     return max(times, default=None)
 
 
 def _before_fault(history: History) -> str:
-    """Tell who had the CPU in the time before the fault, and who waited."""
+    """Return who had the CPU in the time before the fault, and who waited."""
     at_ns = fault_ns(history)
     if at_ns is None:
         return ''

@@ -68,7 +68,7 @@ def cpu_text(cpus: list[int]) -> str:
 
 
 def online_cpus(system: System) -> list[int]:
-    """Give the CPUs that run."""
+    """Return the CPUs that run."""
     listed = cpu_list(system.read(f'{CPU}/online'))
     if listed:
         return listed
@@ -77,7 +77,7 @@ def online_cpus(system: System) -> list[int]:
 
 
 def allowed_cpus(system: System) -> list[int]:
-    """Give the CPUs that this process may use."""
+    """Return the CPUs that this process may use."""
     return cpu_list(own_status(system).get('Cpus_allowed_list', '')) or online_cpus(system)
 
 
@@ -88,7 +88,7 @@ def core_cpu(system: System) -> int | None:
 
 
 def asked_cpu(system: System) -> int | None:
-    """Give the CPU that the core would ask for; None when it asks for none."""
+    """Return the CPU that the core would ask for; None when it asks for none."""
     wanted = system.wanted.cpu
     if wanted == -2:
         return None
@@ -114,7 +114,7 @@ def own_status(system: System) -> dict[str, str]:
 
 
 def has_capability(system: System, number: int) -> bool:
-    """Tell whether this process has a capability."""
+    """Return whether this process has a capability."""
     try:
         return bool(int(own_status(system)['CapEff'], 16) >> number & 1)
     except (KeyError, ValueError):
@@ -123,7 +123,7 @@ def has_capability(system: System, number: int) -> bool:
 
 def limit(system: System, title: str) -> int | None:
     """
-    Give a soft resource limit.
+    Return a soft resource limit.
 
     :param title: as in ``/proc/self/limits``, such as ``Max locked memory``.
     :return: UNLIMITED for none; None when it cannot be read.
@@ -145,13 +145,13 @@ def command_line(system: System) -> dict[str, str]:
 
 
 def kernel_release(system: System) -> tuple[int, int]:
-    """Give the two first numbers of the kernel's version; zeros when it has none."""
+    """Return the two first numbers of the kernel's version; zeros when it has none."""
     match = re.match(r'(\d+)\.(\d+)', system.release)
     return (int(match[1]), int(match[2])) if match else (0, 0)
 
 
 def distribution(system: System) -> str:
-    """Give the short name of the Linux distribution, such as ``ubuntu``; empty when unknown."""
+    """Return the short name of the Linux distribution, such as ``ubuntu``; empty when unknown."""
     for line in system.read('/etc/os-release').splitlines():
         if line.startswith('ID='):
             return line[3:].strip('"\'').lower()
@@ -213,7 +213,7 @@ def _patterns() -> tuple[tuple[str, re.Pattern[str]], ...]:
 
 def container(system: System) -> str:
     """
-    Tell which kind of container this is; empty when it is none.
+    Return which kind of container this is; empty when it is none.
 
     A mark alone may be left over in a machine that was made from an image: whoever has a disk
     as its root is no container.
@@ -236,12 +236,12 @@ def container(system: System) -> str:
 
 
 def is_wsl(system: System) -> bool:
-    """Tell whether Windows runs this Linux."""
+    """Return whether Windows runs this Linux."""
     return 'microsoft' in system.release.lower()
 
 
 def virtual_machine(system: System) -> str:
-    """Tell which virtual machine this is; empty when it seems to be a real one."""
+    """Return which virtual machine this is; empty when it seems to be a real one."""
     if is_wsl(system):
         return 'WSL2'
     flags = key_values(system.read('/proc/cpuinfo')).get('flags', '').split()

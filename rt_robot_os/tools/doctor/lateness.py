@@ -57,7 +57,7 @@ class Lateness:
         self.histogram.add(late_ns)
 
     def result(self) -> dict[str, Any]:
-        """Give plain values for JSON."""
+        """Return plain values for JSON."""
         counts = {str(index): count for index, count in enumerate(self.histogram.counts) if count}
         return {'counts': counts, 'maximum_ns': self.histogram.maximum_ns, 'missed': self.missed}
 

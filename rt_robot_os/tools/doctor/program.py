@@ -48,7 +48,7 @@ MEASURED = 'measured now'
 
 
 def describe(system: System) -> dict[str, object]:
-    """Give the facts for the head of the report."""
+    """Return the facts for the head of the report."""
     facts = key_values(system.read('/proc/cpuinfo'))
     model = (system.read('/proc/device-tree/model') or facts.get('model name')
              or facts.get('Model') or system.machine)
@@ -75,7 +75,7 @@ class Doctor:
         self._watch = wakeup.StepWatch()
 
     def report(self) -> Report:
-        """Give what was found so far."""
+        """Return what was found so far."""
         return Report(describe(self._system), self._system.wanted, self._lines, self._result)
 
     def run(self) -> Report:

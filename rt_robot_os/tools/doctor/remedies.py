@@ -28,7 +28,7 @@ _LIMITS = '--ulimit rtprio=98 --ulimit memlock=-1'
 
 
 def place(system: System) -> str:
-    """Tell where commands for the machine itself have to be given; empty: right here."""
+    """Return where commands for the machine itself have to be given; empty: right here."""
     if container(system):
         return 'on the host, not in this container'
     return ''
@@ -104,12 +104,12 @@ def realtime_limits(system: System) -> Remedy:
 
 
 def user_word(system: System) -> str:
-    """Give the word of a command line that names this user."""
+    """Return the word of a command line that names this user."""
     return '$SUDO_USER' if system.uid == 0 else '$USER'
 
 
 def in_group(system: System, name: str) -> bool:
-    """Tell whether the group file lists this user."""
+    """Return whether the group file lists this user."""
     for line in system.read('/etc/group').splitlines():
         words = line.split(':')
         if len(words) > 3 and words[0] == name:
@@ -118,7 +118,7 @@ def in_group(system: System, name: str) -> bool:
 
 
 def not_yet_in_group(system: System, name: str) -> bool:
-    """Tell whether this process began before its user joined the group."""
+    """Return whether this process began before its user joined the group."""
     for line in system.read('/etc/group').splitlines():
         words = line.split(':')
         if len(words) > 3 and words[0] == name:
@@ -128,6 +128,6 @@ def not_yet_in_group(system: System, name: str) -> bool:
 
 
 def no_frequency_scaling(system: System) -> str:
-    """Tell why the clock of the CPUs cannot be seen; empty when it ought to be."""
+    """Return why the clock of the CPUs cannot be seen; empty when it ought to be."""
     machine = virtual_machine(system)
     return f'none here: the host of this virtual machine ({machine}) sets it' if machine else ''

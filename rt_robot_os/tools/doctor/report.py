@@ -37,7 +37,7 @@ class Verdict(Enum):
 
     @property
     def text(self) -> str:
-        """Give its name as people read it."""
+        """Return its name as people read it."""
         return self.name.lower().replace('_', ' ')
 
 
@@ -69,7 +69,7 @@ class Report:
 
     @property
     def to_mend(self) -> list[Line]:
-        """Give what is to be mended, the most worthwhile first."""
+        """Return what is to be mended, the most worthwhile first."""
         found = [line for line in self.lines if line.finding.state in (State.WARN, State.BAD)]
         return sorted(found, key=lambda line: (line.finding.state is not State.BAD,
                                                -line.finding.weight))

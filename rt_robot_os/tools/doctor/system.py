@@ -88,7 +88,7 @@ class System:
     # ---- files -------------------------------------------------------------------------------
 
     def path(self, path: str) -> Path:
-        """Give the real place of a path of this machine."""
+        """Return the real place of a path of this machine."""
         return self.root / path.lstrip('/')
 
     def raw(self, path: str) -> bytes:
@@ -123,7 +123,7 @@ class System:
             return default
 
     def exists(self, path: str) -> bool:
-        """Tell whether there is such a file."""
+        """Return whether there is such a file."""
         try:
             return self.path(path).exists()
         except OSError:
@@ -144,7 +144,7 @@ class System:
 
     def may(self, path: str, mode: int) -> bool:
         """
-        Tell whether this user may open a file, without opening it.
+        Return whether this user may open a file, without opening it.
 
         Opening a serial port would reset many a board.
 
@@ -153,7 +153,7 @@ class System:
         return os.access(self.path(path), mode, effective_ids=True)
 
     def group_of(self, path: str) -> str:
-        """Give the group of a file; empty when it is not there or has no name."""
+        """Return the group of a file; empty when it is not there or has no name."""
         try:
             return grp.getgrgid(self.path(path).stat().st_gid).gr_name
         except (OSError, KeyError):
@@ -161,7 +161,7 @@ class System:
 
     def free_bytes(self, path: str) -> int:
         """
-        Give the space that this user may fill there.
+        Return the space that this user may fill there.
 
         :raises OSError: the folder is not there.
         """
@@ -172,27 +172,27 @@ class System:
 
     @property
     def release(self) -> str:
-        """Give what ``uname -r`` says."""
+        """Return what ``uname -r`` says."""
         return os.uname().release
 
     @property
     def version(self) -> str:
-        """Give what ``uname -v`` says."""
+        """Return what ``uname -v`` says."""
         return os.uname().version
 
     @property
     def machine(self) -> str:
-        """Give what ``uname -m`` says."""
+        """Return what ``uname -m`` says."""
         return os.uname().machine
 
     @property
     def uid(self) -> int:
-        """Give the effective user."""
+        """Return the effective user."""
         return os.geteuid()
 
     @property
     def user(self) -> str:
-        """Give the name of the user, or its number."""
+        """Return the name of the user, or its number."""
         try:
             return pwd.getpwuid(self.uid).pw_name
         except KeyError:
@@ -200,7 +200,7 @@ class System:
 
     @property
     def own_pids(self) -> frozenset[int]:
-        """Give the processes that belong to the doctor."""
+        """Return the processes that belong to the doctor."""
         return frozenset((os.getpid(), os.getppid()))
 
     # ---- child processes -----------------------------------------------------------------------

@@ -40,14 +40,14 @@ _NAMED = 8
 
 
 def shown(line: Line, *, everything: bool, quiet: bool) -> bool:
-    """Tell whether a line is for this reader."""
+    """Return whether a line is for this reader."""
     if quiet:
         return line.finding.state in _PROBLEMS
     return everything or line.finding.state is not State.ABSENT
 
 
 def head_lines(report: Report, style: Style) -> Iterator[str]:
-    """Say what was looked at."""
+    """Yield what was looked at."""
     machine, wanted = report.machine, report.wanted
     number = machine['cpus']
     cpus = f'{number or "?"} CPU{"" if number == 1 else "s"}'

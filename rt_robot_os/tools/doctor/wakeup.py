@@ -129,7 +129,7 @@ def _read(code: int, output: bytes, errors: bytes, seconds: float) -> Wakeup:
 
 
 def rate_hz(maximum_ns: int) -> int:
-    """Give the rate whose period is ten times as long as the worst lateness, at most 1 kHz."""
+    """Return the rate whose period is ten times as long as the worst lateness, at most 1 kHz."""
     exact = NS_PER_S / (_TENTH * max(1, maximum_ns))
     steps = [rate for decade in (1, 10, 100) for rate in (decade, 2 * decade, 5 * decade)]
     return max([rate for rate in (*steps, 1000) if rate <= exact], default=0)

@@ -160,7 +160,7 @@ class _Analyser:
         return ''
 
     def _level(self, task: PlannedTask) -> float:
-        """Give the part of the processor of all of a priority and above; exact about 1."""
+        """Return the part of the processor of all of a priority and above; exact about 1."""
         streams = [s for s in self._all if s.task.priority >= task.priority]
         costs = [self._load(s, task.priority) for s in streams] + self._tick_loads()
         level = math.fsum(cost / period for period, _, cost in costs)

@@ -42,7 +42,7 @@ class Blocking:
 
 
 def ceilings(tasks: Sequence[PlannedTask]) -> dict[str, int]:
-    """Give each resource the highest priority among the tasks that lock it."""
+    """Return the ceiling of each resource: the highest priority among the tasks that lock it."""
     found: dict[str, int] = {}
     for task in tasks:
         for resource in task.sections:

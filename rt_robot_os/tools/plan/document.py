@@ -27,7 +27,7 @@ FORMAT: Final = 1
 
 
 def document(report: Report) -> dict[str, Any]:
-    """Give everything of a report; times are whole nanoseconds, parts are of 1."""
+    """Return everything of a report; times are whole nanoseconds, parts are of 1."""
     analysis = report.analysis
     return {
         'format': FORMAT,

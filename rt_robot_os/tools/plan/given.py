@@ -79,5 +79,5 @@ class RobotTasks:
     responses_ns: Mapping[str, int] = field(default_factory=dict)
 
     def fixed_phases(self) -> tuple[str, ...]:
-        """Give the tasks whose phase no configuration can change."""
+        """Return the tasks whose phase no configuration can change."""
         return tuple(name for name, owner in self.owners.items() if owner == 'core')

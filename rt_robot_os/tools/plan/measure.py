@@ -53,13 +53,13 @@ class CoreRunner(Protocol):
 
     @property
     def pid(self) -> int:
-        """Give its process id."""
+        """Return its process id."""
 
     def start(self) -> None:
         """Start it."""
 
     def alive(self) -> bool:
-        """Say whether it runs."""
+        """Return whether it runs."""
 
     def stop(self) -> None:
         """End it."""
@@ -165,7 +165,7 @@ def _until_active(robot: _StandIn) -> None:
 
 
 def _cpu_ns(pid: int) -> int:
-    """Give the computing time of a process so far; 0 when Linux does not tell."""
+    """Return the computing time of a process so far; 0 when Linux does not tell."""
     try:
         return int(Path(f'/proc/{pid}/schedstat').read_text().split()[0])
     except (OSError, ValueError, IndexError):

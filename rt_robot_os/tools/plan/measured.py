@@ -78,7 +78,7 @@ class Measured:
 
     def lateness_ns(self) -> int:
         """
-        Say how late the machine released tasks.
+        Return how late the machine released tasks.
 
         The highest task with a period waits for nobody, so what it waited for was the timer,
         Linux, and native calls below it.

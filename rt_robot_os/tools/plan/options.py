@@ -124,7 +124,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def given(arguments: argparse.Namespace) -> Given:
-    """Give what the arguments say of the tasks."""
+    """Return what the arguments say of the tasks."""
     def ns(value_us: float | None) -> int | None:
         return None if value_us is None else round(value_us * NS_PER_US)
 

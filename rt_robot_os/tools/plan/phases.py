@@ -71,7 +71,7 @@ class PhasePlan:
 
 def hyper_period_ns(tasks: Sequence[PlannedTask]) -> int | None:
     """
-    Give the time after which all timers repeat together.
+    Return the time after which all timers repeat together.
 
     :return: nanoseconds; 0 without timers; None when it is above ``HYPER_PERIOD_MAXIMUM_NS``.
     """
@@ -172,7 +172,7 @@ def _options(task: PlannedTask, placed: Sequence[PlannedTask], phases: Mapping[s
 
 def _distance(task: PlannedTask, phase: int, placed: Sequence[PlannedTask],
               phases: Mapping[str, int]) -> int:
-    """Give the shortest time that ever lies between a release of this task and of another."""
+    """Return the shortest time that ever lies between a release of this task and of another."""
     nearest = task.period_ns
     for other in placed:
         common = math.gcd(task.period_ns, other.period_ns)

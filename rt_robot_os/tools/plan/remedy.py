@@ -33,7 +33,7 @@ from rt_robot_os.tools.plan.task import PlannedTask
 
 def remedy(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analysis) -> str:
     """
-    Say what to do first about a set that is not schedulable; empty when nothing simple helps.
+    Return what to do first about a set that is not schedulable; empty when nothing simple helps.
 
     Tried in this order: timers that are on time, another priority for one task, other priorities,
     less blocking, one task that computes less.

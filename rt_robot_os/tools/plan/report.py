@@ -50,7 +50,7 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """Give 0 schedulable, 1 not schedulable, 3 some task with a deadline is not judged."""
+        """Return 0 schedulable, 1 not schedulable, 3 some task with a deadline is not judged."""
         if self.analysis.failed:
             return NOT_SCHEDULABLE
         return NOT_JUDGED if self.analysis.unjudged else SCHEDULABLE

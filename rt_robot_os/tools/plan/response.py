@@ -63,7 +63,7 @@ def _fixed_point(start_ns: int, base_ns: int, loads: Sequence[Load]) -> int:
 
 def busy_period_ns(blocking_ns: int, loads: Sequence[Load]) -> int:
     """
-    Give the longest time without a moment at which all that was released is done.
+    Return the longest time without a moment at which all that was released is done.
 
     :param loads: everything of a priority and above; together below 100 %.
     :raises NoBoundError: it does not end in reasonable time.

@@ -67,7 +67,7 @@ class TaskResult:
 
     @property
     def late_ns(self) -> int:
-        """Give how much too long it may take; negative when there is time left."""
+        """Return how much too long it may take; negative when there is time left."""
         if self.response_ns is None or not self.task.limit_ns:
             return 0
         return self.response_ns - self.task.limit_ns
@@ -91,12 +91,12 @@ class Analysis:
 
     @property
     def failed(self) -> tuple[TaskResult, ...]:
-        """Give the tasks that make the set not schedulable; for others there is time or not."""
+        """Return the tasks that may miss their deadline: they make the set not schedulable."""
         return tuple(r for r in self.tasks if r.verdict.bad and r.task.judged)
 
     @property
     def unjudged(self) -> tuple[TaskResult, ...]:
-        """Give the tasks with a deadline that cannot be judged."""
+        """Return the tasks with a deadline that cannot be judged."""
         return tuple(r for r in self.tasks if r.task.judged and r.verdict in (
             Verdict.UNKNOWN, Verdict.UNBOUNDED))
 

@@ -239,7 +239,7 @@ class _Builder:
         return None, 'unknown'
 
     def _section(self, resource: str, execution_ns: int | None) -> int | None:
-        """Give the longest time that a resource is held, by whomever; None when unknown."""
+        """Return the longest time that a resource is held, by whomever; None when unknown."""
         if resource in self._given.held_ns:
             given_ns = self._given.held_ns[resource]
             return min(execution_ns, given_ns) if execution_ns else given_ns
@@ -249,7 +249,7 @@ class _Builder:
         return min(execution_ns, self._with_margin(held_ns))
 
     def _outside(self, name: str, reason: str) -> tuple[tuple[Event, ...], str]:
-        """Say how often the world outside releases a task: as told, else as measured."""
+        """Return how often the world outside releases a task: as told, else as measured."""
         rate_hz = self._given.rates_hz.get(name, 0.0)
         seen = self._seen(name)
         if not rate_hz and seen and self._measured:

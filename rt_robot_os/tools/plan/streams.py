@@ -62,12 +62,12 @@ class Stream:
 
     @property
     def late_ns(self) -> int:
-        """Say how late its releases may come, counted from the first one of the chain."""
+        """Return how late its releases may come, counted from the first one of the chain."""
         return self.jitter_ns + max((p.chain_ns for p in self.parents), default=0)
 
     def inside(self, level: int) -> bool:
         """
-        Say whether the whole chain up to here runs at a level or above.
+        Return whether the whole chain up to here runs at a level or above.
 
         Such a chain lies within a busy period of that level. What a logical parent publishes at
         its deadline may come long after its job.
@@ -78,7 +78,7 @@ class Stream:
 
     def jitter_at(self, level: int) -> int:
         """
-        Say how late releases may come, seen from a busy period of a level.
+        Return how late releases may come, seen from a busy period of a level.
 
         A task of that level or above that waits when the period begins would have begun it: so
         its jobs of the period, and with them what they release, were all released in it.

@@ -94,13 +94,13 @@ class PlannedTask:
 
     @property
     def limit_ns(self) -> int:
-        """Give the deadline in force; 0 when there is none."""
+        """Return the deadline in force; 0 when there is none."""
         if not self.judged:
             return 0
         return self.deadline_ns or self.period_ns
 
     def section_ns(self, resource: str) -> int | None:
-        """Give the longest critical section on a resource; None when nothing bounds it."""
+        """Return the longest critical section on a resource; None when nothing bounds it."""
         declared = self.sections[resource]
         return self.execution_ns if declared is None else declared
 

@@ -112,7 +112,7 @@ def _blocking_lines(report: Report) -> Iterator[str]:
 
 
 def _idle_lines(report: Report) -> Iterator[str]:
-    """Say why tasks without a deadline have no bound; it does no harm."""
+    """Yield why tasks without a deadline have no bound; it does no harm."""
     reasons: dict[str, list[str]] = {}
     for result in report.analysis.tasks:
         if not result.task.limit_ns and result.response_ns is None and not result.verdict.bad:
@@ -251,7 +251,7 @@ def verdict_lines(report: Report) -> Iterator[str]:
 
 
 def failure_text(result: TaskResult) -> str:
-    """Say what is wrong with a task, with its numbers."""
+    """Return what is wrong with a task, with its numbers."""
     name, limit_ns = result.task.name, result.task.limit_ns
     if result.response_ns is None or not limit_ns:
         return f'task {name!r}: {result.reason}'

@@ -94,29 +94,29 @@ class Wiring:
             self._coroutines.add(entry.name)
 
     def outputs(self) -> tuple[str, ...]:
-        """Give the topics that ROS sees, each once."""
+        """Return the topics that ROS sees, each once."""
         return tuple(dict.fromkeys(
             mirror.topic for mirror in self._settings.mirrors if mirror.direction == 'out'))
 
     def samples_hz(self, device: str) -> float:
-        """Say how many samples a second a device is expected to give: of its fastest topic."""
+        """Return how many samples a second a device is expected to give: of its fastest topic."""
         return max((source.topic_rate_hz for sources in self._sources.values()
                     for source in sources if source.task == device), default=0.0)
 
     def is_coroutine(self, module: str) -> bool:
-        """Say whether a module is an ``async def run``, which says itself when it goes on."""
+        """Return whether a module is an ``async def run``, which says itself when it goes on."""
         return module in self._coroutines
 
     def outputs_events(self, priority: int) -> tuple[Event, ...]:
         """
-        Say what releases the task of a priority that carries topics to ROS.
+        Return what releases the task of a priority that carries topics to ROS.
 
         At most: publications that go out together release it once.
         """
         return self._events(dict.fromkeys(self.outputs(), 1), priority)
 
     def module_events(self, module: str, priority: int) -> tuple[Event, ...]:
-        """Say what releases a module that wakes on topics."""
+        """Return what releases a module that wakes on topics."""
         wakes = self._wakes.get(module, {})
         together = [topic for topic, wake in wakes.items() if wake == WAKE_ON_ALL]
         single = {topic: int(wake) for topic, wake in wakes.items() if wake != WAKE_ON_ALL}
@@ -124,7 +124,7 @@ class Wiring:
 
     def _together(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
         """
-        Say what releases a task when each of some topics has something new.
+        Return what releases a task when each of some topics has something new.
 
         It is released once for each publication of any of them at most, and once more for what
         was there before: the one that comes least often counts.
@@ -135,13 +135,13 @@ class Wiring:
         return tuple(replace(event, waits=True) for event in self._events({slowest: 1}, priority))
 
     def _rate_hz(self, topic: str) -> float:
-        """Give the rate of a topic; infinity when it is not known."""
+        """Return the rate of a topic; infinity when it is not known."""
         return sum(source.topic_rate_hz or source.task_rate_hz or math.inf
                    for source in self._sources.get(topic, ()))
 
     def _events(self, topics: Mapping[str, int], priority: int) -> tuple[Event, ...]:
         """
-        Say what releases a task of a priority that wakes on every n-th sample of topics.
+        Return what releases a task of a priority that wakes on every n-th sample of topics.
 
         What one job of a task at or above this priority publishes, on any of the topics, makes
         one release: the others find it waiting already.

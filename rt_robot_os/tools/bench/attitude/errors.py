@@ -64,7 +64,7 @@ def errors_of(estimate: Array, reference: Array, counted: npt.NDArray[np.bool_])
 
 
 def headings(turned: Array) -> Array:
-    """Give the yaw of orientations in degrees, without jumps."""
+    """Return the yaw of orientations in degrees, without jumps."""
     x, y, z, w = turned.T
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     unwrapped: Array = np.degrees(np.unwrap(yaw))
@@ -72,7 +72,7 @@ def headings(turned: Array) -> Array:
 
 
 def tilts(turned: Array) -> Array:
-    """Give the angle between the sensor's z axis and up, in degrees."""
+    """Return the angle between the sensor's z axis and up, in degrees."""
     x, y, _, _ = turned.T
     angles: Array = np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
     return angles

@@ -84,7 +84,7 @@ def _rows(recording: Recording, window: Window) -> npt.NDArray[np.bool_]:
 
 
 def _static(recording: Recording, rows: npt.NDArray[np.bool_]) -> tuple[Array, float]:
-    """Give up in the sensor's axes and the heading, from the means of a window at rest."""
+    """Return "up" in the sensor's axes and the heading, from the means of a window at rest."""
     up = recording.acceleration[rows].mean(axis=0)
     up = up / np.linalg.norm(up)
     east = np.cross(recording.field[rows].mean(axis=0), up)

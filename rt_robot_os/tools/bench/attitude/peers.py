@@ -80,7 +80,7 @@ def ours(make: Callable[[Recording], AttitudeFilter], axes: int) -> Callable[[Re
 
 
 def fields_new(recording: Recording) -> Any:
-    """Say for each row whether the magnetometer has measured anew."""
+    """Return for each row whether the magnetometer has measured anew."""
     return np.concatenate(([True], (np.diff(recording.field, axis=0) != 0).any(axis=1)))
 
 
@@ -108,7 +108,7 @@ def _ahrs(name: str, axes: int, **gains: float) -> Callable[[Recording], Array]:
 
 def _first(recording: Recording, axes: int, quarter: bool) -> Quaternion:
     """
-    Give the orientation that the first sample shows.
+    Return the orientation that the first sample shows.
 
     :param quarter: with x to the north, as Madgwick has it, not to the east.
     """

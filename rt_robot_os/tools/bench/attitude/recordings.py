@@ -58,7 +58,7 @@ class Recording:
 
     @property
     def rate_hz(self) -> float:
-        """Give the samples a second."""
+        """Return the samples a second."""
         return float((len(self.time_s) - 1) / (self.time_s[-1] - self.time_s[0]))
 
 

@@ -83,7 +83,7 @@ class _Rig:
         self._mag.msg.magnetic_field = (1e-5, 2e-5, -4e-5)
 
     def block_us(self, new: bool) -> float:
-        """Give the mean CPU time of 500 jobs, each with a new sample if so wanted."""
+        """Return the mean CPU time of 500 jobs, each with a new sample if so wanted."""
         job = self._job
         begin_ns = time.thread_time_ns()
         for number in range(_CALLS):

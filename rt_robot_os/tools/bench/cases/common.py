@@ -79,7 +79,7 @@ def figure(name: str, scale: float = 1.0) -> Of:
 
 
 def best(outcomes: Outcomes, keys: Sequence[str], of: Of, least: bool = True) -> Metric | None:
-    """Give the metric of the run that is best in the median; None without any."""
+    """Return the metric of the run that is best in the median; None without any."""
     known = [metric for key in keys if key in outcomes.runs
              and (metric := outcomes.metric(key, of)) is not None]
     if not known:
@@ -118,7 +118,7 @@ def _slower(outcomes: Outcomes, key: str) -> str:
 
 
 def disturbances(outcomes: Outcomes, key: str) -> str:
-    """Say what disturbed a run, as far as its counters tell; the worst of the repeats."""
+    """Return what disturbed a run, as far as its counters tell; the worst of the repeats."""
     refused = [step for outcome in outcomes.measured(key)
                for step, in_force, _ in outcome.realtime if not in_force and 'FIFO' in step]
     if refused:

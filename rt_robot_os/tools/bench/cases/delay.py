@@ -146,7 +146,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 
 def _why(outcomes: Outcomes) -> str:
-    """Say what the delay is when the caches are warm: the rest is theirs."""
+    """Return what the delay is when the caches are warm: the rest is theirs."""
     warm, sleeping, waiting = (outcomes.metric('kernel', common.part_of(name, 0.5))
                                for name in (WARM, SLEEPING, WAITING))
     told = '' if warm is None or sleeping is None or waiting is None else (

@@ -91,7 +91,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
 
 def _share(outcomes: Outcomes) -> Metric | None:
-    """Give how much a record adds to a job without it, in per cent, repeat by repeat."""
+    """Return how much a record adds to a job without it, in per cent, repeat by repeat."""
     values = []
     for one, two in zip(outcomes.measured('operations'), outcomes.measured('dispatch')):
         record_us = common.part_of('record', 0.5, _PS_PER_US)(one)

@@ -109,7 +109,7 @@ def _every(count: int) -> int:
 
 
 def _actual(outcome: Outcome) -> np.ndarray:
-    """Give a row a module, a column a window."""
+    """Return a row for each module and a column for each window."""
     begin_ns = int(outcome.figures['begin_ns'])
     end_ns = begin_ns + int(outcome.figures['measure_ns'])
     modules = by_module(outcome)
@@ -194,7 +194,7 @@ def _plot(options: Options, outcomes: Outcomes) -> Plot:
 
 
 def _lacking(mean_hz: float) -> float:
-    """Say which part of the frequency is not reached, in per cent."""
+    """Return which part of the frequency is not reached, in per cent."""
     return max(_NOTHING_PERCENT, 100.0 * (1.0 - mean_hz / RATE_HZ))
 
 

@@ -95,7 +95,7 @@ def _metrics(name: str, scale: float) -> dict[str, Callable[[Outcome], float | N
 
 
 def _cold(outcomes: Outcomes) -> str:
-    """Say what a job costs when its task is still in the caches."""
+    """Return what a job costs when its task is still in the caches."""
     warm = outcomes.metric('warm', _cost('cpu_ns', _NS_PER_US, 0.5))
     return '' if warm is None else (
         f'at 2 kHz, with warm caches, a job takes {warm.median:.1f} us; after 5 ms without it, '

@@ -163,7 +163,7 @@ def _dearer(outcome: Outcome) -> float | None:
 
 
 def _sending(outcomes: Outcomes) -> str:
-    """Say what the system call that wakes the client costs by itself."""
+    """Return what the system call that wakes the client costs by itself."""
     floor = outcomes.metric('floor', _cost('difference_ns', 0.5))
     bare = '' if floor is None else (
         'a packet of eight samples is a system call that wakes another process: '

@@ -115,7 +115,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
 
 
 def _why(outcomes: Outcomes, key: str) -> str:
-    """Say whether Linux's own threads, which hand serial bytes on, wait for the measured CPU."""
+    """Return whether Linux's threads that hand serial bytes on wait for the measured CPU."""
     here = outcomes.metric(key, common.figure('workers_here'))
     if here is not None and here.median > 0:
         return ('Linux hands serial bytes on by threads of its unbound work queues; they may run '

@@ -28,7 +28,7 @@ Sample = tuple[float, float, float, float, float, float]
 
 
 def truth(t: float) -> tuple[float, float]:
-    """Give roll and pitch in rad at a time in seconds."""
+    """Return roll and pitch in rad at a time in seconds."""
     return (_ROLL[0] * math.sin(_ROLL[1] * t + _ROLL[2]),
             _PITCH[0] * math.sin(_PITCH[1] * t + _PITCH[2]))
 

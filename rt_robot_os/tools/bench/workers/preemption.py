@@ -69,7 +69,7 @@ class Work:
 
     def measured(self, phase_ns: int, **figures: float) -> Measured:
         """
-        Give the notes.
+        Return the notes.
 
         :param phase_ns: a moment of the grid.
         """

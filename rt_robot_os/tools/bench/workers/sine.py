@@ -58,7 +58,7 @@ class Decoder:
         self._held = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[int, float]]:
-        """Give (number, value) of each frame that is complete."""
+        """Yield (number, value) of each frame that is complete."""
         held = self._held
         held += data
         while (begin := held.find(_SYNC)) >= 0 and len(held) >= begin + FRAME_BYTES:
@@ -81,7 +81,7 @@ class Moments:
             self.times[number] = time.monotonic_ns()
 
     def taken(self) -> Samples:
-        """Give all; 0 where nothing happened."""
+        """Return all; 0 where nothing happened."""
         return np.array(self.times)
 
 

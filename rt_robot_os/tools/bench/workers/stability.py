@@ -63,7 +63,7 @@ class Counter:
         return now_ns
 
     def take_hz(self) -> float:
-        """Give the frequency since the last row, from call to call, and begin anew."""
+        """Return the frequency since the last row, from call to call, and begin anew."""
         count, span_ns = self.count, self.last_ns - self.from_ns
         if not self.from_ns:
             count, span_ns = 0, 0
@@ -149,7 +149,7 @@ class Notes:
             os.write(self._fd, (','.join(f'{value:.3f}' for value in row) + '\n').encode())
 
     def measured(self, **figures: float) -> Measured:
-        """Give the rows, a column a sample, with those of an interrupted run before it."""
+        """Return the rows, a column a sample, with those of an interrupted run before it."""
         if self._from_s:
             return Measured(read_csv(Path(self._csv)), figures)
         rows: Any = self._rows[:self._used]
@@ -176,7 +176,7 @@ def read_csv(path: Path) -> Mapping[str, Samples]:
 
 
 def measured_s(path: Path) -> float:
-    """Give how much the rows of a file cover so far; 0 when there are none."""
+    """Return how much the rows of a file cover so far; 0 when there are none."""
     try:
         moments = read_csv(path)['time_s']
     except (OSError, ValueError):

@@ -80,7 +80,7 @@ def governor(system: System) -> Iterator[Finding]:
 
 
 def turbo(system: System) -> Iterator[Finding]:
-    """Tell whether the clock may rise above its nominal value."""
+    """Report whether the clock may rise above its nominal value."""
     no_turbo = system.read(f'{CPU}/intel_pstate/no_turbo')
     boost = system.read(f'{CPU}/cpufreq/boost')
     if not no_turbo and not boost:
@@ -97,7 +97,7 @@ def turbo(system: System) -> Iterator[Finding]:
 
 
 def _idle_states(system: System, cpu: int) -> tuple[list[tuple[str, str]], str]:
-    """Give folder and name of the deep states that are enabled, and the name of the deepest."""
+    """Return folder and name of the deep states that are enabled, and the name of the deepest."""
     deep = []
     seen = ''
     for folder in system.glob(f'{CPU}/cpu{cpu}/cpuidle/state*'):
@@ -142,7 +142,7 @@ def idle(system: System) -> Iterator[Finding]:
 
 
 def dma_latency(system: System) -> Iterator[Finding]:
-    """Tell whether a program of this user may keep the CPUs from deep sleep."""
+    """Report whether a program of this user may keep the CPUs from deep sleep."""
     if not system.exists(DMA_LATENCY):
         yield absent(f'there is no {DMA_LATENCY} here')
     elif system.may(DMA_LATENCY, os.W_OK):

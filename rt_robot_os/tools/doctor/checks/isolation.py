@@ -51,7 +51,7 @@ def _isolated(system: System) -> list[int]:
 
 
 def cpu(system: System) -> Iterator[Finding]:
-    """Tell which CPU the core would be pinned to, and whether it may."""
+    """Report which CPU the core would be pinned to, and whether it may."""
     allowed, online = allowed_cpus(system), online_cpus(system)
     if not allowed:
         yield unknown('neither /proc/self/status nor /proc/cpuinfo tells the CPUs')
@@ -105,7 +105,7 @@ def _cpuset(system: System, chosen: int) -> Remedy:
 
 
 def _counts(system: System, chosen: int) -> dict[str, tuple[int, str]]:
-    """Give for each numbered interrupt how often it came on the CPU, and who it belongs to."""
+    """Return for each numbered interrupt how often it came on the CPU, and who it belongs to."""
     lines = system.text('/proc/interrupts').splitlines()
     columns = re.findall(r'CPU(\d+)', lines[0]) if lines else []
     if str(chosen) not in columns:

@@ -44,7 +44,7 @@ _SHARED_FILES = 200
 
 
 def _role(process: Process) -> str:
-    """Tell which of our programs a process is; empty for none."""
+    """Return which of our programs a process is; empty for none."""
     for word in process.arguments[:6]:
         match = _PROGRAM.search(word)
         if word in _MODULES or match:
@@ -66,7 +66,7 @@ def programs(system: System) -> Iterator[Finding]:
 
 
 def _alive(system: System) -> set[str]:
-    """Give the paths of all Unix sockets that somebody has open."""
+    """Return the paths of all Unix sockets that somebody has open."""
     return {words[7] for line in system.text('/proc/net/unix').splitlines()[1:]
             if len(words := line.split(maxsplit=7)) == 8}
 

@@ -48,7 +48,7 @@ _RT_GROUP_FILES = ('/sys/fs/cgroup/cpu', '/sys/fs/cgroup/cpu,cpuacct')
 
 
 def _rt_group_runtime(system: System) -> tuple[str, int] | None:
-    """Give the real-time budget of this cgroup, where the kernel has such budgets (v1 only)."""
+    """Return the real-time budget of this cgroup, where the kernel has such budgets (v1 only)."""
     for line in system.read('/proc/self/cgroup').splitlines():
         words = line.split(':', 2)
         if len(words) != 3 or 'cpu' not in words[1].split(','):

@@ -60,7 +60,7 @@ class _Task:
 
 
 def _tasks(system: System) -> Iterator[_Task]:
-    """Give the real-time threads of programs, not those of the kernel itself."""
+    """Yield the real-time threads of programs, not those of the kernel itself."""
     own = system.own_pids
     for pid in system.names('/proc'):
         if not pid.isdigit() or int(pid) in own:
@@ -77,7 +77,7 @@ def _tasks(system: System) -> Iterator[_Task]:
 
 
 def _robot(system: System, pid: str) -> str | None:
-    """Give the name of the robot whose core a process is; empty when the core does not say."""
+    """Return the name of the robot whose core a process is; empty when the core does not say."""
     words = system.read(f'/proc/{pid}/cmdline').split('\0')
     program = [PurePath(word) for word in words[:3]]
     if _CORE_MODULE not in words[:4] and not any(

@@ -84,7 +84,7 @@ def in_container(system: System) -> Iterator[Finding]:
 
 
 def _own_groups(system: System) -> Iterator[tuple[str, str]]:
-    """Give the folder of this cgroup and of those above it, and the version of its interface."""
+    """Yield the folder of this cgroup and of those above it, and the version of its interface."""
     for line in system.read('/proc/self/cgroup').splitlines():
         words = line.split(':', 2)
         if len(words) != 3:
@@ -105,7 +105,7 @@ def _own_groups(system: System) -> Iterator[tuple[str, str]]:
 
 
 def _quota(system: System, folder: str, version: str) -> tuple[int, int] | None:
-    """Give quota and period of a cgroup in microseconds; None for none."""
+    """Return quota and period of a cgroup in microseconds; None for none."""
     if version == '2':
         words = system.read(f'{folder}/cpu.max').split()
     else:

@@ -94,7 +94,7 @@ def observers(system: System) -> Iterator[Finding]:
 
 
 def switch_interval(system: System) -> Iterator[Finding]:
-    """Tell how long one thread may keep the interpreter from another."""
+    """Report how long one thread may keep the interpreter from another."""
     seconds = system.probe('python')['switch_interval']
     yield ok(f'{seconds * 1000:g} ms; the core has one thread, so it never waits for this')
 

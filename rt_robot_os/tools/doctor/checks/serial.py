@@ -40,7 +40,7 @@ _CH340 = '1a86'
 
 
 def _ports(system: System) -> list[str]:
-    """Give the ports of adapters, and those that the configuration names."""
+    """Return the ports of adapters, and those that the configuration names."""
     wanted = list(system.wanted.ports)
     same = {os.path.basename(_target(system, port)) for port in wanted}
     return wanted + [path for pattern in _PATTERNS for path in system.glob(pattern)
@@ -56,7 +56,7 @@ def _target(system: System, port: str) -> str:
 
 
 def _by_id(system: System, port: str) -> str:
-    """Give the name of a port that stays the same when it is plugged in elsewhere."""
+    """Return the name of a port that stays the same when it is plugged in elsewhere."""
     for path in system.glob('/dev/serial/by-id/*'):
         if path != port and os.path.basename(_target(system, path)) == os.path.basename(port):
             return path
