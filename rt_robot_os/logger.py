@@ -14,7 +14,7 @@
 
 
 """
-The log of modules and drivers: a call in the loop notes what is to be said, nothing more.
+The log of modules and drivers: a call in the loop only notes the text and its arguments.
 
 The text and its arguments are kept as they are and formatted when they leave the core, by the
 lowest tasks. Nothing here waits, and a task may be preempted anywhere in it by another that logs
@@ -72,7 +72,7 @@ class _Window:
     __slots__ = ('code', 'severity', 'begin_ns', 'end_ns', 'tally', 'total', 'last')
 
     def __init__(self, code: CodeType, severity: int, begin_ns: int, end_ns: int) -> None:
-        self.code = code  # it stays, so that no other has its id()
+        self.code = code  # referenced, so that its id() stays unique
         self.severity = severity
         self.begin_ns = begin_ns
         self.end_ns = end_ns
@@ -142,7 +142,7 @@ class Logger:
 
     def fatal(self, text: str, *arguments: object, throttle_s: float = 0.0,
               once: bool = False) -> None:
-        """Log at FATAL; all that :meth:`info` says holds. Nothing else comes of it."""
+        """Log at FATAL, which has no other effect; all that :meth:`info` says holds."""
         if self.level <= 50:
             self._log(50, text, arguments, throttle_s, once)
 
@@ -171,7 +171,7 @@ class Logger:
     def _passes(self, caller: FrameType, severity: int, text: str,
                 arguments: tuple[object, ...], now_ns: int, end_ns: int) -> bool:
         """Return whether a line may be logged now; if not, it is counted."""
-        # Not the text: one that was put together differs each time.
+        # By place, not by text: a formatted text differs each time.
         site = (id(caller.f_code), caller.f_lasti)
         while True:
             window = self._windows.get(site)

@@ -46,7 +46,7 @@ class Field:
     :ivar minimum: smallest allowed value, in ``unit``.
     :ivar maximum: largest allowed value, in ``unit``.
     :ivar choices: the allowed values; empty allows all.
-    :ivar live: may be changed while the robot runs.
+    :ivar live: whether it may be changed while the robot runs.
     """
 
     name: str

@@ -224,7 +224,7 @@ class Core:
         try:
             return self.kernel.run(duration_ns)
         except Exception as error:
-            self.black_box.ask(f'the kernel fell: {type(error).__name__}: {error}')
+            self.black_box.ask(f'the kernel failed: {type(error).__name__}: {error}')
             raise
 
     def prepare_modules(self) -> None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Call what must end, when no kernel runs any more that could end it."""
+"""Call a function with a time limit, when no kernel runs any more that could end it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LIMIT_SIGNAL: Final = signal.SIGRTMIN + 7
 
 
 class _Limit:
-    """What raises in the function that is called, until it has ended."""
+    """The signal handler that raises in the function, again and again, until it has ended."""
 
     def __init__(self, name: str, limit_ns: int) -> None:
         self.inside = True
@@ -49,7 +49,7 @@ def call_within(name: str, function: Callable[[], object], limit_ns: int) -> Bas
     Call something; when it takes too long, TaskAborted is raised in it, again and again.
 
     Without signals, in another thread than the main one, it has no limit. A native call that does
-    not return is for :class:`rt_robot_os.linux.deadman.DeadMan`.
+    not return is for :class:`rt_robot_os.linux.dead_man_timer.DeadManTimer`.
 
     :return: what it raised, if anything.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start what starts the processes of cameras and microphones, before the core runs."""
+"""Start the host of the capture processes (cameras, microphones) before the core runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _STOP_TIMEOUT_S = 3.0
 
 
 class Captures:
-    """The child process that starts captures; it ends with this process."""
+    """The child process that starts capture processes; it ends with this process."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""When the core's black box is saved: after a fault, on a signal, when the kernel falls."""
+"""When the core's black box is saved: after a fault, on a signal, when the kernel fails."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class BlackBoxKeeper:
         return {'saved': self.saved, 'lost': self.lost, 'held_back': self.held_back}
 
     def facts(self) -> dict[str, str | int]:
-        """Say what a dump does not: whose it is, and the time of day."""
+        """Return what the kernel does not know: whose dump it is, and the time of day."""
         return {'robot': self._robot, 'pid': os.getpid(),
                 'at': datetime.now().astimezone().isoformat(timespec='milliseconds')}
 

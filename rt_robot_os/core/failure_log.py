@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tell people of failed jobs, and not of each when a task fails in each."""
+"""Log failed jobs, with a back-off when a task fails again and again."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _KINDS_MAXIMUM = 64
 
 @dataclass
 class _Kind:
-    """What came from one place: told once, then summed up after growing pauses."""
+    """Failures from one place: logged once, then summed up with a back-off."""
 
     count: int
     since_ns: int
@@ -43,11 +43,11 @@ class _Kind:
 
 class FailureLog:
     """
-    Hand the failures of a kernel on, in the lowest task.
+    Log the failures of a kernel, in the lowest task.
 
-    The first of a kind (the same task, from the same lines) is told whole. Those that follow are
-    counted, and told in one line after a second, two, four, up to a minute. A kind that did not
-    come for one such pause is new again.
+    The first of a kind (the same task, from the same lines) is logged whole. Those that follow are
+    counted, and summed up in one line after a second, two, four, up to a minute. A kind that did
+    not occur for one such pause is new again.
 
     :param tell: gets the task and the text.
     :param each: gets each failure.

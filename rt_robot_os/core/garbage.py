@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Collect cyclic garbage where there is time for it: while the kernel idles."""
+"""Collect cyclic garbage in the slack of the schedule, while the kernel idles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _MARGIN = 2
 _PATIENCE = 10
 _IMPATIENCE = 30
 _OVERDUE = 60
-# Only so many runs are remembered: one that met a busy moment must not count for ever.
+# Only the last runs count: one that was slow by chance must not count for ever.
 _REMEMBERED = 8
 
 
@@ -47,7 +47,7 @@ class SlackCollector:
 
     :param computed_ns: computing time of this thread; by default the time.
     :ivar collections: how many there were.
-    :ivar on_overdue: told once when no gap was wide enough for a minute.
+    :ivar on_overdue: called once when no gap was wide enough for a minute.
     """
 
     def __init__(self, now_ns: Callable[[], int], computed_ns: Callable[[], int] | None = None,

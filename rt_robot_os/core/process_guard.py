@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Who watches the core's process from outside: Linux, the machine, the service manager."""
+"""What watches the core's process from outside: Linux, the machine, the service manager."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ import time
 
 from rt_robot_os.core.watchdog import TIMEOUTS_UNTIL_DEATH
 from rt_robot_os.core.watchdog import Watchdog
-from rt_robot_os.linux.deadman import DeadMan
+from rt_robot_os.linux.dead_man_timer import DeadManTimer
 from rt_robot_os.linux.machine_watchdog import MachineWatchdog
 from rt_robot_os.linux.machine_watchdog import open_machine_watchdog
 from rt_robot_os.linux.realtime import RtResult
@@ -40,7 +40,7 @@ END_NS = 2500 * NS_PER_MS
 
 class ProcessGuard:
     """
-    What a watchdog moves and feeds; nothing is open before :meth:`equip`.
+    The timers and watchdogs that a healthy core feeds; nothing is open before :meth:`equip`.
 
     :param environment: where a service manager leaves its address.
     """
@@ -50,8 +50,8 @@ class ProcessGuard:
         self.manager = ServiceManager(environment)
         self.machine: MachineWatchdog | None = None
         self._settings = settings
-        self._handle: DeadMan | None = None
-        self._end: DeadMan | None = None
+        self._handle: DeadManTimer | None = None
+        self._end: DeadManTimer | None = None
         self._ending = False
         self._told = False
 
@@ -82,10 +82,10 @@ class ProcessGuard:
         return results
 
     def _take_end(self) -> list[RtResult]:
-        """Prepare what ends a process that does not end; a word of it only when it is refused."""
+        """Prepare the timer that ends a process which does not end; reported only if refused."""
         faulthandler.enable()  # in C: where the hanging call was is written to standard error
         try:
-            self._end = DeadMan()
+            self._end = DeadManTimer()
         except OSError as error:
             return [RtResult(False, 'limit for the end of the process', f'{error.strerror}. '
                              'Remedy: raise the limit of pending signals (ulimit -i)')]
@@ -104,7 +104,7 @@ class ProcessGuard:
     def _take_handle(self, watchdog: Watchdog) -> RtResult:
         step = 'end of a process that hangs'
         try:
-            watchdog.handle = self._handle = DeadMan()
+            watchdog.handle = self._handle = DeadManTimer()
         except OSError as error:
             return RtResult(False, step, f'{error.strerror}. Remedy: raise the limit of pending '
                             'signals (ulimit -i)')
@@ -124,13 +124,13 @@ class ProcessGuard:
         self.manager.tell('STOPPING=1')
 
     def release(self) -> None:
-        """Let the process live: what follows is bounded in time."""
+        """Stop the timer of the watchdog: what follows is bounded in time."""
         if self._handle is not None:
             self._handle.release()
 
     def close(self, stop: bool = True) -> None:
         """
-        Let go of everything; may be called twice.
+        Close everything; may be called twice.
 
         :param stop: stop the machine's watchdog; otherwise the machine starts anew unless the next
             core opens it in time.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Whether a critical task does what it declared, as far as the watchdog can see from outside."""
+"""Whether a critical task keeps its declared period and deadline, judged from its counters."""
 
 from __future__ import annotations
 

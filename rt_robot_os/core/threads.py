@@ -37,7 +37,7 @@ class ThreadWatch:
     """
     Look for Python threads that were started since this was made.
 
-    :param note: tells people, once a thread.
+    :param note: reports, once for each thread.
     :ivar found: the names of those that live.
     """
 

@@ -48,7 +48,7 @@ _SHORTEST_INTERVAL_NS = NS_PER_MS
 
 
 class Handle(Protocol):
-    """What ends the process unless it is pushed: :class:`rt_robot_os.linux.deadman.DeadMan`."""
+    """A dead-man timer, such as :class:`rt_robot_os.linux.dead_man_timer.DeadManTimer`."""
 
     def push(self, deadline_ns: int) -> None: ...
 

@@ -19,7 +19,8 @@ A dump in small pieces, and back: what its file, the link and the writer process
 A dump is a sequence of parts, each a small dictionary of plain values: first ``head``, then
 ``tasks``, ``running`` and ``records`` in lists of bounded length, last ``end`` with the number of
 records. Whoever carries them encodes one at a time, so that no native call is long enough to hold
-up a real-time task. A sequence without its ``end``, or with another number of records, is cut.
+up a real-time task. A sequence without its ``end``, or with another number of records, is
+incomplete.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def serve(connection: socket.socket, folder: Path, robot: str) -> None:
         try:
             packet = connection.recv(DATAGRAM_BYTES_MAXIMUM)
         except ConnectionResetError:
-            continue  # the core has not read all answers: told once, ahead of its last parts
+            continue  # reported once, ahead of its last parts: the core has not read all answers
         if not packet:
             return
         number, part = marshal.loads(packet)

@@ -24,10 +24,10 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
 from rt_robot_os.kernel.statistics import SourceStatistics
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.linux.interrupt import hush
+from rt_robot_os.linux.interrupt import mask_signal
 from rt_robot_os.linux.interrupt import no_signal_when_readable
 from rt_robot_os.linux.interrupt import signal_when_readable
-from rt_robot_os.linux.interrupt import speak
+from rt_robot_os.linux.interrupt import unmask_signal
 
 
 class Source:
@@ -67,13 +67,13 @@ class InterruptSources:
     all, so that a flood costs nothing as long as the task does not have its turn.
     """
 
-    __slots__ = ('_signals', '_armed', '_sources', '_deaf', '_early', '_poll')
+    __slots__ = ('_signals', '_armed', '_sources', '_masked', '_early', '_poll')
 
     def __init__(self, clock: Clock) -> None:
         self._signals = clock.has_signals
         self._armed = False
         self._sources: dict[int, Source] = {}
-        self._deaf: list[Source] = []
+        self._masked: list[Source] = []
         self._early: list[Source] = []
         self._poll = select.poll()
 
@@ -95,8 +95,8 @@ class InterruptSources:
         source = self._sources.pop(fd, None)
         if source is None:
             return
-        if source in self._deaf:
-            self._deaf.remove(source)
+        if source in self._masked:
+            self._masked.remove(source)
         else:
             self._poll.unregister(fd)
         self._unwatch(source)
@@ -118,8 +118,8 @@ class InterruptSources:
         self._early.clear()
         for source in self._sources.values():
             self._unwatch(source)
-        while self._deaf:
-            self._poll.register(self._deaf.pop().fd, select.POLLIN)
+        while self._masked:
+            self._poll.register(self._masked.pop().fd, select.POLLIN)
 
     def ready(self, now_ns: int) -> list[Source]:
         """Give the sources that are readable and not too early; safe in the real-time loop."""
@@ -148,12 +148,12 @@ class InterruptSources:
         self._poll.unregister(source.fd)
         if source.flags is not None:
             with suppress(OSError):  # closed without telling: nothing left to do
-                hush(source.fd)
-        self._deaf.append(source)
+                mask_signal(source.fd)
+        self._masked.append(source)
 
     def waiting_for(self, task: Task) -> list[Source]:
         """Give, once, the deferred sources for which a job of a task had to end."""
-        found = [source for source in self._deaf if source.waits and source.task is task]
+        found = [source for source in self._masked if source.waits and source.task is task]
         for source in found:
             source.waits = False
         return found
@@ -164,13 +164,13 @@ class InterruptSources:
 
         :return: False when it was forgotten meanwhile.
         """
-        if source not in self._deaf:
+        if source not in self._masked:
             return False
-        self._deaf.remove(source)
+        self._masked.remove(source)
         self._poll.register(source.fd, select.POLLIN)
         if source.flags is not None:
             with suppress(OSError):  # closed without telling: poll says so to its reader
-                speak(source.fd)
+                unmask_signal(source.fd)
         return True
 
     def statistics(self) -> tuple[SourceStatistics, ...]:

@@ -15,8 +15,8 @@
 """
 The link: how other processes see the core, over a Unix socket of sequenced packets.
 
-The core never waits for a client. What a client cannot take is lost to that client alone, and
-counted (docs/architecture.md).
+The core never waits for a client. A sample for which a client has no room is lost to that client
+alone, and counted (docs/architecture.md).
 """
 
 from rt_robot_os.link.client import LinkClient

@@ -33,7 +33,7 @@ from rt_robot_os.link.protocol import RECORD
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import VERSION
 
-# A task of the core waits for the end of a system call: it shall be a short one.
+# No task can start during a system call, so it is kept short.
 BATCH_BYTES = 16 * 1024
 # A sample's length and its header, packed at once.
 _HEAD = struct.Struct(RECORD.format + HEADER.format[1:])

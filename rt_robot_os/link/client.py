@@ -40,7 +40,7 @@ from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.reader import parted
+from rt_robot_os.link.reader import connection_error
 from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.text import safe_line
@@ -58,7 +58,7 @@ class Question:
     """
     A request whose answer is awaited while other things go on.
 
-    :ivar packets: what has come of it.
+    :ivar packets: of the answer, as far as it has come.
     """
 
     def __init__(self, do: str, waiting: Answers, number: int) -> None:
@@ -70,7 +70,7 @@ class Question:
         waiting[number] = self._new
 
     def answered(self) -> bool:
-        """Take what has come; whether all of it is there."""
+        """Take the packets that have come; return whether the answer is complete."""
         while not (self.packets and not self.packets[-1][0].channel):
             try:
                 self.packets.append(self._new.get_nowait())
@@ -103,7 +103,7 @@ class LinkClient(Reader):
         self._numbers = itertools.count(1)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            # With settimeout() it would not wait for a place among those that are to be accepted.
+            # With settimeout() it would fail at once when the core's listen queue is full.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack(
                 'll', *divmod(max(1, round(timeout_s * US_PER_S)), US_PER_S)))
             self._socket.connect(str(path))
@@ -205,7 +205,7 @@ class LinkClient(Reader):
         :param max_rate_hz: 0 for no limit.
         :param initial: begin with the last sample that is there already.
         :param oldest: begin with the oldest that is kept.
-        :param patient: what does not fit the socket now is tried again, not lost at once.
+        :param patient: a sample that does not fit the socket is tried again, not lost at once.
         :return: their channel.
         :raises LinkError: as for :meth:`request`.
         """
@@ -214,7 +214,7 @@ class LinkClient(Reader):
 
     def tap(self) -> tuple[str, ...]:
         """
-        Have the bytes of devices and the times of jobs noted in topics, see ``core/tap.py``.
+        Turn on the taps: topics with the bytes of devices and the times of jobs (``core/tap.py``).
 
         :return: those topics; :attr:`topics` has them now.
         :raises LinkError: as for :meth:`request`.
@@ -237,7 +237,7 @@ class LinkClient(Reader):
         Publish a sample in the core.
 
         :param cdr: with its four bytes of encapsulation.
-        :param stamp_ns: on CLOCK_MONOTONIC; 0, or a moment to come, for that of its arrival in
+        :param stamp_ns: on CLOCK_MONOTONIC; 0, or a time in the future, means the arrival in
             the core.
         :raises LinkError: the core is gone, or does not keep up.
         """
@@ -263,7 +263,7 @@ class LinkClient(Reader):
                 if not room.poll(max(0.0, deadline - time.monotonic()) * 1000):
                     raise LinkSilent('the core does not read what it is sent') from None
             except OSError as error:
-                raise parted(error) from error
+                raise connection_error(error) from error
 
 
 def connect(robot: str, name: str) -> LinkClient:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How much of the core clients may take: what they send is bounded, and shared among the greedy.
+How much of the core's time clients may take: a bounded share, divided among those who want more.
 
-Who sends more than its share is not listened to until the next interval; what it has sent waits
-in its socket, and the full socket holds it up. Nothing is lost on this side.
+A client that sends more than its share is not read until the next interval. Its packets wait in
+its socket, and the full socket makes it wait (back-pressure). Nothing is lost on this side.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Shares:
 
 class Lines:
     """
-    Lines about clients: the first are told, a flood of them is summed up.
+    Rate limit of the log lines about clients: the first are logged, a flood is summed up.
 
     :param tell: gets each line.
     """
@@ -90,7 +90,7 @@ class Lines:
         self._held = 0
 
     def note(self, now_ns: int) -> bool:
-        """Ask whether a line may be told; if not, it is counted."""
+        """Return whether a line may be logged; if not, it is counted."""
         self.sweep(now_ns)
         if self._left:
             self._left -= 1

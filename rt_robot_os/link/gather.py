@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-When the link's task runs: at once after a pause, else together with what comes shortly after.
+When the link's task runs: at once after a pause, else once for all that comes within an interval.
 
-Network cards hold interrupts back in the same way. A topic that is published now and then goes
-out at once; of many, or fast ones, the samples of an interval go together.
+This is interrupt coalescing as network cards do it. A sample on a topic that is published now and
+then goes out at once; of many or fast topics the samples of an interval go together.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rt_robot_os.topics.topic import Topic
 
 class Gather:
     """
-    Hold the releases of a task apart, for all topics that it carries.
+    Keep an interval between the releases of a task, for all topics that it carries.
 
     :param task: which.
     :param interval_ns: from one of its jobs to the next; 0 holds nothing back.
@@ -47,7 +47,7 @@ class Gather:
         self._open_ns = 0
 
     def due(self) -> bool:
-        """Return whether the task is to run now; else it will, when the interval is over."""
+        """Return whether the task is to run now; otherwise it runs at the end of the interval."""
         kernel = self._kernel
         self.waiting = True
         if kernel.now_ns() >= self._open_ns or not kernel.running:
@@ -62,7 +62,7 @@ class Gather:
         self.waiting = False
 
     def carried(self, now_ns: int) -> None:
-        """Note that samples went out; a job that found none holds nothing back."""
+        """Note that samples went out; after a job that found none there is no interval."""
         self._open_ns = now_ns + self.interval_ns
 
 
@@ -83,7 +83,7 @@ class Gathered(Trigger):
         self.carried()
 
     def carried(self) -> None:
-        """Look anew how far the topic was read."""
+        """Note how far the topic has been read."""
         self._full_at = self._subscription.next_seq + self._enough
 
     def published(self, topic: Topic) -> bool:

@@ -15,9 +15,9 @@
 """
 The core's sign of life: a page of memory that its kernel writes and its clients read.
 
-Packets come from the lowest tasks, so their silence only says that those do not come to run. This
-page is written by a task above all others: as long as its count grows, the kernel ticks, however
-long a job of yours takes. It also says since when the link has not come to run, and what runs.
+Packets are sent by the lowest tasks, so silence may only mean that those are starved. This page is
+written by a task above all others: as long as its count grows, the kernel is alive, however long a
+job takes. It also says for how long the link has been starved, and by which task.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Signs(NamedTuple):
 
 class LifePage:
     """
-    The core's side; without memory for it there is none, and beats have to do.
+    The core's side; where there is no memory for it, clients have the heartbeats alone.
 
     :param given_fd: of a page that was made before, by whoever started the core; -1 makes one.
     """
@@ -80,7 +80,7 @@ class LifePage:
                             task.encode(errors='replace'), self._count)
 
     def close(self) -> None:
-        """Let go of it; clients keep what they have. May be called twice."""
+        """Unmap it; clients keep their mappings. May be called twice."""
         if self._memory is not None:
             self._memory.close()
 
@@ -115,7 +115,7 @@ class Life:
         """
         Read the page.
 
-        :return: None when it is never found whole: somebody else writes there.
+        :return: None when it changes during each attempt: somebody else writes there.
         """
         for _ in range(_TRIES):
             # A copy first: the two counts are those of one moment.

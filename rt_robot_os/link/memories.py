@@ -44,7 +44,7 @@ class ClientMemories:
 
     def take(self, packet: memoryview, fds: Sequence[int]) -> None:
         """
-        Take what came with a packet; the one of a mirror before it on the same topic is let go.
+        Take the file that came with a packet; it replaces that of an earlier mirror of the topic.
 
         :raises LinkError: it is no memory file, or not as the packet says.
         """

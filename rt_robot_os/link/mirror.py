@@ -110,7 +110,7 @@ class Mirror:
 
     @property
     def missed(self) -> int:
-        """How many samples the client did not get and did not ask to be spared."""
+        """How many samples the client lost: those that it asked to leave out do not count."""
         return self.full + self.subscription.lost
 
     def carry(self, now_ns: int) -> bool:
@@ -158,7 +158,7 @@ class Mirror:
                 self._count_interval(now_ns)
 
     def _count_interval(self, now_ns: int) -> None:
-        # On the grid while the topic keeps up; after a pause the grid starts anew.
+        # The limit is a grid while the topic keeps up; after a pause the grid starts anew.
         self._next_ns += self._interval_ns
         if self._next_ns < now_ns:
             self._next_ns = now_ns + self._interval_ns

@@ -65,7 +65,7 @@ def _is_used_by_others(folder: Path) -> bool:
 
 
 def _exposed(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Find the folders and links on the way in which others could put another one there."""
+    """Find the folders and links on the path that other users could replace."""
     absolute, mine = Path(os.path.abspath(folder)), (0, os.getuid())
     for above in dict.fromkeys((*absolute.parents, *absolute.resolve().parents)):
         status = above.lstat()

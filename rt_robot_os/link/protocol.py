@@ -79,7 +79,7 @@ REQUEST_BYTES_MAXIMUM = 16_384
 PACKET_BYTES_MAXIMUM = 128 * 1024
 # A longer sample goes through a memory file.
 SAMPLE_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM // 2
-# Of a long answer: a task of the core waits for the end of a system call, which shall be short.
+# Of a long answer: no task can start during a system call, so it is kept short.
 PART_BYTES = 16 * 1024
 MORE, CONTINUED = 1, 2
 # A request needs few; each level of nesting costs the reader of it stack and time.

@@ -46,13 +46,13 @@ DataHandler = Callable[[Header, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
 
 _PACKETS_AT_ONCE = 512
-# That wait for somebody who wants them; the newest are kept.
+# Reports that wait until on_report is set; the newest are kept.
 _REPORTS_MAXIMUM = 1000
 _PARTS_BYTES_MAXIMUM = 64 << 20
 _CLOSED = 'the core closed the connection'
 
 
-def parted(error: OSError) -> LinkError:
+def connection_error(error: OSError) -> LinkError:
     """Make the error for a core that has ended: the same after a failed read as after a send."""
     if isinstance(error, BrokenPipeError | ConnectionResetError):
         return LinkError(_CLOSED)
@@ -96,10 +96,10 @@ class Reader:
         self._poll.register(connection, select.POLLIN)
 
     def close(self) -> None:
-        """Let go of everything; may be called twice."""
+        """Close the socket and all memory files; may be called twice."""
         self.closed = True
         self._socket.close()
-        if self._taken.acquire(blocking=False):  # else somebody reads: they go with the client
+        if self._taken.acquire(blocking=False):  # else a thread reads in them: they end with it
             self._memories.close()
             if self.life is not None:
                 self.life.close()
@@ -122,7 +122,7 @@ class Reader:
                 self._settle()
             self._hand_on_reports()
             if self._records is not None:
-                self._hand_on(self._records)  # a handler raised: the others come after it
+                self._hand_on(self._records)  # left from a packet whose handler raised
             if not self._poll.poll(max(0.0, timeout_s) * 1000):
                 return 0
             count = 0
@@ -151,7 +151,7 @@ class Reader:
         except OSError as error:
             if count:
                 return 0
-            raise parted(error) from error
+            raise connection_error(error) from error
         if ancillary:
             self._take_fds(length, received_fds(ancillary))
         if not length and not count:
@@ -221,7 +221,7 @@ class Reader:
         except BlockingIOError:
             pass  # it will be tried again; until then the core has fewer slots to fill
         except OSError as error:
-            raise parted(error) from error
+            raise connection_error(error) from error
 
     def _deliver(self, number: int, head: Header, packet: bytes) -> None:
         waiting = self.replies.get(number)

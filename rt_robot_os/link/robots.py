@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which robots run on this machine, as far as this user is concerned: one of a name.
+Which robots of this user run on this machine: at most one of each name.
 
 A node holds ``NAME.lock`` in the runtime folder for its life, a core ``NAME-core.lock``: two, as a
 core that was started by hand and the node that attaches to it share their name. Both are flock(2)
-locks: what the kill of a process leaves behind holds up nobody.
+locks: Linux frees them when a process is killed.
 """
 
 from __future__ import annotations

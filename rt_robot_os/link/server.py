@@ -19,7 +19,7 @@ Two tasks share the work. ``link/commands`` has a priority of the user's choice:
 arrival of packets, it publishes samples from outside at once. ``link/service`` has a low one: it
 answers requests and carries mirrored topics out, released by their publications: at once after a
 pause, else for all that comes within an interval. With the same low priority ``link/accept``
-welcomes clients, and ``link/beat`` runs 50 times a second for heart-beats and what is left.
+accepts clients, and ``link/beat`` runs 50 times a second for heartbeats and leftover work.
 ``link/life``, above all others, writes the sign of life.
 """
 
@@ -64,10 +64,10 @@ BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
 LIFE = 'link/life'
 LIFE_PRIORITY = 99
-# Of one of its jobs, for planning.
+# The longest time of one of its jobs, for `plan`.
 LIFE_EXECUTION_NS = 20 * NS_PER_US
 LIFE_RATE_HZ = 10.0
-# So long the link may not come to run before it is looked at what runs instead.
+# How long the link may be starved before the page names the task that runs instead.
 _STARVED_NS = 500 * NS_PER_MS
 HELLO_NS = 5 * NS_PER_S
 _ACCEPTED_AT_ONCE = 4
@@ -218,12 +218,12 @@ class LinkServer:
         self._gather.begin()
         some = more = False
         for session in self._sessions:
-            # One of each client: who asks much waits for itself.
+            # One request of each client a round: a client that asks much delays itself alone.
             if session.requests and not session.gone:
                 try:
                     self._answer(session, session.requests.popleft())
                 except Exception as error:
-                    # The code of a module's author may be behind it: only the asking client goes.
+                    # The answer may run a module's code: an error costs this client alone.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
                 more = more or bool(session.requests)
             some |= session.carry(now_ns)
@@ -241,7 +241,7 @@ class LinkServer:
         self._page.write(now_ns, self._served_ns, self._running_task() if starved else '')
 
     def _running_task(self) -> str:
-        """Return what this task has interrupted."""
+        """Return the name of the task that this one has interrupted."""
         busy = [task for task in self._kernel.tasks if task.busy and task is not self._life]
         if not busy:
             return ''
@@ -300,7 +300,7 @@ class LinkServer:
         self._kernel.release(self._commands)  # it may have spoken already
 
     def _has_place(self, pid: int) -> bool:
-        """Look for a place, also that of somebody who never said hello; our parent has its own."""
+        """Make room for a client: one that never said hello gives way; our parent has a place."""
         kept = any(session.pid == self._parent for session in self._sessions)
         if len(self._sessions) - kept < CLIENTS_MAXIMUM or (pid == self._parent and not kept):
             return True
@@ -371,7 +371,7 @@ class LinkServer:
     # ---- reports -----------------------------------------------------------------------------
 
     def _note(self, severity: Severity, text: str) -> None:
-        """Tell of a client; they may come and go as fast as they like."""
+        """Log a line about a client; a flood of them is summed up."""
         if self._lines.note(self._kernel.now_ns()):
             self._tell(severity, text)
 
@@ -385,4 +385,4 @@ class LinkServer:
                 session.post(encode_json(Kind.REPORT, {
                     'at_ns': report.at_ns, 'severity': int(report.severity),
                     'source': report.source, 'text': report.text[:4000], 'dropped': dropped}))
-                dropped = 0  # told with the first of them
+                dropped = 0  # reported with the first of them

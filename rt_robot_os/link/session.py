@@ -49,7 +49,7 @@ OUTBOX_MAXIMUM = 2048
 OUTBOX_BYTES_MAXIMUM = 4 << 20
 STREAMS_MAXIMUM = 8
 PACKETS_PER_FLUSH = 256
-# What a packet costs: one, and one more for each of these.
+# A packet counts one, and one more for each of these bytes.
 UNIT_BYTES = 4096
 
 
@@ -87,9 +87,9 @@ class Session:
         would cost six times as much as the packet: it is so large that malloc maps it anew.
     :ivar gone: why it is to be removed; empty while it is welcome.
     :ivar greeted: whether it has said hello.
-    :ivar left: what it may still send in this interval, see :meth:`receive`.
-    :ivar paused: whether it has sent all of that, and is not listened to until the next.
-    :ivar greedy_ns: until when it counts as one that does so.
+    :ivar left: units that it may still send in this interval, see :meth:`receive`.
+    :ivar paused: whether it has used them up, and is not read until the next interval.
+    :ivar greedy_ns: until when it counts among those that use up their share.
     """
 
     def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int,
@@ -153,7 +153,7 @@ class Session:
         packet = self._view[:length]
         head = parse_header(packet)
         if head.kind == Kind.DATA:
-            # A clock of its own must not make a command of this client stay young for ever.
+            # A stamp in the future would make a command seem fresh for ever.
             stamp_ns = head.stamp_ns if 0 < head.stamp_ns <= now_ns else 0
             self._publish(head.channel, stamp_ns, packet[HEADER_BYTES:])
         elif head.kind == Kind.REQUEST:
@@ -180,7 +180,7 @@ class Session:
                 self.gone = f'refused: it gives back slot {slot} of {number}, which it has not got'
         elif not 0 < number <= self._memories:
             self.gone = f'refused: it gives back a slot of memory {number}, which it never got'
-        # Else it crossed with the end of that mirror.
+        # Otherwise the mirror was ended while the packet was on its way.
 
     def add_large(self, topic: str, make: Callable[[int], LargeMirror], size: int) -> None:
         """
@@ -296,7 +296,7 @@ class Session:
         self.name = name or f'pid{self.pid}'
         self.greeted = True
         if life_fd >= 0:
-            with suppress(OSError):  # without it the client goes by the beats
+            with suppress(OSError):  # without it the client relies on heartbeats
                 send_with_fd(self.connection, header(Kind.LIFE), life_fd)
 
     def carry(self, now_ns: int) -> bool:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Messages that ROS knows with and without a header, as CDR: the header goes off and on as bytes.
+Messages that ROS has with and without a header: the header is put on and taken off as CDR bytes.
 
 In the core a velocity command is a ``geometry_msgs/msg/Twist``: a header's ``frame_id`` has any
 length, and a topic of the core has a fixed one. Nav2 and ros2_control may want a ``TwistStamped``.

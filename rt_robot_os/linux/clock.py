@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What Linux says of the discipline of its clock (adjtimex(2))."""
+"""Whether the system clock is synchronised, as Linux says (adjtimex(2))."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class ClockState:
     How the time of day is kept.
 
     :ivar status: the STA_ bits.
-    :ivar max_error_us: how far it may be off, as whoever keeps it says.
-    :ivar frequency_ppm: by how much it is made faster.
+    :ivar max_error_us: how far it may be off, as the daemon that synchronises it says.
+    :ivar frequency_ppm: by how much it is corrected; positive when it is made faster.
     """
 
     status: int
@@ -40,7 +40,7 @@ class ClockState:
 
     @property
     def synchronised(self) -> bool:
-        """Somebody keeps it right."""
+        """Whether a daemon synchronises it."""
         return not self.status & STA_UNSYNC
 
 

@@ -26,7 +26,7 @@ LARGEST_BYTES = 1 << 20
 
 def read_file(path: Path, most_bytes: int = LARGEST_BYTES) -> bytes:
     """
-    Read a whole file; never waits for who writes a pipe, never takes more than is sensible.
+    Read a whole file; never waits for the writer of a pipe, never reads more than is sensible.
 
     :raises OSError: it cannot be read, is no file, or is longer.
     """

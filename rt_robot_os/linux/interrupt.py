@@ -43,18 +43,18 @@ def signal_when_readable(fd: int, signo: int) -> int:
     return flags
 
 
-def hush(fd: int) -> None:
+def mask_signal(fd: int) -> None:
     """
-    Let a descriptor of :func:`signal_when_readable` send no signals; reading still never blocks.
+    Stop the signals of a descriptor for a while; reading it still never blocks.
 
     :raises OSError: the descriptor is closed.
     """
     fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) & ~fcntl.FASYNC)
 
 
-def speak(fd: int) -> None:
+def unmask_signal(fd: int) -> None:
     """
-    Undo :func:`hush`.
+    Undo :func:`mask_signal`.
 
     :raises OSError: the descriptor is closed.
     """

@@ -25,7 +25,7 @@ import time
 from types import MappingProxyType
 from typing import Any
 
-# Who only looks whether a lock is held has it for microseconds itself.
+# A process that only checks whether the lock is held holds it for microseconds itself.
 _TRIES = 20
 _PAUSE_S = 0.01
 _FACTS_BYTES_MAXIMUM = 4096
@@ -76,7 +76,7 @@ class LockFile:
         os.pwrite(self._fd, data, 0)
 
     def release(self) -> None:
-        """Remove the file and let go; may be called twice."""
+        """Remove the file and release the lock; may be called twice."""
         fd, self._fd = self._fd, -1
         if fd >= 0:
             if _same(fd, self.path):

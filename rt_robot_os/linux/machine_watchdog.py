@@ -47,14 +47,14 @@ class MachineWatchdog:
         self._fd = fd
 
     def feed(self) -> None:
-        """Put the moment off; a write to a driver that does not wait."""
+        """Restart its time-out; a write to a driver that does not wait."""
         if self._fd >= 0:
             with suppress(OSError):
                 os.write(self._fd, _FOOD)
 
     def close(self, stop: bool = True) -> None:
         """
-        Let go of it; may be called twice.
+        Close it; may be called twice.
 
         :param stop: stop it; otherwise the machine starts anew unless somebody opens it in time.
         """

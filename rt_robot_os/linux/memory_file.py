@@ -41,7 +41,7 @@ FREE, FILLING, LOANED = 0, 1, 2
 
 
 def slot_stride(size: int) -> int:
-    """Return the distance of slots of a size: whole pages, so that no two share one."""
+    """Return the distance between slots of a size: whole pages, so that no two share one."""
     return max(1, -(-size // mmap.PAGESIZE)) * mmap.PAGESIZE
 
 
@@ -87,7 +87,7 @@ class MemoryFile:
     @classmethod
     def received(cls, fd: int, count: int, size: int) -> MemoryFile:
         """
-        Take a file that came through a socket; the descriptor is its own from now on.
+        Take over a file that came through a socket, and with it its descriptor.
 
         :raises OSError: it is not what it is said to be.
         """

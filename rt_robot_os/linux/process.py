@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a child process asks of Linux so that nothing is left behind."""
+"""How a child process ends with its parent, so that nothing is left behind."""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@
 """
 Python's recursion limit, seen from the handler of a signal.
 
-The handler is called on top of whatever runs, also where that is as deep as Python lets it be. No
-call is possible there, so the handler must be given room before it begins.
+The handler is called on top of whatever runs, which may be at Python's recursion limit already.
+No call is possible there, so the limit is raised before the handler begins.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ import os
 from pathlib import Path
 import weakref
 
-# Of a process its first thread's (proc_pid_schedstat(5)).
+# For a process these are the numbers of its first thread (proc_pid_schedstat(5)).
 _PATH = Path('/proc/self/schedstat')
 
 
@@ -29,7 +29,7 @@ class WaitingTime:
     """
     The waiting time of the main thread.
 
-    A Linux without these numbers (CONFIG_SCHED_INFO) tells of no waiting.
+    Always 0 on a Linux without these numbers (CONFIG_SCHED_INFO).
     """
 
     def __init__(self) -> None:

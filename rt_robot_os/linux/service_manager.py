@@ -70,7 +70,7 @@ class ServiceManager:
             self.failed += 1
 
     def close(self) -> None:
-        """Let go of the socket; may be called twice."""
+        """Close the socket; may be called twice."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

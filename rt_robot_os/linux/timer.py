@@ -32,7 +32,7 @@ from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
-# Before Python 3.12 a handler may find no room left on the stack: sooner again.
+# Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
 AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
 
 
@@ -135,7 +135,7 @@ class SignalGate:
 
 
 class Sleeper:
-    """The machine's floor: an absolute ``clock_nanosleep`` loop, for benchmarks."""
+    """The least lateness that the machine allows: ``clock_nanosleep`` alone, for benchmarks."""
 
     def __init__(self) -> None:
         self._storage = (ctypes.c_int64 * 2)()

@@ -58,7 +58,7 @@ class Module(LiveSettings):
     :param name: unique among tasks.
     :param settings: a value for each of :meth:`fields`, checked already.
     :cvar SETTINGS: what can be set, besides rate, priority and topics.
-    :ivar log: says something to people: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
+    :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A guard between whoever steers and the wheels: limits, and stops when nobody steers."""
+"""A guard between velocity commands and the wheels: limits them, and stops when none come."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class TwistGuard(Module):
                 self._late_ns = age_ns
                 self._late += 1
             elif now_ns - self._arrived_ns > timeout_ns:
-                self._late_ns = 0  # nobody steers any more
+                self._late_ns = 0  # commands have stopped
             message.linear = message.angular = (0.0, 0.0, 0.0)
         else:
             linear, angular = self.settings['linear_max_m_s'], self.settings['angular_max_rad_s']

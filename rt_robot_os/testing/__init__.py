@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the tests of your own drivers and modules stand on: no hardware, no waiting.
+What the tests of your own drivers and modules use: no hardware, no waiting.
 
 For a driver: :class:`DriverContract`, the suite that every serial driver has to pass (and
 :class:`DecoderContract`, the part of it that needs a decoder only);

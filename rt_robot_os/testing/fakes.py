@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A device without its device: ports that give the bytes of a test, publishers that remember."""
+"""Test doubles: ports that give the bytes of a test, publishers that keep what they publish."""
 
 from __future__ import annotations
 

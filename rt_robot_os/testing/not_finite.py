@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Frames that hold what no measurement is, made from good ones.
+Frames with NaN and infinity, made from good ones.
 
 A format with floating point numbers, or with numbers as text, can say NaN and infinity. Where the
 numbers stand is not known here: every place is tried, with every kind of checksum that is usual,

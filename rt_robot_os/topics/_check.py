@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Judge CDR bytes from outside against a layout; never raises for what they contain."""
+"""Check CDR bytes from outside against a layout; never raises for what they contain."""
 
 from __future__ import annotations
 

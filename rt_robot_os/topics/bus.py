@@ -94,7 +94,7 @@ class Bus:
         return topic
 
     def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
-        """Join a further declaration of a topic with those before."""
+        """Check a further declaration of a topic against those before."""
         if topic.depth_given and not isinstance(depth, Default) and depth != topic.depth:
             raise TopicError(f'topic {topic.name!r}: declared with depth {topic.depth} before and '
                              f'{depth} now; give both the same')
@@ -209,7 +209,7 @@ class Bus:
         """
         Remove a subscription, for instance of a client that left; unknown ones are fine.
 
-        It releases its task no more.
+        Its task is no longer released by it.
         """
         topic = subscription.topic
         if subscription in topic.subscribers:

@@ -194,7 +194,7 @@ class Layout:
 
     def set_tail_bytes(self, buffer: Any, length: int) -> None:
         """
-        Say how many bytes of a buffer's tail count; of a layout without tail, nothing.
+        Set how many bytes of a buffer's tail are used; does nothing for a layout without one.
 
         :param length: bytes of whole elements, at most as many as there is room for.
         """

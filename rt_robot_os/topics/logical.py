@@ -40,7 +40,7 @@ class _Kept:
 
 class LogicalPublisher(Publisher):
     """
-    Keep what a job publishes until its deadline.
+    Hold what a job publishes until its deadline.
 
     :ivar discarded: messages that were not published, because the job was late or published more
         than the topic holds.

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class ReadStatus(Enum):
-    """How the message of a subscription stands (the words are those of Orocos RTT, plus stale)."""
+    """How fresh the message of a subscription is (the terms of Orocos RTT, plus *stale*)."""
 
     NONE = 'none'
     NEW = 'new'
@@ -45,8 +45,8 @@ class Subscription(SubscriberStatisticsSource):
     """
     Read messages from a topic; made by :meth:`rt_robot_os.topics.Bus.subscribe`.
 
-    :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`, which then stays as it is until
-    the next call: no publisher changes it underfoot.
+    :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`, which no publisher changes: it
+    stays as it is until the next call.
 
     :ivar task: released by each publication; None when the reader looks by itself.
     :ivar msg: a view with the field names of the ROS message; zeros before the first sample.
@@ -125,7 +125,7 @@ class Subscription(SubscriberStatisticsSource):
         return self.take()
 
     def put_back(self) -> None:
-        """Let the next ``take`` give the sample again that the last one gave."""
+        """Have the next ``take`` return the same sample as the last one."""
         self._next -= 1
         self.reads -= 1
 
@@ -186,7 +186,7 @@ class Subscription(SubscriberStatisticsSource):
     @property
     def status(self) -> ReadStatus:
         """
-        How :attr:`msg` stands.
+        How fresh :attr:`msg` is.
 
         New: the last call copied it. Old: it was read before. Stale: old, and older than ten
         periods of the topic's expected rate. None: there has been no sample.

@@ -54,14 +54,14 @@ if TYPE_CHECKING:
 
 
 class Default(int):
-    """A number that nobody asked for: one that somebody asks for later takes its place."""
+    """A default: an explicit number of a later declaration replaces it."""
 
 
 DEPTH_MAXIMUM = 1 << 16
 DEPTH: Final = Default(16)
 SUBSCRIBERS_MAXIMUM = 4096
 MAX_SUBSCRIBERS: Final = Default(64)
-# What is copied at once: some 3 us where memory is slow. Between two pieces others may run.
+# Bytes copied in one native call: some 3 us where memory is slow. Preemption comes in between.
 PIECE_BYTES = 1 << 16
 STALE_PERIODS = 10
 
@@ -217,7 +217,7 @@ def _is_int(value: Any) -> bool:
 
 
 def touch(buffer: memoryview) -> None:
-    """Have Linux give a buffer its pages now, and not in the loop."""
+    """Make Linux allocate the pages of a buffer now, and not in the loop."""
     for start in range(0, len(buffer), PIECE_BYTES):
         piece = buffer[start:start + PIECE_BYTES]
         piece[:] = bytes(piece)

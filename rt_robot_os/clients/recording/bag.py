@@ -71,7 +71,7 @@ class Track:
     A topic of a session.
 
     :ivar numbers: of its channels in the file, one for each name; none when it was not asked for.
-    :ivar kept: its number among what is kept for a replay; 0 when it is not.
+    :ivar kept: its channel among those for a replay alone; 0 when it is not among them.
     :ivar begin_ns: samples before this moment were not asked for.
     :ivar not_before_ns: time of day at which the bag begins; what is older stands there.
     """
@@ -150,7 +150,7 @@ class Bag:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Count what did not get here, by topic, of topics that lost any."""
+        """Count the samples that did not arrive, for each topic that lost any."""
         found = dict(self._lost)
         for track in tuple(self._tracks.values()):
             if track.lost:
@@ -171,7 +171,7 @@ class Bag:
             for info in (*session.asked, *session.kept)}
         self._names = session.topic_facts()
         for track in self._tracks.values():
-            # What is published once and kept for those who come later counts as asked for.
+            # A latched topic (transient_local) counts as asked for although it is older.
             latched = any(facts.durability == 'transient_local'
                           for facts in self._names.get(track.name, ()))
             track.begin_ns = 0 if latched else session.begin_ns
@@ -244,9 +244,9 @@ class Bag:
 
     def rescue(self) -> str:
         """
-        Close after an error: what reached the disk is mended so that it can be read.
+        Close after an error: the file on the disk is repaired so that it can be read.
 
-        :return: what became of it.
+        :return: the outcome, as a sentence.
         """
         file, self._file = self._file, None
         if file is None:

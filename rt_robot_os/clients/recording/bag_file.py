@@ -17,9 +17,9 @@ One MCAP file on its way to the disk.
 
 It ends with a whole record whatever happens to this process, once a chunk was written.
 
-What only a replay needs is kept out of sight, in attachments called ``rt_robot_os.replay``: each
-is a chunk of the same form, whose channels are topics of the core. Readers of MCAP list
-attachments and do not play them, so neither topics nor times of the bag know of them.
+Data for a replay alone lies in attachments called ``rt_robot_os.replay``: each is a chunk of the
+same form, whose channels are topics of the core. Readers of MCAP list attachments and do not play
+them, so they add neither topics nor time to the bag.
 """
 
 from __future__ import annotations

@@ -66,9 +66,9 @@ class Count:
     """
     How a topic compares.
 
-    :ivar settling: that differ before the first that is the same; only of a recording that began
-        in the middle of a run.
-    :ivar unrecorded: that the recorder did not get, so that nothing can be said.
+    :ivar settling: samples that differ before the first identical one; only in a recording that
+        began in the middle of a run.
+    :ivar unrecorded: samples that the recorder did not get, so that they cannot be compared.
     :ivar compared: samples of the recording that had a counterpart.
     """
 

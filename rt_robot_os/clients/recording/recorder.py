@@ -78,7 +78,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Status:
-    """How it stands."""
+    """The state of a recording, once a second."""
 
     elapsed_ns: int
     messages: int
@@ -186,7 +186,7 @@ class Recorder:
         latched = {name for name, facts in session.topic_facts().items()
                    if any(each.durability == 'transient_local' for each in facts)}
         names = dict.fromkeys(info.name for info in (*session.asked, *session.kept))
-        # The schedule comes last: who reads it has met what it tells of.
+        # The schedule comes last: a reader has met the samples that it refers to.
         for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
             client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
 
@@ -218,7 +218,7 @@ class Recorder:
         """
         Find the topics that were asked for.
 
-        :raises UnknownTopicError: the first core has not got one of them.
+        :raises UnknownTopicError: the first core does not have one of them.
         """
         known = client.topics
         mirrored = ros_names(settings, self._robot)
@@ -289,7 +289,7 @@ class Recorder:
 
 
 class UnknownTopicError(RecordingError):
-    """A topic was asked for that the core has not got."""
+    """A topic was asked for that the core does not have."""
 
 
 def _found(text: str, known: Mapping[str, TopicInfo], in_ros: Mapping[str, str]) -> str:
@@ -301,7 +301,7 @@ def _found(text: str, known: Mapping[str, TopicInfo], in_ros: Mapping[str, str])
 
 
 def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
-    """Whether the rings of the taps hold all that was ever published, and will for a moment."""
+    """Whether the rings of the taps still hold everything, with room for what comes next."""
     return all(topic['published'] < _FILLED * topic['depth']
                for topic in client.statistics().topics if topic['name'] in taps)
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Mend files that were cut short or damaged: a killed recorder, a full disk, a card pulled out.
+Repair files that were cut short or damaged: a killed recorder, a full disk, a card pulled out.
 
-What is whole stays, what is cut is taken off, what is damaged in the middle is put aside, and the
-summary at the end, with which readers find things fast, is written anew. It is done in place: a
+Whole records stay, a cut one at the end is removed, damaged ones in the middle are marked to be
+skipped, and the summary at the end, the index of readers, is written anew. It is done in place: a
 full disk has no room for a copy.
 """
 

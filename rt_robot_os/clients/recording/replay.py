@@ -15,11 +15,11 @@
 """
 Replay a recording through the same drivers and modules, under the virtual clock.
 
-What decided the real run besides its inputs was time: when each round of a device read, when each
-job of a module began, when in a job it published. The taps of the core have noted that
-(:mod:`rt_robot_os.core.tap`), and here each job is released at the moment at which it began then,
-and a publication lets the virtual clock go on to the moment at which it was made then, with all
-preemptions in between. Everything else comes out by itself, on the same kernel.
+Besides its inputs, timing decided the real run: when each round of a device read, when each job of
+a module began, when in a job it published. The taps of the core have recorded that
+(:mod:`rt_robot_os.core.tap`). Here each job is released at the time at which it began then, and a
+publication first advances the virtual clock to the time at which it was made then, with all
+preemptions in between. Everything else follows, as it is the same kernel.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ class Replay:
                 f'{topic} ({count} samples)' for topic, count in self._unrecorded.items()))
 
     def _feed(self) -> None:
-        """Do what is due; without this job nothing would happen any more, and never end."""
+        """Do what is due; when it fails the replay ends, for nothing else would end it."""
         try:
             self._feed_what_is_due()
         except Exception as error:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Time in a replay: it passes as it did in the real run.
+Time in a replay: it advances as it did in the real run.
 
 A job begins when it began then, and publishes when it published then; what interrupted it in
 between interrupts it again. Numbers and moments come from the schedule that the core noted.
@@ -41,7 +41,7 @@ class ReplayClock(VirtualClock):
     """The virtual clock, on which a job can wait for a moment."""
 
     def pass_until(self, at_ns: int) -> None:
-        """Let time pass; what falls due meanwhile preempts the caller, and its time counts."""
+        """Advance to a time; jobs that become due preempt the caller, and take time as well."""
         while self._now_ns < at_ns:
             first_ns = min(self._alarm_ns, self._spare_ns)
             self._now_ns = max(self._now_ns, min(at_ns, first_ns))
@@ -72,14 +72,14 @@ class Schedule:
         self.numbers[topic, at_ns] = number
 
     def _job_end(self, task: str, now_ns: int) -> int:
-        """Return the end of the job that a task has now; -1 when it had none then."""
+        """Return the recorded end of a task's present job; -1 when there was no such job."""
         jobs = self.jobs.get(task)
         while jobs and jobs[0][1] < now_ns:
             jobs.popleft()
         return jobs[0][1] if jobs and jobs[0][0] <= now_ns + _EARLY_NS else -1
 
     def wait_for(self, topic: str, task: str) -> None:
-        """Let time go on to when this publication was made."""
+        """Advance to the recorded time of this publication."""
         self.fed.discard(task)
         now_ns = self._clock.now_ns()
         moments = self.moments.get(topic)
@@ -90,9 +90,9 @@ class Schedule:
 
     def wait_for_more(self, task: str) -> bool:
         """
-        Let time go on to the next publication of a job that finds nothing to read before it.
+        Advance to the next recorded publication of a job that finds nothing to read.
 
-        What it published then, it must have read: something above it had come in between.
+        It published then, so it had read something: a task above it had come in between.
 
         :return: whether time has passed.
         """

@@ -15,7 +15,7 @@
 """
 Look through an MCAP file that may be cut short or damaged anywhere.
 
-A record that is damaged is put aside: it becomes one of a private kind, over which readers go.
+A damaged record is put aside: it becomes one of a private kind, which readers skip.
 Where even the length of a record is lost, the next chunk is looked for, and what lies in between
 is put aside as one record. Nothing is changed here: that is what ``patches`` are for.
 """
@@ -60,7 +60,7 @@ from rt_robot_os.clients.recording.summary import MAGIC
 from rt_robot_os.clients.recording.summary import PROFILE
 from rt_robot_os.errors import RecordingError
 
-# Kinds from 0x80 on are left to whoever wants to add something; readers go over them.
+# Kinds from 0x80 on are private; readers skip them.
 _PUT_ASIDE: Final = 0x80
 _DATA: Final = frozenset((
     Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK,

@@ -64,7 +64,7 @@ class Contents:
     :ivar has_header: it begins as an MCAP file does.
     :ivar patches: what is to be written where, so that readers find their way.
     :ivar damaged: records, or stretches of them, that are lost in the middle.
-    :ivar loose: what counts only where there are no chunks.
+    :ivar loose: messages outside of chunks; they count only in a file without chunks.
     :ivar chunks: of each the index, the messages of each channel, and the indices after it.
     """
 

@@ -15,8 +15,9 @@
 """
 What happened, in order of time: the input of a replay, in slices that fit in memory.
 
-The schedule says up to which moment it is complete. What other topics tell of that moment may
-stand a little later in the file, so a slice ends at the moment of the schedule message before.
+Each schedule message says up to which time the schedule is complete. Samples of other topics up
+to that time may stand a little later in the file, so a slice ends at the time of the message
+before.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the configuration in a recording may have imported: it may come from anybody.
+Which classes the configuration in a recording may import: the file may come from anybody.
 
 A module's type can name any class of any Python package, and importing one runs its code. So only
 what is registered on this machine is used, and what the user allows.

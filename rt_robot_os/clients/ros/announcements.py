@@ -67,9 +67,9 @@ def frequent_announcements() -> Iterator[None]:
             file.write(PROFILE)
             file.flush()
         except OSError:
-            pass  # announced less often, which is no reason not to run
+            pass  # announced less often: the robot runs all the same
         else:
-            # Taken back at once: children shall not inherit what is for this process.
+            # Removed at once: children must not inherit what is for this process.
             stack.callback(os.environ.pop, FILE_VARIABLE, None)
             os.environ[FILE_VARIABLE] = file.name
         yield

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Between this process's output and whoever reads it: nobody who writes ever waits.
+Keep the output of this process from blocking it, whoever reads the output.
 
 A terminal that is stopped (Ctrl-S) or a pipe that nobody empties makes a writer wait, and rclpy
 holds Python's lock while it does: every thread would stand still. So standard output and standard
@@ -48,8 +48,8 @@ class Pump:
     """
     Carry what is written to some descriptors to where they led before.
 
-    :param fds: descriptors that led to the same.
-    :ivar dropped: lines that are not there because nobody read for so long.
+    :param fds: descriptors of one and the same output.
+    :ivar dropped: lines that were dropped because nobody read for too long.
     """
 
     def __init__(self, fds: list[int]) -> None:
@@ -71,7 +71,7 @@ class Pump:
             threading.Thread(target=run, name=f'rt_robot_os {name}', daemon=True).start()
 
     def close(self, deadline_s: float) -> None:
-        """Wait until everything is carried, or the time is over, and stand aside."""
+        """Wait until everything is written, or the time is over, and restore the descriptors."""
         while not self._empty() and time.monotonic() < deadline_s:
             time.sleep(_LOOK_S)
         target = self.real if self._empty() else os.open(os.devnull, os.O_WRONLY)
@@ -116,8 +116,8 @@ class Console:
     """
     Standard output and standard error of this process.
 
-    A crash is told by Python's fault handler where it can be seen: what a dying process leaves in
-    the pipe is lost.
+    Python's fault handler writes to the real standard error: what a dying process leaves in the
+    pipe is lost.
     """
 
     def __init__(self) -> None:
@@ -129,7 +129,7 @@ class Console:
         return sum(pump.dropped for pump in self._pumps)
 
     def open(self) -> None:  # noqa: A003
-        """Put the pipes in; where output can make nobody wait, such as a file, nothing happens."""
+        """Redirect the outputs into pipes; nothing happens where output never blocks (a file)."""
         groups: dict[tuple[int, int], list[int]] = {}
         for fd in (1, 2):
             with suppress(OSError):
@@ -146,7 +146,7 @@ class Console:
                     faulthandler.enable(pump.real)
 
     def close(self) -> None:
-        """Let readers have what is there, with some patience; may be called twice."""
+        """Write what is left, for a limited time; may be called twice."""
         deadline_s = time.monotonic() + _END_PATIENCE_S
         for pump in self._pumps:
             pump.close(deadline_s)

@@ -40,12 +40,12 @@ _ENVIRONMENT = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_TH
 
 class CoreProcess:
     """
-    A core that is this process's child, restarted with a growing pause when it ends.
+    A core that is this process's child, restarted with a back-off when it ends.
 
-    It asks Linux to be told of our death, which counts the *thread* that starts it as the parent:
-    call :meth:`start` from the thread that lives as long as the core shall.
+    It ends with its parent (PR_SET_PDEATHSIG), and for Linux that is the *thread* that starts it:
+    call :meth:`start` from a thread that lives as long as the core shall.
 
-    :param settings_json: what the core is told on its standard input.
+    :param settings_json: what the core reads on its standard input.
     :param socket_path: where it shall listen.
     :ivar starts: how often it was started.
     """
@@ -62,7 +62,7 @@ class CoreProcess:
 
     def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
         """
-        Tell the next core something else.
+        Change the settings with which the next core is started.
 
         :param loaded_json: as the settings were before anything was changed.
         """
@@ -122,7 +122,7 @@ class CoreProcess:
         return False
 
     def ended_within(self, timeout_s: float) -> bool:
-        """Give it a moment to end by itself; whether it did."""
+        """Wait for it to end by itself; return whether it did."""
         if self._process is not None:
             try:
                 self._process.wait(timeout_s)

@@ -14,10 +14,10 @@
 
 
 """
-The file of the log: lines go to a thread of its own, so a slow or full disk holds up nobody.
+The log file: written by a thread of its own, so that a slow or full disk holds up nobody.
 
-What the disk does not take is counted, and told once; when it takes lines again, that is told too,
-also in the file.
+Lines that cannot be written are counted, and reported once; so is, in the file too, that lines
+can be written again.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ def line_of(wall_ns: int, severity: str, source: str, text: str) -> str:
 
 class LogFile:
     """
-    A file that is bounded: at its size it becomes ``.1``, that one ``.2``, and the oldest goes.
+    A rotated file: at its maximum size it becomes ``.1``, that one ``.2``; the oldest is deleted.
 
     :param maximum_bytes: of one file; a longer line has a file of its own.
     :param files: how many there are at most.
-    :param complain: called, in the thread that writes, when the disk takes nothing, and when it
-        does again.
-    :param retry_s: how long it is left alone after that.
+    :param complain: called, in the thread that writes, when the disk fails, and when it works
+        again.
+    :param retry_s: pause before the next attempt.
     :ivar lost: lines that were not written, because of the disk or because they came too fast.
     """
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Hand what the core says to ROS: to the console, to /rosout, and to the file of the log."""
+"""Log the reports of the core in ROS: on the console, on /rosout, and in the log file."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from rclpy.qos import QoSProfile
 from rclpy.qos import ReliabilityPolicy
 
 from rt_robot_os.clients.ros.console import Console
+from rt_robot_os.clients.ros.console_writer import ConsoleWriter
+from rt_robot_os.clients.ros.console_writer import Line
 from rt_robot_os.clients.ros.log_file import line_of
 from rt_robot_os.clients.ros.log_file import LogFile
-from rt_robot_os.clients.ros.teller import Line
-from rt_robot_os.clients.ros.teller import Teller
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
 from rt_robot_os.link.stamps import StampMapper
@@ -50,7 +50,7 @@ _LOGGERS_MAXIMUM = 1000
 
 
 def say(logger: Any, severity: int, text: str) -> None:
-    """Log with rclpy, which remembers a call site by its severity: each has a line of its own."""
+    """Log with rclpy, which allows one severity for each line of code that logs."""
     if severity >= Severity.FATAL:
         logger.fatal(text)
     elif severity >= Severity.ERROR:
@@ -64,7 +64,7 @@ def say(logger: Any, severity: int, text: str) -> None:
 
 
 def _known(severity: int) -> Severity:
-    """Return the severity of ROS that is next to a number, which may come from anywhere."""
+    """Return the ROS severity nearest to a number, which an untrusted peer may have sent."""
     return min(Severity, key=lambda each: abs(each - severity))
 
 
@@ -83,7 +83,7 @@ def level_is_chosen(name: str) -> bool:
 
 class LogRelay:
     """
-    Tell people what the core and the node say, each line once.
+    Log what the core and the node report, each line once.
 
     On /rosout the lines of the core have the name ``node.source`` and the moment at which they
     were logged there. They are published here: rclpy would stamp them with the moment of their
@@ -105,7 +105,7 @@ class LogRelay:
             depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.file: LogFile | None = None
-        self._teller = Teller(self._tell, lambda count: Line(
+        self._writer = ConsoleWriter(self._tell, lambda count: Line(
             int(Severity.WARN), 0, '', f'{count} lines of the log are not shown here: they came '
             'faster than they could be told'))
         if settings.file:
@@ -114,23 +114,23 @@ class LogRelay:
                                 settings.files, self._complain)
 
     def relay(self, severity: int, at_ns: int, source: str, text: str) -> None:
-        """Hand on one line of the core; never waits, from any one thread."""
+        """Log one line of the core; never waits; from one thread only."""
         self.lines += 1
         self._hand_on(_known(severity), at_ns + self._mapper.offset_ns, safe_line(source),
                       safe_text(text))
 
     def note(self, severity: int, text: str) -> None:
-        """Say something of the node itself, and write it down; never waits, from any thread."""
+        """Log a line of the node itself; never waits, from any thread."""
         self._hand_on(_known(severity), 0, '', safe_text(text))
 
     def _hand_on(self, severity: Severity, wall_ns: int, source: str, text: str) -> None:
         if self.file is not None:
             self.file.write(line_of(wall_ns or time.time_ns(), severity.name, source or 'node',
                                     text))
-        self._teller.put(Line(int(severity), wall_ns, source, text))
+        self._writer.put(Line(int(severity), wall_ns, source, text))
 
     def _tell(self, line: Line) -> None:
-        """Tell one line; the thread that does so may wait for the console."""
+        """Write one line; the thread that does so may wait for the console."""
         if not line.source:
             say(self._own, line.severity, line.text)
             return
@@ -149,7 +149,7 @@ class LogRelay:
         # A logger that is no child of the node's is not on /rosout.
         logger = rclpy.logging.get_logger(f'{self._name}.{name}')
         if not level_is_chosen(logger.name):
-            # The core has chosen already, by each log_level.
+            # The core has filtered by each log_level already.
             logger.set_level(rclpy.logging.LoggingSeverity.DEBUG)
         if len(self._loggers) >= _LOGGERS_MAXIMUM:
             self._loggers.clear()
@@ -157,22 +157,22 @@ class LogRelay:
         return logger
 
     def _complain(self, text: str) -> None:
-        self._teller.put(Line(int(Severity.WARN), 0, '', text))
+        self._writer.put(Line(int(Severity.WARN), 0, '', text))
 
     def statistics(self) -> dict[str, int | str]:
-        """Count the lines, those in the file, those that the file and the console lack."""
+        """Count the lines, those in the file, and those missing in the file and on the console."""
         file = self.file
         return {'lines': self.lines, 'file': str(file.path) if file else 'off',
                 'written': file.written if file else 0, 'lost': file.lost if file else 0,
-                'untold': self._teller.untold,
+                'untold': self._writer.untold,
                 'unread': self._console.dropped if self._console is not None else 0}
 
     def close(self) -> bool:
         """
         Write what waits; may be called twice.
 
-        :return: False when somebody who does not read the console still holds up a thread.
+        :return: False when a thread still waits for a console that nobody reads.
         """
         if self.file is not None:
             self.file.close()
-        return self._teller.close()
+        return self._writer.close()

@@ -28,9 +28,9 @@ from rt_robot_os.errors import StartError
 
 def logging_arguments() -> list[str]:
     """
-    Check the folder of ROS 2's own log files before rclpy gives up on it.
+    Check the folder of ROS 2's own log files, without which rclpy does not start.
 
-    :return: what the command line needs in addition; what is lost is told on standard error.
+    :return: arguments to add to the command line; standard error says what is lost.
     """
     try:
         folder = default_folder()

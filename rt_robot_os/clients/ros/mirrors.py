@@ -78,7 +78,7 @@ class OutwardMirror:
         self._publish: Callable[[bytes], None] = self.publisher.publish
 
     def connect(self, info: TopicInfo) -> None:
-        """Take over what the core says of the topic."""
+        """Take over the core's facts about the topic."""
         self._stamp_offset = info.stamp_offset
         self.missed = 0
 
@@ -128,7 +128,7 @@ class InwardMirror:
         self._client = client
 
     def _carry_stamped(self, cdr: bytes) -> None:
-        """Take the header off; its age by ROS time, simulated or not, is that of the sample."""
+        """Take the header off; the sample is as old as its stamp in ROS time, simulated or not."""
         try:
             stamp_ns, body = take_off(cdr, STAMPED_BYTES[self.settings.message])
         except ValueError:
@@ -137,7 +137,7 @@ class InwardMirror:
             return
         age_ns = self._now_ns() - stamp_ns if stamp_ns else 0  # 0: the sender has not filled it in
         self.stamp_age_ms = round(age_ns / NS_PER_MS, 1)
-        # What is stamped in the future is as old as its arrival: never younger.
+        # A stamp in the future counts as its arrival.
         self._carry(body, max(1, time.monotonic_ns() - max(0, age_ns)))
 
     def _carry(self, cdr: bytes, stamp_ns: int = 0) -> None:
@@ -152,7 +152,7 @@ class InwardMirror:
             self.dropped += 1
 
     def counters(self) -> dict[str, Any]:
-        """Return what is shown of it."""
+        """Return its counters for /diagnostics."""
         counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
         if self.settings.stamped:
             counted['stamp_age_ms'] = self.stamp_age_ms

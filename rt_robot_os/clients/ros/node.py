@@ -63,7 +63,7 @@ _START_TIMEOUT_S = 10.0
 
 class RobotNode(LifecycleNode):
     """
-    The ROS 2 face of one robot.
+    The ROS 2 node of one robot.
 
     configure: start the core and connect. activate: mirror. deactivate: stop mirroring, the core
     runs on. cleanup and shutdown: end the core.
@@ -97,7 +97,7 @@ class RobotNode(LifecycleNode):
         self.create_service(Trigger, '~/save_parameters', self._on_save)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Of a clock that nobody can stop: /diagnostics goes on whatever ROS time does.
+        # On a steady clock: /diagnostics goes on whatever ROS time does.
         self._status_timer = self.create_timer(
             1.0 / settings.diagnostics_rate_hz, self._diagnose,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -213,7 +213,7 @@ class RobotNode(LifecycleNode):
             message.status = self._statuses()
             self._status_publisher.publish(message)
         except Exception as error:
-            # What a core says must not end the node; rclpy lets a timer's error do that.
+            # An error in a timer would end the node, whatever the core has sent.
             message.status = self._diagnostics.silent(
                 f'what the core says cannot be told: {type(error).__name__}: {error}')
             self._status_publisher.publish(message)

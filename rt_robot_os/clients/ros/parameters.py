@@ -59,8 +59,8 @@ class NodeParameters:
     """
     Declare the settings on a node and pass changes on.
 
-    :param check: says why a change is refused, or None.
-    :param apply: makes it; what it raises refuses it as well.
+    :param check: returns why a change is refused, or None.
+    :param apply: makes the change; an error that it raises refuses it as well.
     """
 
     def __init__(self, node: Node, entries: Iterable[ParameterDescription], check: Check,

@@ -45,7 +45,7 @@ class _StopOnSignal:
     Note SIGINT and SIGTERM.
 
     rclpy's own handlers shut the context down at once; here the core has to end first, while its
-    last words can still be logged and published.
+    last reports can still be logged and published.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class _StopOnSignal:
 
     def _note(self, signum: int, frame: FrameType | None) -> None:
         if self.signo:
-            raise KeyboardInterrupt  # somebody is in a hurry
+            raise KeyboardInterrupt  # the second Ctrl-C: end at once
         self.signo = signum
 
 
@@ -73,7 +73,7 @@ def _make_node(settings: RobotSettings, stop: _StopOnSignal, console: Console) -
 
 
 def _refused(error: Exception) -> int:
-    """Say in one line what ROS 2 has against the start, without the places in its source code."""
+    """Print in one line why ROS 2 refuses the start, without the lines of its source code."""
     text = ' '.join(str(error).split()) or type(error).__name__
     text = re.sub(r',? at (?:\./)?[\w./+-]+\.(?:c|cpp|hpp):\d+', '', text)
     print(f'robot: ROS 2 does not start: {text}', file=sys.stderr)
@@ -117,7 +117,7 @@ def _spin(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> int
         code = BAD_CONFIGURATION if isinstance(error, StartError) else FAILED
     finally:
         if node is not None:
-            # The executor lets go of the node before it is destroyed under it.
+            # The executor must not use the node any more when that is destroyed.
             executor.remove_node(node)
             executor.shutdown()
             node.destroy_node()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What counters have gained lately: trouble shows for a while after it came, and no longer."""
+"""By how much counters grew lately: a warning stays for a while after its cause, then ends."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Recent:
 
     def gained(self, key: str, total: int) -> int:
         """
-        Return what a counter has gained within the time that counts.
+        Return by how much a counter grew within the time that counts.
 
         :param key: any name of the counter, the same in each round.
         """

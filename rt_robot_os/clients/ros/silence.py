@@ -24,9 +24,9 @@ from rt_robot_os.linux.schedule import computing
 from rt_robot_os.units import NS_PER_S
 
 DEAD_AFTER_BEATS = 3
-# A longer step is time in which this process itself was stopped or held up, as far as it exceeds.
+# What a step takes beyond this is time in which this process itself was stopped or held up.
 _STEP_MAXIMUM_S = 0.25
-# Less of a CPU than this is none: a core that computes without an end takes all it can get.
+# With less than this share of a CPU a core was starved: one that computes takes all it can get.
 _SHARE = 0.1
 
 
@@ -69,12 +69,12 @@ class Silence:
 
 class Starvation:
     """
-    Tell a silent core that Linux does not let run from one that hangs.
+    Distinguish a silent core that Linux does not let run from one that hangs.
 
     To kill the first would not help: what has its CPU, a program of the same or a higher real-time
     priority, would starve the next one as well. One that hangs computes, or waits for something.
 
-    :param look: gives of a process whether it is ready to run, and its computing time.
+    :param look: returns whether a process is ready to run, and its computing time in ns.
     """
 
     def __init__(self, look: Callable[[int], tuple[bool, int]] = computing) -> None:
@@ -99,16 +99,16 @@ class Starvation:
         return ready and computed_ns - since_ns < _SHARE * waited_s * NS_PER_S
 
 
-def trouble(signs: Signs | None, silent_s: float, kept_off: bool, heartbeat_s: float
+def trouble(signs: Signs | None, silent_s: float, starved: bool, heartbeat_s: float
             ) -> tuple[str, str]:
     """
     Return what is the matter with a core that is connected.
 
-    :param signs: what its page of life says; None without one.
-    :param kept_off: Linux does not let it run.
-    :return: the kind of trouble, which is told once, and its text; both empty without any.
+    :param signs: what its sign of life says; None without one.
+    :param starved: Linux does not let it run.
+    :return: the kind of trouble, each of which is logged once, and its text; '' without any.
     """
-    if silent_s > DEAD_AFTER_BEATS * heartbeat_s and kept_off:
+    if silent_s > DEAD_AFTER_BEATS * heartbeat_s and starved:
         return 'kept off', (
             f'Linux has not let the core run for {silent_s:.1f} s: another program of the '
             'same or a higher real-time priority has its CPU (see `doctor`)')

@@ -74,8 +74,8 @@ class Supervisor:
     :param on_connect: called in the supervisor's thread with each new connection.
     :param on_disconnect: called there when it is lost.
     :param log: called with (severity as in ROS 2, text) from any thread.
-    :param relay: called by the supervisor's thread with what the core says: severity, moment on
-        CLOCK_MONOTONIC, source, text.
+    :param relay: called by the supervisor's thread with each report of the core: severity, time
+        on CLOCK_MONOTONIC in ns, source, text.
     :param heartbeat_s: time without a sign of life after which the core is reported; after three
         times that a core of our own is killed and started anew. A core lives as long as its kernel
         ticks, however long its tasks keep the link from running; time in which this process does
@@ -148,7 +148,7 @@ class Supervisor:
                 try:
                     reason = self._one_life()
                 except Exception as error:
-                    # Whatever it was, without this thread there would be no supervision at all.
+                    # Whatever the error is: without this thread there is no supervision.
                     reason = _told('supervision', error)
                 if self._stopping.is_set() or self.fatal:
                     return
@@ -167,7 +167,7 @@ class Supervisor:
                     self.process.stop()
 
     def _one_life(self) -> str:
-        """Start or find a core and stay with it; say why it ended."""
+        """Start or find a core and stay with it; return why it ended."""
         process = self.process
         if process is not None and not process.alive():
             self._forget_life()
@@ -189,7 +189,7 @@ class Supervisor:
                 return str(error)
             if process.ended_within(_GOODBYE_S):
                 return self._how_ended(process.exit_code)
-            return str(error)  # it lives: it will be connected to again
+            return str(error)  # it is alive: the next round connects to it again
         except Exception as error:
             return _told('reading from the core', error)
         finally:
@@ -201,7 +201,7 @@ class Supervisor:
             try:
                 self._on_disconnect()
             finally:
-                self._part(client)
+                self._disconnect(client)
 
     def _connect(self) -> LinkClient | None:
         limit_s, told = self._start_limit_s, False
@@ -233,9 +233,9 @@ class Supervisor:
         signs = self._life.read() if self._life is not None else None
         if signs is not None and signs.ticks and not _is_closed(error):
             silent_s = self._silence.look(signs.ticks, _TRY_MAXIMUM_S)
-            kept_off = self._is_starved(silent_s)
-            if silent_s <= DEAD_AFTER_BEATS * self._heartbeat_s or kept_off:
-                self._tell(*trouble(signs, silent_s, kept_off, self._heartbeat_s))
+            starved = self._is_starved(silent_s)
+            if silent_s <= DEAD_AFTER_BEATS * self._heartbeat_s or starved:
+                self._tell(*trouble(signs, silent_s, starved, self._heartbeat_s))
                 return False
             self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
@@ -290,14 +290,14 @@ class Supervisor:
         """Look whether the core lives, after what has arrived was read."""
         signs = client.life.read() if client.life is not None else None
         silent_s = self._silence.look(signs.ticks if signs else client.last_beat_ns)
-        kept_off = self._is_starved(silent_s)
+        starved = self._is_starved(silent_s)
         if (silent_s > DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
-                and not kept_off):
+                and not starved):
             if client.pump(0.0):
-                return  # it says something after all
+                return  # it is alive after all
             self.process.kill()
             raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        self._tell(*trouble(signs, silent_s, kept_off, self._heartbeat_s))
+        self._tell(*trouble(signs, silent_s, starved, self._heartbeat_s))
 
     def _tell(self, kind: str, text: str) -> None:
         self.starved = text
@@ -312,7 +312,7 @@ class Supervisor:
         return self._starvation.look(
             self.process.pid, silent_s if silent_s > self._heartbeat_s else 0.0)
 
-    def _part(self, client: LinkClient) -> None:
+    def _disconnect(self, client: LinkClient) -> None:
         if self._stopping.is_set() and self.process is not None:
             self.process.stop()
             deadline_s = time.monotonic() + _LAST_WORDS_S
@@ -321,7 +321,7 @@ class Supervisor:
                     pass
             except Exception as error:
                 if not isinstance(error, LinkError):
-                    self._log(WARN, _told('the last words of the core', error))
+                    self._log(WARN, _told('the last reports of the core', error))
         client.close()
 
     def _why_ended(self) -> str:
@@ -353,7 +353,7 @@ class Supervisor:
         return f'the core was ended by {name}'
 
     def _report(self, content: dict[str, Any]) -> None:
-        """Hand on a line of the core; one that is none is told and passed over."""
+        """Hand on a report of the core; one that is malformed is logged and left out."""
         try:
             line = (int(content['severity']), int(content['at_ns']), str(content['source']),
                     str(content['text']))
@@ -371,12 +371,12 @@ def _told(where: str, error: Exception) -> str:
 
 
 def _is_odd(error: LinkError) -> bool:
-    """Whether somebody answers, and not as a core does."""
+    """Whether somebody answers, but not with the protocol of a core."""
     return not isinstance(error, LinkSilent) and not isinstance(error.__cause__, OSError)
 
 
 def _is_closed(error: LinkError) -> bool:
-    """Whether nobody listens: not even a core that runs could be reached."""
+    """Whether nobody listens at the socket."""
     return isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
 
 

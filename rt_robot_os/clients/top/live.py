@@ -108,7 +108,7 @@ class Program:
 
     def run(self) -> None:
         """Run until the user quits."""
-        # Ended from outside it leaves the terminal as it was, too.
+        # A signal ends it too, and the terminal is restored.
         signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
         due_s = 0.0
         size = (0, 0)
@@ -119,7 +119,7 @@ class Program:
                 self._source.pump()
                 if time.monotonic() >= due_s and not self._controls.choices.paused:
                     self._look()
-                    # The second look comes soon, so that there are rates.
+                    # The second look comes soon: rates need two.
                     first = self._snapshot is None or self._snapshot.interval_s is None
                     due_s = time.monotonic() + (
                         min(0.5, self._controls.interval_s) if first

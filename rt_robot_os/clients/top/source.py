@@ -36,7 +36,7 @@ class Source:
     The core behind a socket, whichever process that is.
 
     :ivar lines: what it reported last, as it came: severity, source, text.
-    :ivar note: what became of the connection, for people; empty when all is well.
+    :ivar note: why there is no connection, to be shown; empty when all is well.
     """
 
     def __init__(self, path: Path, name: str = 'top') -> None:
@@ -72,19 +72,19 @@ class Source:
         return client
 
     def pump(self) -> None:
-        """Take in what the core sends by itself: its reports and heart-beats."""
+        """Read what the core sends by itself: its reports and heartbeats."""
         try:
             if self._client is not None:
                 self._client.pump(0.0)
         except LinkError:
-            self.close()  # the next look says so
+            self.close()  # the next look reports it
 
     def _report(self, content: dict[str, Any]) -> None:
         self.lines.append((int(content['severity']), str(content['source']),
                            str(content['text'])))
 
     def close(self) -> None:
-        """Leave; may be called twice."""
+        """Disconnect; may be called twice."""
         if self._client is not None:
             self._client.close()
             self._client = None

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What an attitude filter is told, what it gives, and how it is tuned."""
+"""The interface of an attitude filter: its inputs, its outputs and its tuning."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Tuning:
     :ivar heading_time_s: the same of the magnetometer.
     :ivar bias_in_motion: learn the bias of the gyroscope while the sensor moves.
     :ivar bias_at_rest: learn it, fast, while the sensor rests.
-    :ivar bias_maximum_rad_s: of each axis; no more is believed.
+    :ivar bias_maximum_rad_s: limit of the estimated bias, for each axis.
     :ivar rest_rate_rad_s: a sensor whose rate deviates less from its average may be at rest.
     :ivar rest_acceleration_m_s2: the same of its acceleration.
     :ivar field_rejection: ignore a magnetic field that is not the earth's.
@@ -60,8 +60,8 @@ class AttitudeFilter(ABC):
     the heading begins as if the sensor had been turned up by the shortest way, and drifts.
 
     :ivar attitude: turns the sensor's axes to the world's.
-    :ivar bias: of the gyroscope in rad/s, included in what it says.
-    :ivar bias_stddev: how far off it may be in rad/s, in the worst direction.
+    :ivar bias: of the gyroscope in rad/s, included in its readings.
+    :ivar bias_stddev: standard deviation of the bias in rad/s, in the worst direction.
     :ivar aligned: up is known, from a first acceleration.
     :ivar heading_known: north is known, from a first magnetic field.
     :ivar at_rest: the sensor does not move.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tell the earth's magnetic field from that of iron and currents nearby."""
+"""Distinguish the earth's magnetic field from that of iron and currents nearby."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from typing import Final
 # A field of other length, or other dip, is not the earth's.
 _LENGTH_PART: Final = 0.1
 _DIP_RAD: Final = math.radians(10)
-# What flickers between both is not to be believed either.
+# A field that switches between both is not trusted either (hysteresis).
 _UNDISTURBED_S: Final = 0.5
 # A field that stays the same while the sensor is moved about becomes the earth's.
 _FIRST_S: Final = 5.0
 _NEW_S: Final = 20.0
 _FOLLOW_S: Final = 20.0
 _SMOOTH_S: Final = 0.05
-# After so long a wrong field may be better than none; it is believed half.
+# After this time a wrong field may be better than none; it is trusted half.
 _REJECTED_S: Final = 60.0
 _DOUBTFUL: Final = 0.5
 # Sensors that are not turned see any field stay the same.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tell gravity from other accelerations that last."""
+"""Distinguish gravity from other accelerations that last."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from rt_robot_os.modules.attitude.quaternion import Vector
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 _PER_G: Final = 1 / STANDARD_GRAVITY_M_S2
-# An average that differs by more is not gravity, for a while: a gain that is wrong is wrong for
-# ever, so much acceleration ends.
+# An average whose length differs by more is not gravity, for a limited time: such an acceleration
+# ends, whereas the error of a wrong gain would last for ever.
 _TOLERANCE: Final = 0.1
 _LONGEST_S: Final = 10.0
 _NO_DIRECTION: Final = 0.1

@@ -14,7 +14,7 @@
 
 
 """
-Samples of an inertial sensor as a filter can bear them: finite, in order, with the time between.
+Samples of an inertial sensor as a filter needs them: finite, in order, with the time between.
 
 The time comes from the stamps. A duplicate is dropped, so is a sample from before the last one. A
 gap that is too long to integrate over, and stamps that jump back by as much, begin a new stretch.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tell when a sensor rests, and what its gyroscope says then."""
+"""Detect when a sensor is at rest, and what its gyroscope reads then."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _REST_S: Final = 1.5
 
 class RestDetector:
     """
-    Compare what a sensor says with its average of the last half second.
+    Compare the readings of a sensor with their average over the last half second.
 
-    Whoever turns steadily, slower than the largest bias believed, looks as if at rest.
+    A sensor that turns steadily, slower than the largest bias allowed, looks as if at rest.
 
     :ivar resting: the deviations have been small for 1.5 s.
     :ivar rate: average angular velocity in rad/s.

@@ -50,7 +50,7 @@ class Uncertainty:
     Standard deviations of an attitude, in rad about the world's axes.
 
     :param with_field: north is to come from a magnetometer.
-    :param inclination: settled; 0 takes what was measured.
+    :param inclination: of a settled filter; 0 takes the measured one.
     :param heading: the same.
     :ivar inclination: of roll and pitch.
     :ivar heading: of yaw.
@@ -69,7 +69,7 @@ class Uncertainty:
         self.restart()
 
     def settle_at(self, inclination: float, heading: float) -> None:
-        """Change what is settled for."""
+        """Change the standard deviations of the settled filter."""
         self._settled_inclination = inclination or SETTLED_INCLINATION_RAD
         self._settled_heading = heading or SETTLED_HEADING_RAD
 

@@ -16,10 +16,10 @@
 """
 The filter of the package ``vqf``, by its authors Laidig and Seel, behind our interface.
 
-It is C++ with numbers of NumPy, for samples at a fixed rate. Real ones come when they come, so
-each is given as many turns as fit into its time, and the angular velocity is scaled such that
-these turns integrate it over exactly that time. It averages accelerations but rejects none, and
-must not be kept from any: what is left out would be missing in its average.
+It is C++ with numbers of NumPy, for samples at a fixed rate. Real samples have no fixed rate: for
+each the filter makes as many steps as fit into its time, and the angular velocity is scaled such
+that these steps integrate it over exactly that time. It averages accelerations but rejects none,
+and needs all of them: one that is left out would be missing in its average.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.quaternion import Vector
 
 INSTALL: Final = 'python3 -m pip install vqf'
-# So many turns at most after a gap; one takes a microsecond.
+# The most steps after a gap; one takes a microsecond.
 _TURNS: Final = 20
 # Bias and its limit are in degrees there.
 _DEGREES: Final = 57.29577951308232

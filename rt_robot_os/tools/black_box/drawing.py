@@ -31,7 +31,7 @@ from rt_robot_os.tools.black_box.chart import Row
 
 FORMATS = ('.svg', '.png')
 _WIDTH_INCHES, _ROW_INCHES, _FRAME_INCHES, _DPI = 16.0, 0.62, 1.5, 100
-# Okabe and Ito: told apart by everybody, printed or not; hatching and height say it once more.
+# The palette of Okabe and Ito, safe for colour blindness; hatching and height repeat the message.
 _RUN, _LATE, _BLOCK, _HOLD = '#0072B2', '#D55E00', '#E69F00', '#009E73'
 _WAIT, _PREEMPTED, _INK = '#A8A8A8', '#7FB8DA', '#222222'
 _NOTE_WIDTH = 0.0062  # of a character of a note, as a part of the width of the plot

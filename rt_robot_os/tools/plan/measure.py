@@ -111,7 +111,7 @@ def _connect(process: CoreRunner, path: Path) -> LinkClient:
 
 
 class _StandIn:
-    """A client that behaves as the node of the robot does: mirrors, samples, beats, requests."""
+    """A client that behaves as the node of the robot: mirrors, samples, heartbeats, requests."""
 
     def __init__(self, settings: RobotSettings, client: LinkClient) -> None:
         self.client = client

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What comes out of an analysis, task by task."""
+"""The result of an analysis, task by task."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rt_robot_os.tools.plan.task import PlannedTask
 
 
 class Verdict(Enum):
-    """What came out for a task."""
+    """The verdict on a task."""
 
     OK = 'ok'
     LATE = 'late'            # it may end after its deadline

@@ -25,9 +25,9 @@ from typing import Any
 import pytest
 
 from rt_robot_os.clients.ros.console import Pump
-from rt_robot_os.clients.ros.teller import Line
-from rt_robot_os.clients.ros.teller import Teller
-from rt_robot_os.clients.ros.teller import WAITING_MAXIMUM
+from rt_robot_os.clients.ros.console_writer import ConsoleWriter
+from rt_robot_os.clients.ros.console_writer import Line
+from rt_robot_os.clients.ros.console_writer import WAITING_MAXIMUM
 
 TIMEOUT_S = 60.0
 
@@ -52,25 +52,25 @@ def test_lines_that_nobody_can_tell_are_counted_and_the_rest_comes_in_order() ->
         gate.wait(TIMEOUT_S)
         told.append(each.text)
 
-    teller = Teller(tell, lambda count: Line(30, 0, '', f'{count} missing'))
+    writer = ConsoleWriter(tell, lambda count: Line(30, 0, '', f'{count} missing'))
     for number in range(WAITING_MAXIMUM + 500):
-        teller.put(line(number))  # does not wait, although nothing is told
-    assert not told and teller.untold >= 499
-    untold = teller.untold
+        writer.put(line(number))  # does not wait, although nothing is told
+    assert not told and writer.untold >= 499
+    untold = writer.untold
     gate.set()
     wait_for(lambda: len(told) > WAITING_MAXIMUM // 2, 'lines')
-    assert teller.close()
+    assert writer.close()
     assert f'{untold} missing' in told
     numbers = [int(text) for text in told if text.isdigit()]
     assert numbers == sorted(numbers) and len(numbers) == WAITING_MAXIMUM + 500 - untold
 
 
 def test_the_end_does_not_wait_for_a_reader(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('rt_robot_os.clients.ros.teller._END_PATIENCE_S', 0.05)
+    monkeypatch.setattr('rt_robot_os.clients.ros.console_writer._END_PATIENCE_S', 0.05)
     gate = threading.Event()
-    teller = Teller(lambda each: gate.wait(TIMEOUT_S), line)
-    teller.put(line(1))
-    assert not teller.close()
+    writer = ConsoleWriter(lambda each: gate.wait(TIMEOUT_S), line)
+    writer.put(line(1))
+    assert not writer.close()
     gate.set()
 
 

@@ -22,16 +22,16 @@ import signal
 import subprocess
 import time
 
-from rt_robot_os.linux.deadman import DeadMan
+from rt_robot_os.linux.dead_man_timer import DeadManTimer
 
 Runner = Callable[..., subprocess.CompletedProcess[str]]
 
 # One native call of several seconds that no signal handler of Python can interrupt.
 HANG = """
 import ctypes, faulthandler, signal, sys, time
-from rt_robot_os.linux.deadman import DeadMan
+from rt_robot_os.linux.dead_man_timer import DeadManTimer
 {before}
-handle = DeadMan()
+handle = DeadManTimer()
 handle.push(time.monotonic_ns() + 100_000_000)
 def hang():
     sum(range(10 ** 12))
@@ -57,7 +57,7 @@ def test_code_that_ignores_the_first_signal_is_ended_by_the_second(run_code: Run
 
 
 def test_one_that_is_pushed_in_time_lives() -> None:
-    handle = DeadMan()
+    handle = DeadManTimer()
     try:
         for _ in range(20):
             handle.push(time.monotonic_ns() + 10_000_000_000)
@@ -70,9 +70,9 @@ def test_one_that_is_pushed_in_time_lives() -> None:
 
 def test_one_that_is_let_go_does_nothing(run_code: Runner) -> None:
     done = run_code("""
-from rt_robot_os.linux.deadman import DeadMan
+from rt_robot_os.linux.dead_man_timer import DeadManTimer
 import time
-handle = DeadMan()
+handle = DeadManTimer()
 handle.push(time.monotonic_ns() + 50_000_000)
 handle.release()
 time.sleep(0.2)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Lines to the console and to /rosout, by a thread of its own.
+Write log lines to the console and to /rosout in a thread of its own.
 
 Whoever reads the console may stop reading (Ctrl-S, a pipe that nobody empties): then this thread
-waits, and nobody else. What it cannot keep up with is counted and told.
+waits, and nobody else. Lines that it cannot keep up with are dropped, counted and reported.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _END_PATIENCE_S = 1.0
 
 class Line(NamedTuple):
     """
-    What is to be told.
+    A line to write.
 
     :ivar wall_ns: when it was said; 0 for a line of the node itself.
     :ivar source: part of the core; empty for the node itself.
@@ -48,13 +48,13 @@ class Line(NamedTuple):
     text: str
 
 
-class Teller:
+class ConsoleWriter:
     """
-    Tell lines in their order.
+    Write lines in their order.
 
-    :param tell: tells one, in the thread; may wait as long as it likes.
+    :param tell: writes one, in the thread; may wait as long as it likes.
     :param summary: makes the line that says how many are missing.
-    :ivar untold: lines that were not told, because they came too fast or nobody reads.
+    :ivar untold: lines that were dropped, because they came too fast or nobody reads.
     """
 
     def __init__(self, tell: Callable[[Line], object], summary: Callable[[int], Line]) -> None:
@@ -70,7 +70,7 @@ class Teller:
         self._thread.start()
 
     def put(self, line: Line) -> None:
-        """Have a line told; never waits, from any thread."""
+        """Have a line written; never waits, from any thread."""
         with self._lock:
             if self._affordable():
                 try:

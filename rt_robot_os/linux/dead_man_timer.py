@@ -14,7 +14,7 @@
 
 
 """
-A dead man's handle: a process that does not move it in time ends, whatever it is doing.
+A dead-man timer: a process that does not push it ahead in time ends, whatever it is doing.
 
 Two POSIX timers (timer_create(2) with SIGEV_SIGNAL) hold it. The first sends SIGABRT, whose
 default action ends the process even while a native call never returns to Python; with
@@ -33,9 +33,9 @@ from rt_robot_os.units import NS_PER_S
 KILL_AFTER_NS = NS_PER_S
 
 
-class DeadMan:
+class DeadManTimer:
     """
-    The handle; it holds nothing before the first :meth:`push`.
+    The timer; it ends nothing before the first :meth:`push`.
 
     :raises OSError: the system has no timer left (RLIMIT_SIGPENDING).
     """
@@ -66,12 +66,12 @@ class DeadMan:
             deadline_ns += KILL_AFTER_NS
 
     def release(self) -> None:
-        """Let go of the process; :meth:`push` takes it again."""
+        """Stop the timer; :meth:`push` starts it again."""
         for timer in self._timers:
             self._arm(timer, 0)
 
     def close(self) -> None:
-        """Let go for good; may be called twice."""
+        """Delete the timer; may be called twice."""
         while self._timers:
             _libc.timer_delete(self._timers.pop())
 
