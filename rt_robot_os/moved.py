@@ -91,6 +91,11 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
     'sim.xsens': ('devices.xsens.twin',),
 }
 
+# Name in an old module -> the new place, where it has a new name as well.
+RENAMED: Final[dict[str, tuple[str, str]]] = {
+    'drivers.device.Publication': ('schema', 'TopicSpec'),
+}
+
 
 class _Old(ModuleType):
     """A module whose names are elsewhere."""
@@ -102,11 +107,13 @@ class _Old(ModuleType):
         :raises AttributeError: it is not there either.
         """
         if not name.startswith('__'):
-            for place in MOVED[self.__name__.partition('.')[2]]:
-                found = getattr(import_module(f'{_PACKAGE}.{place}'), name, None)
+            old = self.__name__.partition('.')[2]
+            renamed = RENAMED.get(f'{old}.{name}')
+            for place, new in [renamed] if renamed else [(each, name) for each in MOVED[old]]:
+                found = getattr(import_module(f'{_PACKAGE}.{place}'), new, None)
                 if found is not None:
                     warnings.warn(
-                        f'{self.__name__}.{name} is now {_PACKAGE}.{place}.{name}; the old name '
+                        f'{self.__name__}.{name} is now {_PACKAGE}.{place}.{new}; the old name '
                         'goes with the next release', DeprecationWarning, stacklevel=2)
                     return found
         raise AttributeError(f'module {self.__name__!r} has no attribute {name!r}')

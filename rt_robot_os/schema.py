@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Fields of a configuration: type, default, range, unit, description.
+What a part of a robot declares of itself: its settings, and the topics that it writes and reads.
 
 A driver, a module and the robot itself each declare their settings as a tuple of :class:`Field`.
 The same declaration checks the YAML file, describes the ROS 2 parameter and documents the key.
@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import field
 import math
 import sys
 from typing import Any
@@ -118,6 +119,61 @@ class Field:
             return False
         return bool((self.minimum is None or value >= self.minimum)
                     and (self.maximum is None or value <= self.maximum))
+
+
+@dataclass(frozen=True)
+class TopicSpec:
+    """
+    One topic as whoever writes it declares it.
+
+    :ivar topic: its name, relative, such as ``imu/data``.
+    :ivar message: ROS 2 type such as ``sensor_msgs/msg/Imu``.
+    :ivar fixed: dotted field name -> value of what never changes: all texts, sequence lengths; see
+        :class:`rt_robot_os.topics.Layout`.
+    :ivar depth: samples kept, a power of two.
+    :ivar rate_hz: samples a second that are expected; 0 when that is not known.
+    :ivar tail: most elements of a last field of variable length; None without.
+    """
+
+    topic: str
+    message: str
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    depth: int = 16
+    rate_hz: float = 0.0
+    tail: int | None = None
+
+
+@dataclass(frozen=True)
+class TopicRead:
+    """
+    One topic as whoever reads it declares it.
+
+    :ivar topic: its name.
+    :ivar wake: True: each publication releases the reader; a number n above 1: each n-th does;
+        ``'all'``: it is released when each of its inputs that say so has something new.
+    :ivar initial: begin with the last sample that is there already.
+    :ivar newest: ``take`` gives only the newest sample; those before it count as skipped.
+    :ivar message: type such as ``'sensor_msgs/msg/Imu'``; empty takes what is there.
+    """
+
+    topic: str
+    wake: bool | int | str = False
+    initial: bool = False
+    newest: bool = False
+    message: str = ''
+
+
+@dataclass(frozen=True)
+class PartTopics:
+    """
+    The topics of a device or a module.
+
+    :ivar published: what it writes.
+    :ivar read: what it reads; a topic may be there more than once.
+    """
+
+    published: tuple[TopicSpec, ...] = ()
+    read: tuple[TopicRead, ...] = ()
 
 
 def number(value: float | None) -> str:

@@ -25,12 +25,21 @@ import pytest
 
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.moved import MOVED
+from rt_robot_os.schema import TopicSpec
 
 
 def test_an_old_import_works_and_names_the_new_place() -> None:
     with pytest.warns(DeprecationWarning, match=r'is now rt_robot_os\.devices\.serial\.device\.'):
         from rt_robot_os.drivers.serial_device import SerialDevice as Old
     assert Old is SerialDevice
+
+
+def test_a_name_that_has_another_name_now_is_the_same_thing() -> None:
+    with pytest.warns(DeprecationWarning, match=r'Publication is now rt_robot_os\.schema\.TopicSp'):
+        from rt_robot_os.drivers.device import Publication
+    assert Publication is TopicSpec
+    old = Publication('imu/data', 'sensor_msgs/msg/Imu', {'header.frame_id': 'imu'}, 16, 100.0)
+    assert (old.topic, old.tail) == ('imu/data', None)
 
 
 def test_a_name_that_never_was_there_is_no_attribute() -> None:

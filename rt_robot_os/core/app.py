@@ -114,9 +114,7 @@ class Core:
         self._told_dropped = False
         self._cpu_latency: HeldCpuLatency | None = None
         for topic in settings.topics:
-            self.bus.declare(topic.topic, topic.message, topic.fixed, tail=topic.tail,
-                             depth=topic.depth, rate_hz=topic.rate_hz)
-            self.bus.make_room(topic.topic, topic.max_subscribers)
+            self.bus.add(topic, topic.max_subscribers)
         self._add_devices(ports or {}, captures)
         self._lifecycle = ModuleLifecycle(self.note)
         self._lifecycle.add(settings.modules, self.kernel, self.bus, self._connect_log)

@@ -31,11 +31,11 @@ import numpy as np
 from rt_robot_os.devices.atmosphere import altitude_m
 from rt_robot_os.devices.atmosphere import altitude_slope_m_pa
 from rt_robot_os.devices.atmosphere import SEA_LEVEL_PA
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 
 _UNKNOWN: Final = 1e6
@@ -100,7 +100,7 @@ class Barometer(I2cDevice):
     def identify(self) -> Transactions[object] | None:
         """Check that it is the right chip, and reset it."""
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: pressure, and temperature and altitude where they have topics."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
@@ -110,7 +110,7 @@ class Barometer(I2cDevice):
         if s['altitude_topic']:
             kinds.append((s['altitude_topic'], 'geometry_msgs/msg/PoseWithCovarianceStamped',
                           {'header.frame_id': s['altitude_frame_id']}))
-        return tuple(Publication(topic, message, fixed, s['depth'], s['output_rate_hz'])
+        return tuple(TopicSpec(topic, message, fixed, s['depth'], s['output_rate_hz'])
                      for topic, message, fixed in kinds)
 
     def changed(self, name: str) -> None:

@@ -40,30 +40,10 @@ from typing import Union
 from rt_robot_os.errors import TopicError
 from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
+from rt_robot_os.schema import TopicSpec
 
 
 Value = Union[str, int, float]
-
-
-@dataclass(frozen=True)
-class Publication:
-    """
-    One topic that a device publishes on.
-
-    :ivar topic: name of the topic.
-    :ivar message: ROS 2 type such as ``sensor_msgs/msg/Imu``.
-    :ivar fixed: dotted field name -> value of what never changes: all texts, sequence lengths.
-    :ivar depth: samples kept, a power of two.
-    :ivar rate_hz: samples a second that the device is expected to give.
-    :ivar tail: most elements of a last field of variable length; None without.
-    """
-
-    topic: str
-    message: str
-    fixed: Mapping[str, object]
-    depth: int
-    rate_hz: float
-    tail: int | None = None
 
 
 class SamplePublisher(Protocol):
@@ -255,7 +235,7 @@ class Device(LiveSettings, ABC):
         return self.IF_SILENT
 
     @abstractmethod
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what the device publishes; does not change while the device lives."""
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:

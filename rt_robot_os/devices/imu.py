@@ -30,8 +30,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 IDENTITY: Final = (0.0, 0.0, 0.0, 1.0)
 NONE: Final = (0.0, 0.0, 0.0)
@@ -68,14 +68,14 @@ def imu_settings(
     )
 
 
-def imu_publications(settings: Mapping[str, Any]) -> tuple[Publication, ...]:
+def imu_publications(settings: Mapping[str, Any]) -> tuple[TopicSpec, ...]:
     """Say what such a unit publishes: Imu, and MagneticField unless its topic is empty."""
     fixed = {'header.frame_id': settings['frame_id']}
     kinds = [(settings['topic'], 'sensor_msgs/msg/Imu')]
     if settings['mag_topic']:
         kinds.append((settings['mag_topic'], 'sensor_msgs/msg/MagneticField'))
     return tuple(
-        Publication(topic, message, fixed, settings['depth'], settings['output_rate_hz'])
+        TopicSpec(topic, message, fixed, settings['depth'], settings['output_rate_hz'])
         for topic, message in kinds)
 
 

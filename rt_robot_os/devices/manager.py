@@ -77,10 +77,8 @@ class SensorManager:
         :raises TopicError: one of its topics is taken by another type.
         """
         publications = device.publications()
-        for p in publications:
-            self._bus.declare(p.topic, p.message, p.fixed, tail=p.tail, depth=p.depth,
-                              rate_hz=p.rate_hz)
-            self._bus.make_room(p.topic, max_subscribers)
+        for spec in publications:
+            self._bus.add(spec, max_subscribers)
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
         device.resources = {each.name: each for each in declared.get('resources', ())}
         managed.task = self._kernel.add_task(

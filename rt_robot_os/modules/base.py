@@ -32,9 +32,9 @@ in :meth:`Module.step`::
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
@@ -47,6 +47,8 @@ from rt_robot_os.modules.ports import connect
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicRead
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 
@@ -159,32 +161,21 @@ class Module(LiveSettings):
         default = self.ports()[attribute].topic
         return str(self.settings.get(f'{attribute}_topic', default))
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Return the topics that the module writes."""
         return tuple(
-            Publication(self.topic_of(attribute), port.message, port.fixed, port.depth,
-                        self._rate_hz)
+            TopicSpec(self.topic_of(attribute), port.message, port.fixed, port.depth,
+                      port.rate_hz or self._rate_hz, port.tail)
             for attribute, port in self._connected().items() if isinstance(port, Output))
+
+    def reads(self) -> tuple[TopicRead, ...]:
+        """Return what the module reads: each of its inputs, with its topic as it is set."""
+        return tuple(replace(port, topic=self.topic_of(attribute))
+                     for attribute, port in self._connected().items() if isinstance(port, Input))
 
     def subscriptions(self) -> tuple[str, ...]:
         """Return the names of the topics that the module reads."""
-        return tuple(self.topic_of(attribute) for attribute, port in self._connected().items()
-                     if isinstance(port, Input))
-
-    def input_types(self) -> dict[str, str]:
-        """Return the message type that each input must have, by topic; empty when any will do."""
-        return {self.topic_of(attribute): port.message
-                for attribute, port in self._connected().items() if isinstance(port, Input)}
-
-    def waking_topics(self) -> tuple[str, ...]:
-        """Return the topics whose publications release the module."""
-        return tuple(self.wakes())
-
-    def wakes(self) -> dict[str, bool | int | str]:
-        """Return the topics whose publications release the module, and which of them do."""
-        return {self.topic_of(attribute): port.wake
-                for attribute, port in self._connected().items()
-                if isinstance(port, Input) and port.wake}
+        return tuple(each.topic for each in self.reads())
 
     def _connected(self) -> dict[str, Input | Output]:
         return {attribute: port for attribute, port in self.ports().items()
@@ -217,9 +208,8 @@ class Module(LiveSettings):
         :param max_subscribers: how many may read each of them.
         """
         self._rate_hz = rate_hz
-        for p in self.publications():
-            bus.declare(p.topic, p.message, p.fixed, depth=p.depth, rate_hz=p.rate_hz)
-            bus.make_room(p.topic, max_subscribers)
+        for spec in self.publications():
+            bus.add(spec, max_subscribers)
 
     def bind(self, bus: Bus, task: Task) -> None:
         """

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from dataclasses import field
-from typing import Any
 from typing import Final
 from typing import overload
 from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Task
+from rt_robot_os.schema import TopicRead
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
@@ -37,23 +37,12 @@ WAKE_ON_ALL: Final = 'all'
 
 
 @dataclass(frozen=True)
-class Input:
+class Input(TopicRead):
     """
     A topic that a module reads; in an instance the attribute is a :class:`Subscription`.
 
-    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
-    :ivar message: type such as ``'sensor_msgs/msg/Imu'``; empty takes what is there.
-    :ivar wake: True: each publication releases the module; a number n above 1: each n-th does;
-        ``'all'``: it is released when each of its inputs that say so has something new.
-    :ivar initial: begin with the last sample that is there already.
-    :ivar newest: ``take`` gives only the newest sample; those before it count as skipped.
+    Its name is the default of the setting ``<attribute>_topic``.
     """
-
-    topic: str
-    wake: bool | int | str = False
-    initial: bool = False
-    newest: bool = False
-    message: str = ''
 
     def __post_init__(self) -> None:
         number = isinstance(self.wake, int) and self.wake >= 0
@@ -75,20 +64,12 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(TopicSpec):
     """
     A topic that a module writes; in an instance the attribute is a :class:`Publisher`.
 
-    :ivar topic: its name; the setting ``<attribute>_topic`` replaces it.
-    :ivar message: type such as ``'geometry_msgs/msg/Twist'``.
-    :ivar fixed: its strings and lengths, see :class:`rt_robot_os.topics.Layout`.
-    :ivar depth: number of samples kept, a power of two.
+    Its name is the default of the setting ``<attribute>_topic``; ``rate_hz`` 0 is the module's.
     """
-
-    topic: str
-    message: str
-    fixed: Mapping[str, Any] = field(default_factory=dict)
-    depth: int = 16
 
     @overload
     def __get__(self, instance: None, owner: type) -> Output: ...

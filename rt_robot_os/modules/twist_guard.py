@@ -18,12 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from typing import Final
 
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
+
+_TWIST: Final = 'geometry_msgs/msg/Twist'
 
 
 def _limited(value: float, limit: float) -> float:
@@ -41,8 +44,8 @@ class TwistGuard(Module):
     make a command older than that, never younger.
     """
 
-    command = Input('cmd_vel')
-    safe = Output('cmd_vel_safe', 'geometry_msgs/msg/Twist')
+    command = Input('cmd_vel', message=_TWIST)
+    safe = Output('cmd_vel_safe', _TWIST)
 
     SETTINGS = (
         Field('timeout_s', float, 0.5, 'age of a command at which the robot is stopped', 's',

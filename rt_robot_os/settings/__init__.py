@@ -21,7 +21,6 @@ Nothing is opened here, and nothing of ROS 2 is needed.
 
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
-from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.json_text import from_json
 from rt_robot_os.settings.json_text import to_json
 from rt_robot_os.settings.load import load
@@ -46,6 +45,6 @@ from rt_robot_os.settings.ros_args import RosArguments
 __all__ = [
     'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'LogSettings', 'MirrorSettings',
     'ModuleSettings', 'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT',
-    'TaskSettings', 'TopicSettings', 'TopicUse', 'WatchdogSettings', 'changed', 'check_change',
+    'TaskSettings', 'TopicSettings', 'WatchdogSettings', 'changed', 'check_change',
     'default_path', 'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
 ]

@@ -26,39 +26,15 @@ from collections.abc import Hashable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
-from dataclasses import field
 from typing import Any, Protocol
 
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import PartTopics
 
 
-@dataclass(frozen=True, slots=True)
-class TopicUse:
-    """
-    A topic that a device or a module publishes or reads.
-
-    :ivar message: its type, such as ``sensor_msgs/msg/Imu``; empty when a reader takes any.
-    :ivar publishes: False when it only reads.
-    :ivar fixed: strings and lengths of sequences fixed at declaration.
-    :ivar tail: largest length of a variable last field; None without.
-    :ivar depth: samples that the publisher wants kept; 0 when it does not care.
-    :ivar wakes: publications release the reader.
-    :ivar seldom: not each of them does: every n-th one, or together with another topic.
-    """
-
-    topic: str
-    message: str
-    publishes: bool = True
-    fixed: Mapping[str, Any] = field(default_factory=dict)
-    tail: int | None = None
-    wakes: bool = False
-    seldom: bool = False
-    depth: int = 0
-
-
-def no_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+def no_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
     """Use no topic."""
-    return ()
+    return PartTopics()
 
 
 def no_check(name: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
@@ -71,7 +47,7 @@ class Kind:
     A driver, a module or a simulator, as far as settings care.
 
     :ivar fields: its own settings.
-    :ivar uses: its topics, from the name of its section and the checked settings.
+    :ivar topics: its topics, from the name of its section and the checked settings.
     :ivar check: of a simulator, raises ConfigError when its settings do not fit together or do not
         fit those of the device.
     :ivar shares_port: several devices may be on one port (a bus).
@@ -79,7 +55,7 @@ class Kind:
     """
 
     fields: tuple[Field, ...] = ()
-    uses: Callable[[str, Mapping[str, Any]], Sequence[TopicUse]] = no_topics
+    topics: Callable[[str, Mapping[str, Any]], PartTopics] = no_topics
     check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
     shares_port: bool = False
     answers: bool = False

@@ -28,9 +28,9 @@ from pathlib import Path
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
-from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.problems import did_you_mean
 
 
@@ -78,11 +78,10 @@ def _driver(name: str) -> Kind:
     from rt_robot_os.devices.registry import DRIVERS
     cls = DRIVERS.load(name)
 
-    def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-        return [TopicUse(each.topic, each.message, True, each.fixed, each.tail, depth=each.depth)
-                for each in cls(section, values).publications()]
+    def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
+        return PartTopics(cls(section, values).publications())
 
-    return Kind(tuple(cls.SETTINGS), uses, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
+    return Kind(tuple(cls.SETTINGS), topics, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
                 has_safe_state=hasattr(cls, 'safe_state'))
 
 
@@ -95,17 +94,11 @@ def _module(name: str) -> Kind:
     from rt_robot_os.modules import registry
     cls = registry.module_class(name)
 
-    def uses(section: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+    def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
         module = cls(section, values)
-        written = [TopicUse(each.topic, each.message, True, each.fixed, depth=each.depth)
-                   for each in module.publications()]
-        waking, types = module.wakes(), module.input_types()
-        return [*written, *(
-            TopicUse(topic, types.get(topic, ''), False, wakes=topic in waking,
-                     seldom=waking.get(topic) not in (True, 1))
-            for topic in module.subscriptions())]
+        return PartTopics(module.publications(), module.reads())
 
-    return Kind(tuple(cls.fields()), uses, has_safe_state=hasattr(cls, 'safe_state'),
+    return Kind(tuple(cls.fields()), topics, has_safe_state=hasattr(cls, 'safe_state'),
                 is_coroutine=hasattr(cls, 'run'))
 
 

@@ -23,6 +23,8 @@ from dataclasses import field
 from types import MappingProxyType
 from typing import Any, Final
 
+from rt_robot_os.schema import TopicSpec
+
 # The port of a simulated device.
 SIM_PORT: Final = 'sim'
 
@@ -201,28 +203,16 @@ class ModuleSettings:
     max_subscribers: int = 64
 
 
-@dataclass(frozen=True, slots=True)
-class TopicSettings:
+@dataclass(frozen=True)
+class TopicSettings(TopicSpec):
     """
     A topic of the core that no device and no module declares.
 
     :ivar name: its section.
-    :ivar topic: its name in the core; the section's unless given.
-    :ivar message: its type, such as ``geometry_msgs/msg/Twist``.
-    :ivar depth: slots in the ring, a power of two.
-    :ivar rate_hz: the rate expected; 0 when unknown.
-    :ivar fixed: strings and lengths of sequences fixed at declaration, by dotted field name.
-    :ivar tail: bytes reserved for the one sequence of variable length; None without.
     :ivar max_subscribers: how many modules may read it.
     """
 
-    name: str
-    topic: str
-    message: str
-    depth: int
-    rate_hz: float
-    fixed: Mapping[str, Any] = field(default_factory=_nothing)
-    tail: int | None = None
+    name: str = ''
     max_subscribers: int = 64
 
 

@@ -25,11 +25,11 @@ from typing import Any
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.catalogue import Lookup
-from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import DEVICE
 from rt_robot_os.settings.fields import MODULE
 from rt_robot_os.settings.fields import TASK
@@ -169,7 +169,7 @@ def _check_simulator(
         problems.add(found.origin, text)
 
 
-def topics_of(part: Part, noun: str, problems: Problems) -> Sequence[TopicUse] | None:
+def topics_of(part: Part, noun: str, problems: Problems) -> PartTopics | None:
     """
     Ask the class which topics it uses with these settings.
 
@@ -186,7 +186,7 @@ def topics_of(part: Part, noun: str, problems: Problems) -> Sequence[TopicUse] |
             complete = False
             values[each.name] = _stand_in(each)
     try:
-        return tuple(part.kind.uses(part.name, values))
+        return part.kind.topics(part.name, values)
     except RtRobotError as error:
         if complete:
             for line in str(error).splitlines():

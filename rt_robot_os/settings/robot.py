@@ -23,8 +23,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import LOG
 from rt_robot_os.settings.fields import MIRROR
@@ -114,9 +114,9 @@ def _read_fixed_section(
 def _fill_table(
     table: TopicTable, devices: list[Part], modules: list[Part], topics: list[Section],
     catalogue: Catalogue, problems: Problems,
-) -> Mapping[str, Sequence[TopicUse] | None]:
+) -> Mapping[str, PartTopics | None]:
     """Enter every topic; give those of each part."""
-    found: dict[str, Sequence[TopicUse] | None] = {}
+    found: dict[str, PartTopics | None] = {}
     for noun, parts in (('device', devices), ('module', modules)):
         for part in parts:
             uses = found[part.name] = topics_of(part, noun, problems)
@@ -151,26 +151,26 @@ def _read_fixed(branch: Branch, name: str, problems: Problems) -> Mapping[str, A
 def _build_topic(section: Section) -> TopicSettings:
     values = section.values
     return TopicSettings(
-        name=section.name, topic=values['topic'] or section.name, message=values['message'],
-        depth=values['depth'], rate_hz=values['rate_hz'], fixed=frozen(values['fixed']),
-        tail=values['tail'] or None, max_subscribers=values['max_subscribers'])
+        values['topic'] or section.name, values['message'], frozen(values['fixed']),
+        values['depth'], values['rate_hz'], values['tail'] or None,
+        name=section.name, max_subscribers=values['max_subscribers'])
 
 
 def _silent_topics(
     parts: Sequence[Part], topics: Sequence[Section],
-    uses: Mapping[str, Sequence[TopicUse] | None],
+    uses: Mapping[str, PartTopics | None],
 ) -> Iterator[TopicSettings]:
     """Give the topics of what is not enabled: who reads or mirrors them waits, and that is all."""
     published = {section.values['topic'] or section.name for section in topics}
     for part in parts:
         if part.enabled:
-            published.update(use.topic for use in uses[part.name] or () if use.publishes)
+            published.update(spec.topic for spec in (uses[part.name] or PartTopics()).published)
     for part in parts:
-        for use in uses[part.name] or ():
-            if not part.enabled and use.publishes and use.topic not in published:
-                published.add(use.topic)
-                yield TopicSettings(f'{part.name}_off_{len(published)}', use.topic, use.message,
-                                    1, 0.0, frozen(use.fixed), use.tail)
+        for spec in (uses[part.name] or PartTopics()).published:
+            if not part.enabled and spec.topic not in published:
+                published.add(spec.topic)
+                yield TopicSettings(spec.topic, spec.message, frozen(spec.fixed), 1, 0.0,
+                                    spec.tail, f'{part.name}_off_{len(published)}')
 
 
 def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 
-from rt_robot_os.settings.catalogue import TopicUse
+from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.fields import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.names import is_token
@@ -37,7 +37,7 @@ from rt_robot_os.units import period_from_rate
 
 SHORTEST_TIMEOUT_S = 0.1
 
-Uses = Mapping[str, 'Sequence[TopicUse] | None']
+Uses = Mapping[str, 'PartTopics | None']
 
 
 def contradictions(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
@@ -128,7 +128,7 @@ def check_tasks(
                 _reject(part.section, key, remedy, problems)
         _check_class(part, problems)
         _check_interrupt(part, problems)
-        if any(use.wakes for use in uses.get(part.name) or ()) and rate_hz and (
+        if _is_woken(uses.get(part.name)) and rate_hz and (
                 task_of(part).logical_execution):
             _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
                     'instants at which inputs are taken: let it read without wake', problems)
@@ -146,7 +146,7 @@ def _reject(section: Section, key: str, remedy: str, problems: Problems) -> None
         problems.value(section.where(key), f'{section.name}.{key}', section.values[key], remedy)
 
 
-def _check_rate(part: Part, uses: Sequence[TopicUse] | None, problems: Problems) -> None:
+def _check_rate(part: Part, uses: PartTopics | None, problems: Problems) -> None:
     rate_hz = part.section.values.get('rate_hz')
     if rate_hz is None or part.kind is None:
         return
@@ -156,10 +156,14 @@ def _check_rate(part: Part, uses: Sequence[TopicUse] | None, problems: Problems)
                  'kernel.every(hz).next()' if rate_hz else '')
     elif 0.0 < rate_hz < SLOWEST_HZ:
         wrong = f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
-    elif not rate_hz and uses is not None and not any(use.wakes for use in uses):
+    elif not rate_hz and uses is not None and not _is_woken(uses):
         wrong = 'none of its inputs releases it (wake): give it a rate'
     if wrong:
         part.section.reject('rate_hz', wrong, problems)
+
+
+def _is_woken(uses: PartTopics | None) -> bool:
+    return uses is not None and any(each.wake for each in uses.read)
 
 
 def _check_class(part: Part, problems: Problems) -> None:
@@ -206,14 +210,15 @@ def _check_circles(parts: Sequence[Part], uses: Uses, problems: Problems) -> Non
     """Find modules that release each other in a circle: they would never come to rest."""
     readers: dict[str, list[str]] = {}
     for part in parts:
-        for use in uses.get(part.name) or ():
-            if use.wakes and not use.seldom:
-                readers.setdefault(use.topic, []).append(part.name)
+        for read in (uses.get(part.name) or PartTopics()).read:
+            # Not one that waits for several publications, or for other topics as well.
+            if read.wake is True or read.wake == 1:
+                readers.setdefault(read.topic, []).append(part.name)
     followers: dict[str, dict[str, str]] = {part.name: {} for part in parts}
     for part in parts:
-        for use in uses.get(part.name) or ():
-            for reader in readers.get(use.topic, ()) if use.publishes else ():
-                followers[part.name].setdefault(reader, use.topic)
+        for spec in (uses.get(part.name) or PartTopics()).published:
+            for reader in readers.get(spec.topic, ()):
+                followers[part.name].setdefault(reader, spec.topic)
     _keep_circles(followers)
     told: set[str] = set()
     for part in parts:

@@ -28,8 +28,10 @@ import os
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.link.stamped import FRAME_ID_BYTES_MAXIMUM
 from rt_robot_os.link.stamped import STAMPED_BYTES
+from rt_robot_os.schema import PartTopics
+from rt_robot_os.schema import TopicRead
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.catalogue import TopicUse
 from rt_robot_os.settings.fields import SUBSCRIBERS_MAXIMUM
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.names import full_topic
@@ -46,7 +48,7 @@ from rt_robot_os.settings.tree import Origin
 
 @dataclass(frozen=True, slots=True)
 class _Declared:
-    use: TopicUse
+    spec: TopicSpec
     by: str
     origin: Origin
     shape: Hashable
@@ -63,7 +65,7 @@ class TopicTable:
     """
 
     declared: dict[str, _Declared] = field(default_factory=dict)
-    read: list[tuple[TopicUse, str, Origin]] = field(default_factory=list)
+    read: list[tuple[TopicRead, str, Origin]] = field(default_factory=list)
     limits: dict[str, tuple[int, str, Origin]] = field(default_factory=dict)
     complete: bool = True
     loose: set[str] = field(default_factory=set)
@@ -79,23 +81,28 @@ class TopicTable:
 
     def message(self, topic: str) -> str:
         """Give the type of a declared topic."""
-        return self.declared[topic].use.message
+        return self.declared[topic].spec.message
 
     def add_uses(
-        self, section: Section, noun: str, uses: Sequence[TopicUse] | None,
+        self, section: Section, noun: str, uses: PartTopics | None,
         catalogue: Catalogue, problems: Problems,
     ) -> None:
         """Enter the topics of one part."""
         if uses is None:
             self.complete = False
             return
-        for use in uses:
-            key = next((k for k, v in section.values.items() if v == use.topic), '')
+        by = f'{noun} {section.name}'
+        topics: tuple[TopicSpec | TopicRead, ...] = (*uses.published, *uses.read)
+        for each in topics:
+            key = next((k for k, v in section.values.items() if v == each.topic), '')
             label = f'{section.name}.{key}' if key else f'topic of {section.name}'
-            by = f'{noun} {section.name}'
-            self._enter(use, label, section.where(key), by, catalogue, problems)
-            if use.publishes:
-                self._limit(use.topic, section)
+            if not self._is_name(each.topic, label, section.where(key), problems):
+                continue
+            if isinstance(each, TopicSpec):
+                self._declare(each, label, section.where(key), by, catalogue, problems)
+                self._limit(each.topic, section)
+            else:
+                self.read.append((each, by, section.where(key)))
 
     def add_topic(self, section: Section, catalogue: Catalogue, problems: Problems) -> None:
         """Enter a topic of the list ``topics``."""
@@ -109,47 +116,48 @@ class TopicTable:
             text = f'{topic!r} is declared by {old.by} already: delete it here'
             problems.add(section.where('topic'), f'{section.name}: {text}')
             return
-        use = TopicUse(topic, values['message'], True, values['fixed'], values.get('tail') or None)
+        spec = TopicSpec(topic, values['message'], values['fixed'],
+                         tail=values.get('tail') or None)
         label = f'{section.name}.topic'
-        self._enter(use, label, section.where('topic'), by, catalogue, problems,
-                    section.where('message'))
+        if self._is_name(topic, label, section.where('topic'), problems):
+            self._declare(spec, label, section.where('topic'), by, catalogue, problems,
+                          section.where('message'))
         self._limit(topic, section)
 
-    def _enter(
-        self, use: TopicUse, label: str, origin: Origin, by: str, catalogue: Catalogue,
-        problems: Problems, message_origin: Origin | None = None,
-    ) -> None:
-        wrong = topic_problem(use.topic)
+    def _is_name(self, topic: str, label: str, origin: Origin, problems: Problems) -> bool:
+        wrong = topic_problem(topic)
         if wrong:
-            problems.value(origin, label, use.topic, wrong)
+            problems.value(origin, label, topic, wrong)
             self.complete = False
             self.loose.add(label.partition('.')[0])
-            return
-        if not use.publishes:
-            self.read.append((use, by, origin))
-            return
+        return not wrong
+
+    def _declare(
+        self, spec: TopicSpec, label: str, origin: Origin, by: str, catalogue: Catalogue,
+        problems: Problems, message_origin: Origin | None = None,
+    ) -> None:
         shape: Hashable = None
         try:
-            wrong = message_problem(use.message)
-            shape = None if wrong else catalogue.layout(use.message, use.fixed, use.tail)
+            wrong = message_problem(spec.message)
+            shape = None if wrong else catalogue.layout(spec.message, spec.fixed, spec.tail)
         except LayoutError as error:
             wrong = str(error)
         if wrong and message_origin:
             name = label.rpartition('.')[0]
-            problems.value(message_origin, f'{name}.message', use.message, wrong)
+            problems.value(message_origin, f'{name}.message', spec.message, wrong)
         elif wrong:
-            problems.add(origin, f'{by} declares {use.topic!r} as {use.message!r}: {wrong}')
-        self.names.add(use.topic)
-        old = self.declared.setdefault(use.topic, _Declared(use, by, origin, shape))
+            problems.add(origin, f'{by} declares {spec.topic!r} as {spec.message!r}: {wrong}')
+        self.names.add(spec.topic)
+        old = self.declared.setdefault(spec.topic, _Declared(spec, by, origin, shape))
         if shape is not None and old.shape is not None and shape != old.shape:
-            difference = f'{old.use.message} ({old.by}, {old.origin})'
-            if old.use.message == use.message:
+            difference = f'{old.spec.message} ({old.by}, {old.origin})'
+            if old.spec.message == spec.message:
                 difference += ' with other fixed fields'
-            problems.value(origin, label, use.topic,
-                           f'is {use.message} here but {difference}: choose another name')
-        elif use.depth and old.use.depth and use.depth != old.use.depth:
-            problems.value(origin, label, use.topic,
-                           f'keeps {use.depth} samples here but {old.use.depth} ({old.by}, '
+            problems.value(origin, label, spec.topic,
+                           f'is {spec.message} here but {difference}: choose another name')
+        elif spec.depth != old.spec.depth:
+            problems.value(origin, label, spec.topic,
+                           f'keeps {spec.depth} samples here but {old.spec.depth} ({old.by}, '
                            f'{old.origin}): give both the same depth')
 
     def _limit(self, topic: str, section: Section) -> None:
@@ -166,9 +174,9 @@ class TopicTable:
             wrong = self.missing(use.topic)
             if wrong:
                 problems.add(origin, f"{by} reads {use.topic!r}: {wrong} Or add it to 'topics'")
-            elif old and old.shape and use.message and old.use.message != use.message:
+            elif old and old.shape and use.message and old.spec.message != use.message:
                 problems.add(origin, f'{by} reads {use.topic!r} as {use.message}, but it is '
-                             f'{old.use.message} ({old.by}, {old.origin})')
+                             f'{old.spec.message} ({old.by}, {old.origin})')
         for topic, count in Counter(use.topic for use, _, _ in self.read).items():
             if topic not in self.limits:
                 continue

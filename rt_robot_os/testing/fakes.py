@@ -25,11 +25,11 @@ from typing import Any
 
 import pytest
 from rt_robot_os.devices.device import Device
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.modules import Module
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Layout
 
 
@@ -37,7 +37,7 @@ from rt_robot_os.topics import Layout
 _LAYOUTS: dict[tuple[str, str], Layout] = {}
 
 
-def _layout(publication: Publication) -> Layout:
+def _layout(publication: TopicSpec) -> Layout:
     key = (publication.message, repr((publication.fixed, publication.tail)))
     if key not in _LAYOUTS:
         _LAYOUTS[key] = Layout.compile(publication.message, publication.fixed,
@@ -56,7 +56,7 @@ class RecordingPublisher:
     :ivar values: their bytes.
     """
 
-    def __init__(self, publication: Publication) -> None:
+    def __init__(self, publication: TopicSpec) -> None:
         self.publication = publication
         self.layout = _layout(publication)
         self._buffer = self.layout.new_buffer()

@@ -24,6 +24,7 @@ from typing import Any
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.layout import Layout
 from rt_robot_os.topics.logical import LogicalPublisher
 from rt_robot_os.topics.logical import LogicalSubscription
@@ -93,6 +94,22 @@ class Bus:
         self._topics[name] = topic
         return topic
 
+    def add(self, spec: TopicSpec, max_subscribers: int) -> Topic:
+        """
+        Declare a topic as a part of the robot specified it; not for the real-time loop.
+
+        :param max_subscribers: how many may read it; of several that say so the largest counts.
+        :raises TopicError: as for :meth:`declare`.
+        :raises LayoutError: the message cannot be laid out like this.
+        """
+        topic = self.declare(spec.topic, spec.message, spec.fixed, tail=spec.tail,
+                             depth=spec.depth, rate_hz=spec.rate_hz)
+        check_numbers(spec.topic, topic.depth, topic.rate_hz, max_subscribers)
+        before = topic.max_subscribers
+        first = isinstance(before, Default)
+        topic.max_subscribers = max_subscribers if first else max(before, max_subscribers)
+        return topic
+
     def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
         """Check a further declaration of a topic against those before."""
         if topic.depth_given and not isinstance(depth, Default) and depth != topic.depth:
@@ -108,18 +125,6 @@ class Bus:
             raise TopicError(f'topic {topic.name!r}: max_subscribers {max_subscribers} is less '
                              f'than the {topic.counted} subscribers that it has')
         topic.max_subscribers = max_subscribers
-
-    def make_room(self, name: str, max_subscribers: int) -> None:
-        """
-        Say how many may read a topic; of several that say so the largest number counts.
-
-        :raises TopicError: no such topic, or the number is out of range.
-        """
-        topic = self.topic(name)
-        check_numbers(name, topic.depth, topic.rate_hz, max_subscribers)
-        before = topic.max_subscribers
-        first = isinstance(before, Default)
-        topic.max_subscribers = max_subscribers if first else max(before, max_subscribers)
 
     def topic(self, name: str) -> Topic:
         """

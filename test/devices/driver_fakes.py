@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rt_robot_os.devices.device import Device
-from rt_robot_os.devices.device import Publication
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.testing.fakes import opened
 from rt_robot_os.testing.fakes import read_all  # noqa: F401
 from rt_robot_os.testing.fakes import read_until  # noqa: F401
@@ -127,7 +127,7 @@ class FakeMessage:
 class FakePublisher:
     """Keeps what was published; its message is spoilt after each sample."""
 
-    def __init__(self, publication: Publication) -> None:
+    def __init__(self, publication: TopicSpec) -> None:
         self.publication = publication
         lengths = {name: size for name, size in publication.fixed.items()
                    if isinstance(size, int)}

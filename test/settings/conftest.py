@@ -30,12 +30,14 @@ import pytest
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicRead
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import Kind
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
-from rt_robot_os.settings import TopicUse
 
 MESSAGES = ('sensor_msgs/msg/Imu', 'sensor_msgs/msg/MagneticField', 'sensor_msgs/msg/NavSatFix',
             'sensor_msgs/msg/TimeReference', 'geometry_msgs/msg/Twist')
@@ -68,23 +70,23 @@ def layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashable
     return message, tuple(sorted(fixed.items())), tail
 
 
-def imu_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+def imu_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
     fixed = {'header.frame_id': values['frame_id']}
-    return (TopicUse(values['topic'], 'sensor_msgs/msg/Imu', True, fixed),
-            TopicUse(values['mag_topic'], 'sensor_msgs/msg/MagneticField', True, fixed))
+    return PartTopics((TopicSpec(values['topic'], 'sensor_msgs/msg/Imu', fixed),
+                       TopicSpec(values['mag_topic'], 'sensor_msgs/msg/MagneticField', fixed)))
 
 
-def gps_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-    return (TopicUse(values['topic'], 'sensor_msgs/msg/NavSatFix'),
-            TopicUse(values['time_topic'], 'sensor_msgs/msg/TimeReference'))
+def gps_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
+    return PartTopics((TopicSpec(values['topic'], 'sensor_msgs/msg/NavSatFix'),
+                       TopicSpec(values['time_topic'], 'sensor_msgs/msg/TimeReference')))
 
 
-def guard_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-    return (TopicUse(values['safe_topic'], 'geometry_msgs/msg/Twist'),
-            TopicUse(values['command_topic'], 'geometry_msgs/msg/Twist', False))
+def guard_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
+    return PartTopics((TopicSpec(values['safe_topic'], 'geometry_msgs/msg/Twist'),),
+                      (TopicRead(values['command_topic'], message='geometry_msgs/msg/Twist'),))
 
 
-def broken_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
+def broken_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
     raise ZeroDivisionError('a module of the user')
 
 
@@ -113,7 +115,7 @@ def catalogue() -> Catalogue:
                 Field('address', int, 0x76, 'on the bus')), shares_port=True)
     return Catalogue(
         drivers=Kinds({'witmotion': imu, 'nmea': gps, 'chip': bus}),
-        modules=Kinds({'twist_guard': guard, 'broken': Kind(uses=broken_topics)}),
+        modules=Kinds({'twist_guard': guard, 'broken': Kind(topics=broken_topics)}),
         simulators=Kinds({'witmotion': simulated, 'nmea': simulated}),
         layout=layout)
 

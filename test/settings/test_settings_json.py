@@ -57,8 +57,8 @@ ROBOTS = st.builds(
                        NUMBERS, MAPS, st.none() | MAPS, TEXTS, TASKS), max_size=2).map(tuple),
     st.lists(st.builds(ModuleSettings, TEXTS, TEXTS, NUMBERS, INTEGERS, MAPS, TASKS),
              max_size=2).map(tuple),
-    st.lists(st.builds(TopicSettings, TEXTS, TEXTS, TEXTS, INTEGERS, NUMBERS, MAPS,
-                       st.none() | INTEGERS), max_size=2).map(tuple),
+    st.lists(st.builds(TopicSettings, TEXTS, TEXTS, MAPS, INTEGERS, NUMBERS,
+                       st.none() | INTEGERS, TEXTS, INTEGERS), max_size=2).map(tuple),
     st.lists(st.builds(MirrorSettings, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, TEXTS, NUMBERS, TEXTS,
                        TEXTS, INTEGERS), max_size=2).map(tuple),
     st.builds(WatchdogSettings, NUMBERS, TEXTS, INTEGERS, TEXTS))

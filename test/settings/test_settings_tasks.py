@@ -26,13 +26,15 @@ from typing import Any
 import pytest
 
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import PartTopics
+from rt_robot_os.schema import TopicRead
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import changed
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import Kind
 from rt_robot_os.settings import parameters
 from rt_robot_os.settings import RobotSettings
-from rt_robot_os.settings import TopicUse
 from rt_robot_os.settings.installed import installed
 
 Loader = Callable[..., RobotSettings]
@@ -51,9 +53,9 @@ robot:
 """
 
 
-def relay_topics(name: str, values: Mapping[str, Any]) -> Sequence[TopicUse]:
-    return (TopicUse(values['out'], TWIST),
-            TopicUse(values['into'], '', False, wakes=values['wake']))
+def relay_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
+    return PartTopics((TopicSpec(values['out'], TWIST),),
+                      (TopicRead(values['into'], wake=values['wake']),))
 
 
 @pytest.fixture(scope='session')
@@ -293,5 +295,5 @@ def test_what_a_task_declares_is_a_parameter(load_text: Loader, catalogue: Catal
 
 
 def test_the_guard_that_is_installed_wakes_nobody_in_a_circle() -> None:
-    uses = installed().modules.find('twist_guard').uses('guard', {})
-    assert [use.wakes for use in uses if not use.publishes] == [False]
+    topics = installed().modules.find('twist_guard').topics('guard', {})
+    assert [each.wake for each in topics.read] == [False]

@@ -27,11 +27,11 @@ from typing import NamedTuple
 
 import pytest
 
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.framing import FrameDecoder
 from rt_robot_os.devices.framing import StreamDecoder
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.testing import DriverContract
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -73,9 +73,9 @@ class Driver(SerialDevice[Frame]):
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings, self.decoder())
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         s = self.settings
-        return (Publication(s['topic'], 'geometry_msgs/msg/Vector3Stamped',
+        return (TopicSpec(s['topic'], 'geometry_msgs/msg/Vector3Stamped',
                             {'header.frame_id': s['frame_id']}, s['depth'], 10.0),)
 
     def handle(self, frame: Frame, arrival_ns: int) -> int:

@@ -23,11 +23,11 @@ from typing import Any
 
 from rt_robot_example.protocol import GaugeDecoder
 from rt_robot_example.protocol import Reading
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 
 class BatteryGauge(SerialDevice[Reading]):
@@ -49,10 +49,10 @@ class BatteryGauge(SerialDevice[Reading]):
         """Tell other drivers, when ports are swapped, that the bytes are of a gauge."""
         return bool(GaugeDecoder().feed(data))
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published; texts are fixed here."""
         s = self.settings
-        return (Publication(
+        return (TopicSpec(
             s['topic'], 'sensor_msgs/msg/BatteryState',
             {'header.frame_id': s['frame_id'], 'location': self.name},
             s['depth'], s['output_rate_hz']),)

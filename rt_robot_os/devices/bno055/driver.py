@@ -40,7 +40,6 @@ from rt_robot_os.devices.bno055 import wire
 from rt_robot_os.devices.bno055.wire import Bno055Decoder
 from rt_robot_os.devices.bno055.wire import Bno055Frame
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.imu import imu_publications
 from rt_robot_os.devices.imu import imu_settings
 from rt_robot_os.devices.imu import ImuFiller
@@ -50,6 +49,7 @@ from rt_robot_os.devices.serial.handshake import Handshake
 from rt_robot_os.devices.serial.handshake import Step
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import period_from_rate
 
@@ -107,12 +107,12 @@ class Bno055(SerialDevice[Bno055Frame]):
         self._lost = 0
         self._refused = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Imu, and MagneticField and Temperature with a topic."""
         settings = self.settings
         found = imu_publications(settings)
         if settings['temperature_topic']:
-            found += (Publication(
+            found += (TopicSpec(
                 settings['temperature_topic'], 'sensor_msgs/msg/Temperature', found[0].fixed,
                 settings['depth'], settings['output_rate_hz']),)
         return found

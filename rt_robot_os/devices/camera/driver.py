@@ -31,12 +31,12 @@ from rt_robot_os.devices.camera.camera_info import load_calibration
 from rt_robot_os.devices.camera.camera_info import uncalibrated
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 
 _CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
@@ -98,23 +98,23 @@ class Camera(CaptureDevice):
         self._packed: SamplePublisher | None = None
         self._calibration: SamplePublisher | None = None
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Image, CompressedImage, CameraInfo, as far as they are wanted."""
         s = self.settings
         head = {'header.frame_id': s['frame_id']}
         found = []
         if s['topic']:
-            found.append(Publication(
+            found.append(TopicSpec(
                 s['topic'], 'sensor_msgs/msg/Image',
                 {**head, 'encoding': s['encoding'], 'data': self._raw_bytes}, s['depth'],
                 s['output_rate_hz']))
         if s['compressed_topic']:
-            found.append(Publication(
+            found.append(TopicSpec(
                 s['compressed_topic'], 'sensor_msgs/msg/CompressedImage',
                 {**head, 'format': s['compression']}, s['depth'], s['output_rate_hz'],
                 self._packed_bytes))
         if s['info_topic']:
-            found.append(Publication(
+            found.append(TopicSpec(
                 s['info_topic'], 'sensor_msgs/msg/CameraInfo', {**head, **self._info.fixed},
                 s['depth'], s['output_rate_hz']))
         return tuple(found)

@@ -39,7 +39,6 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.hokuyo import wire
 from rt_robot_os.devices.hokuyo.wire import ScipDecoder
 from rt_robot_os.devices.hokuyo.wire import ScipFrame
@@ -51,6 +50,7 @@ from rt_robot_os.devices.serial.handshake import Step
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 
 # Distances below are codes of errors.
@@ -115,11 +115,11 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._other_counts = 0
         self._other_count = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: LaserScan."""
         s = self.settings
         fixed = {'header.frame_id': s['frame_id'], 'ranges': self._count, 'intensities': 0}
-        return (Publication(s['topic'], 'sensor_msgs/msg/LaserScan', fixed, s['depth'],
+        return (TopicSpec(s['topic'], 'sensor_msgs/msg/LaserScan', fixed, s['depth'],
                             s['output_rate_hz']),)
 
     def restart(self) -> None:

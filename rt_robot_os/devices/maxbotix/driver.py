@@ -30,7 +30,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.maxbotix.wire import MaxBotixDecoder
 from rt_robot_os.devices.maxbotix.wire import MaxBotixFrame
 from rt_robot_os.devices.maxbotix.wire import UNITS
@@ -41,6 +40,7 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 _SURE: Final = 3
 
@@ -73,10 +73,10 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         self._other_digits = 0
         self._wrong = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Range."""
         s = self.settings
-        return (Publication(s['topic'], 'sensor_msgs/msg/Range',
+        return (TopicSpec(s['topic'], 'sensor_msgs/msg/Range',
                             {'header.frame_id': s['frame_id']}, s['depth'], s['output_rate_hz']),)
 
     def restart(self) -> None:

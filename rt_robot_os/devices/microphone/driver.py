@@ -28,12 +28,12 @@ from typing import Final
 
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 
 _SAMPLE_BYTES: Final = 2
@@ -83,7 +83,7 @@ class Microphone(CaptureDevice):
         self._rate_hz = settings['sample_rate_hz']
         self._by_key: dict[str, SamplePublisher] = {}
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Int16MultiArray, Float32 twice, TimeReference."""
         s = self.settings
         block, channels = s['block'], s['channels']
@@ -97,7 +97,7 @@ class Microphone(CaptureDevice):
             'peak_topic': ('std_msgs/msg/Float32', {}),
             'time_topic': ('sensor_msgs/msg/TimeReference', {'source': s['frame_id']}),
         }
-        return tuple(Publication(s[key], *kinds[key], s['depth'], self._rate_hz / block)
+        return tuple(TopicSpec(s[key], *kinds[key], s['depth'], self._rate_hz / block)
                      for key in self._wanted)
 
     def bind(self, publishers: Any) -> None:

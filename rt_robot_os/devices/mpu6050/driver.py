@@ -34,10 +34,10 @@ import numpy.typing as npt
 from rt_robot_os.devices.calibration import axes_setting
 from rt_robot_os.devices.calibration import from_settings
 from rt_robot_os.devices.calibration import vector_settings
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.devices.mpu6050 import wire as chip
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
@@ -109,14 +109,14 @@ class Mpu6050(I2cDevice):
         self._stamp_ns = 0
         self._check_ns = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Imu, and Temperature unless its topic is empty."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
         kinds = [(s['topic'], 'sensor_msgs/msg/Imu')]
         if s['temperature_topic']:
             kinds.append((s['temperature_topic'], 'sensor_msgs/msg/Temperature'))
-        return tuple(Publication(topic, message, frame, s['depth'], s['output_rate_hz'])
+        return tuple(TopicSpec(topic, message, frame, s['depth'], s['output_rate_hz'])
                      for topic, message in kinds)
 
     def identify(self) -> Transactions[None]:

@@ -36,7 +36,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.nmea.fix import claims_fix
 from rt_robot_os.devices.nmea.fix import Fix
 from rt_robot_os.devices.nmea.fix import FixBuilder
@@ -52,6 +51,7 @@ from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_MS
 
 _MAX_WAIT_NS: Final = 500 * NS_PER_MS
@@ -85,15 +85,15 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._utc: tuple[str, tuple[int, int]] | None = None
         self._others: set[str] = set()
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: NavSatFix, and TimeReference unless its topic is empty."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
-        fix = Publication(settings['topic'], 'sensor_msgs/msg/NavSatFix', frame, depth, rate_hz)
+        fix = TopicSpec(settings['topic'], 'sensor_msgs/msg/NavSatFix', frame, depth, rate_hz)
         if not settings['time_topic']:
             return (fix,)
-        return (fix, Publication(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
+        return (fix, TopicSpec(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
                                  {**frame, 'source': 'gps'}, depth, rate_hz))
 
     def restart(self) -> None:

@@ -36,7 +36,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.ranging import INFRARED
@@ -49,6 +48,7 @@ from rt_robot_os.devices.sharp.wire import SHARP_FITS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 CUSTOM: Final = 'custom'
 
@@ -100,11 +100,11 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._stranger = ''
         self._wrong = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: a Range for each channel."""
         s = self.settings
         tails = [f'_{c}' for c in self._places] if len(self._places) > 1 else ['']
-        return tuple(Publication(
+        return tuple(TopicSpec(
             s['topic'] + tail, 'sensor_msgs/msg/Range',
             {'header.frame_id': s['frame_id'] + tail}, s['depth'], s['output_rate_hz'])
             for tail in tails)

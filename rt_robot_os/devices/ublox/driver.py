@@ -45,7 +45,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.nmea.fix import COVARIANCE_DIAGONAL_KNOWN
@@ -69,6 +68,7 @@ from rt_robot_os.devices.ublox.wire import NavPvt
 from rt_robot_os.devices.ublox.wire import UbxDecoder
 from rt_robot_os.devices.ublox.wire import UbxFrame
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
 
@@ -128,19 +128,19 @@ class Ublox(SerialDevice[UbxFrame]):
                 name, settings['corrections'], settings['corrections_baud'], self.log,
                 self._gga)
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: NavSatFix, and velocity and time with a topic."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
-        found = [Publication(settings['topic'], 'sensor_msgs/msg/NavSatFix', frame, depth,
+        found = [TopicSpec(settings['topic'], 'sensor_msgs/msg/NavSatFix', frame, depth,
                              rate_hz)]
         if settings['velocity_topic']:
-            found.append(Publication(
+            found.append(TopicSpec(
                 settings['velocity_topic'], 'geometry_msgs/msg/TwistWithCovarianceStamped', frame,
                 depth, rate_hz))
         if settings['time_topic']:
-            found.append(Publication(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
+            found.append(TopicSpec(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
                                      {**frame, 'source': 'gps'}, depth, rate_hz))
         return tuple(found)
 

@@ -37,7 +37,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.imu import imu_publications
 from rt_robot_os.devices.imu import imu_settings
 from rt_robot_os.devices.imu import ImuFiller
@@ -57,6 +56,7 @@ from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
 from rt_robot_os.devices.witmotion.wire import WitMotionFrame
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -112,7 +112,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         self._filler = ImuFiller(settings)
         self._check_speed()
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 

@@ -38,7 +38,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.imu import imu_publications
 from rt_robot_os.devices.imu import imu_settings
 from rt_robot_os.devices.imu import ImuFiller
@@ -56,6 +55,7 @@ from rt_robot_os.devices.xsens.wire import XbusFrame
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 # Far from length 1 a quaternion is no rotation.
 _LENGTH_TOLERANCE: Final = 0.1
@@ -109,7 +109,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._counter: int | None = None
         self._lost = 0
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 

@@ -29,7 +29,6 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter
@@ -44,6 +43,7 @@ from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 
 _IMU: Final = 'sensor_msgs/msg/Imu'
 _FIELD: Final = 'sensor_msgs/msg/MagneticField'
@@ -123,7 +123,7 @@ class Attitude(Module):
         """Leave the magnetometer alone when its field is not wanted."""
         return attribute != 'mag' or self._with_field
 
-    def publications(self) -> tuple[Publication, ...]:
+    def publications(self) -> tuple[TopicSpec, ...]:
         """Return the output, in the frame of the sensor."""
         return tuple(replace(p, fixed={'header.frame_id': self.settings['frame_id']})
                      for p in super().publications())

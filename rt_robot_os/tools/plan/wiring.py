@@ -89,7 +89,7 @@ class Wiring:
         module = module_class(entry.type)(entry.name, entry.settings)
         for each in module.publications():
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
-        self._wakes[entry.name] = module.wakes()
+        self._wakes[entry.name] = {each.topic: each.wake for each in module.reads() if each.wake}
         if getattr(module, 'run', None) is not None:
             self._coroutines.add(entry.name)
 

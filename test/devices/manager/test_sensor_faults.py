@@ -27,7 +27,6 @@ import pytest
 
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.managed import ManagedDevice
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.state import DeviceState
@@ -37,6 +36,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
@@ -70,8 +70,8 @@ class Scripted(Device):
         self.topic_hz = topic_hz
         self.counters = [0, 0]
 
-    def publications(self) -> tuple[Publication, ...]:
-        return (Publication(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 16, self.topic_hz),)
+    def publications(self) -> tuple[TopicSpec, ...]:
+        return (TopicSpec(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 16, self.topic_hz),)
 
     def open(self) -> None:  # noqa: A003
         self.script.log.append('open')

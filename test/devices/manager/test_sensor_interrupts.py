@@ -26,7 +26,6 @@ import pytest
 
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
@@ -39,6 +38,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.topics import Bus
 
@@ -61,8 +61,8 @@ class Piped(Device):
         self.reads: list[int] = []
         self.counters = [0, 0]
 
-    def publications(self) -> tuple[Publication, ...]:
-        return (Publication(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 64, 100.0),)
+    def publications(self) -> tuple[TopicSpec, ...]:
+        return (TopicSpec(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 64, 100.0),)
 
     def open(self) -> None:  # noqa: A003
         self.ends = os.pipe()

@@ -23,7 +23,6 @@ import pytest
 
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.devices.device import Publication
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
@@ -32,6 +31,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
@@ -55,8 +55,8 @@ class FakeDevice(Device):
         self.frame_ns = 0
         self.is_open = False
 
-    def publications(self) -> tuple[Publication, ...]:
-        return (Publication(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 64, 100.0),)
+    def publications(self) -> tuple[TopicSpec, ...]:
+        return (TopicSpec(f'{self.name}/value', 'std_msgs/msg/Int64', {}, 64, 100.0),)
 
     def open(self) -> None:  # noqa: A003
         self.log.append((self.clock.now_ns(), 'open'))

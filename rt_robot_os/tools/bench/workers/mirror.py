@@ -52,7 +52,7 @@ def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]],
     :param topics: message type and fixed fields, by name.
     :param gather_ms: what is mirrored within this time goes out together; the default of a robot.
     """
-    declared = tuple(TopicSettings(name.replace('/', '_'), name, message, 16, 0.0, fixed)
+    declared = tuple(TopicSettings(name, message, fixed, name=name.replace('/', '_'))
                      for name, (message, fixed) in topics.items())
     return RobotSettings(True, 1.0, CoreSettings(
         spawn=False, cpu=-1, scheduler_priority=0, lock_memory=True, heartbeat_s=1.0,

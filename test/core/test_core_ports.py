@@ -1,0 +1,59 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The ports of modules and devices in a core: what is checked when a configuration is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from rt_robot_os.core.app import Core
+from rt_robot_os.errors import ConfigError
+
+S = 1_000_000_000
+MakeCore = Callable[[str], Core]
+
+
+def test_two_inputs_of_one_topic_must_both_have_its_type(make_core: MakeCore) -> None:
+    with pytest.raises(ConfigError, match="module it reads 'pose' as geometry_msgs/msg/Pose, but "
+                                          'it is geometry_msgs/msg/Twist'):
+        make_core('topics: [pose]\npose: {message: geometry_msgs/msg/Twist}\nmodules: [it]\n'
+                  'it: {type: "core_port_modules:TwoInputs", rate_hz: 10.0}')
+
+
+def test_a_guard_takes_nothing_but_commands(make_core: MakeCore) -> None:
+    with pytest.raises(ConfigError, match="module guard reads 'imu/data' as geometry_msgs/msg/Twi"
+                                          'st, but it is sensor_msgs/msg/Imu'):
+        make_core('devices: [imu]\nimu: {type: witmotion, port: sim}\nmodules: [guard]\n'
+                  'guard: {type: twist_guard, command_topic: imu/data}')
+
+
+@pytest.mark.parametrize('kind', ['Mapper', 'LargeMapper'])
+@pytest.mark.parametrize('logical', ['false', 'true'])
+def test_a_module_publishes_messages_of_any_length(
+        make_core: MakeCore, kind: str, logical: str) -> None:
+    core = make_core(f'modules: [it]\nit: {{type: "core_port_modules:{kind}", rate_hz: 10.0, '
+                     f'logical_execution: {logical}}}')
+    reader = core.bus.subscribe('map', 'test')
+    seen = []
+    core.kernel.add_task('test', lambda: seen.append(list(reader.msg.data)) if reader.take()
+                         else None, priority=10, rate_hz=100.0)
+    core.prepare_modules()
+    core.kernel.run(S // 2)
+    assert seen[:4] == [[0], [0, 1], [0, 1, 2], [0, 1, 2, 3]]
+    assert reader.msg.header.frame_id == 'map'
+    assert reader.msg.info.width == len(seen[-1])
