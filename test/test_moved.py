@@ -35,7 +35,7 @@ def test_an_old_import_works_and_names_the_new_place() -> None:
 
 
 def test_a_name_that_has_another_name_now_is_the_same_thing() -> None:
-    with pytest.warns(DeprecationWarning, match=r'Publication is now rt_robot_os\.schema\.TopicSp'):
+    with pytest.warns(DeprecationWarning, match=r'is now rt_robot_os\.schema\.TopicSpec'):
         from rt_robot_os.drivers.device import Publication
     assert Publication is TopicSpec
     old = Publication('imu/data', 'sensor_msgs/msg/Imu', {'header.frame_id': 'imu'}, 16, 100.0)

@@ -76,7 +76,7 @@ class Driver(SerialDevice[Frame]):
     def publications(self) -> tuple[TopicSpec, ...]:
         s = self.settings
         return (TopicSpec(s['topic'], 'geometry_msgs/msg/Vector3Stamped',
-                            {'header.frame_id': s['frame_id']}, s['depth'], 10.0),)
+                          {'header.frame_id': s['frame_id']}, s['depth'], 10.0),)
 
     def handle(self, frame: Frame, arrival_ns: int) -> int:
         if not math.isfinite(sum(frame.values)):

@@ -120,7 +120,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         s = self.settings
         fixed = {'header.frame_id': s['frame_id'], 'ranges': self._count, 'intensities': 0}
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/LaserScan', fixed, s['depth'],
-                            s['output_rate_hz']),)
+                          s['output_rate_hz']),)
 
     def restart(self) -> None:
         """Begin the set-up if it is wanted."""

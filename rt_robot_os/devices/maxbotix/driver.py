@@ -77,7 +77,7 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         """Say what is published: Range."""
         s = self.settings
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/Range',
-                            {'header.frame_id': s['frame_id']}, s['depth'], s['output_rate_hz']),)
+                          {'header.frame_id': s['frame_id']}, s['depth'], s['output_rate_hz']),)
 
     def restart(self) -> None:
         """Forget what was seen of the unit."""

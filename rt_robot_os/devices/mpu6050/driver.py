@@ -37,11 +37,11 @@ from rt_robot_os.devices.calibration import vector_settings
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.devices.mpu6050 import wire as chip
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 

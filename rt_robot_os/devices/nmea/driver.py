@@ -94,7 +94,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         if not settings['time_topic']:
             return (fix,)
         return (fix, TopicSpec(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
-                                 {**frame, 'source': 'gps'}, depth, rate_hz))
+                               {**frame, 'source': 'gps'}, depth, rate_hz))
 
     def restart(self) -> None:
         """Forget what the receiver said before it was opened again."""

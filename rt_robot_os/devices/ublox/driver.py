@@ -134,14 +134,14 @@ class Ublox(SerialDevice[UbxFrame]):
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
         found = [TopicSpec(settings['topic'], 'sensor_msgs/msg/NavSatFix', frame, depth,
-                             rate_hz)]
+                           rate_hz)]
         if settings['velocity_topic']:
             found.append(TopicSpec(
                 settings['velocity_topic'], 'geometry_msgs/msg/TwistWithCovarianceStamped', frame,
                 depth, rate_hz))
         if settings['time_topic']:
             found.append(TopicSpec(settings['time_topic'], 'sensor_msgs/msg/TimeReference',
-                                     {**frame, 'source': 'gps'}, depth, rate_hz))
+                                   {**frame, 'source': 'gps'}, depth, rate_hz))
         return tuple(found)
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
