@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Names of plug-ins: those of this package and those of entry points, imported only when asked for.
 
-Users add their own from a package of theirs, here a driver::
+Users add their own from a package of theirs, here a module::
 
-    entry_points={'rt_robot_os.drivers': ['my_lidar = my_package.my_lidar:MyLidar']}
+    entry_points={'rt_robot_os.modules': ['my_filter = my_package.my_filter:MyFilter']}
 
 A plug-in that cannot be imported is reported when it is named; it does not disturb the others.
 """
@@ -34,6 +33,33 @@ from typing import TypeVar
 from rt_robot_os.errors import ConfigError
 
 T = TypeVar('T')
+
+
+def entry_point_targets(group: str) -> dict[str, str]:
+    """Give what other packages add to an entry-point group: name -> ``module:Class``."""
+    # A value may name extras behind the class: `module:Class [extra]`.
+    return {point.name: point.value.partition('[')[0].strip()
+            for point in entry_points(group=group)}
+
+
+def load_object(what: str, target: str) -> object:
+    """
+    Import what a target ``module:name`` names.
+
+    :param what: what it is in errors, such as ``driver 'my_lidar'``.
+    :raises ConfigError: it cannot be imported, or is broken.
+    """
+    module, _, attribute = target.partition(':')
+    try:
+        return getattr(import_module(module), attribute)
+    except ImportError as error:
+        raise ConfigError([
+            f'{what} ({target}) cannot be imported: {error}; install what is '
+            'missing']) from error
+    except Exception as error:  # the code of others may raise anything while it is imported
+        raise ConfigError([
+            f'{what} ({target}) is broken: {type(error).__name__}: {error}; '
+            'report it to its author']) from error
 
 
 class PluginRegistry(Generic[T]):
@@ -70,22 +96,12 @@ class PluginRegistry(Generic[T]):
 
         :raises ConfigError: there is no such name, or its plug-in is broken.
         """
-        target = self._own.get(name) or self._others().get(name)
-        if target is None:
+        target = self._target(name)
+        if not target:
             raise ConfigError([
                 f'there is no {self._noun} {name!r}: use one of {", ".join(self.names())}, or '
                 f'install the package that adds it to the entry-point group {self.group}'])
-        module, _, attribute = target.partition(':')
-        try:
-            found = getattr(import_module(module), attribute)
-        except ImportError as error:
-            raise ConfigError([
-                f'{self._noun} {name!r} ({target}) cannot be imported: {error}; install what is '
-                'missing']) from error
-        except Exception as error:  # the code of others may raise anything while it is imported
-            raise ConfigError([
-                f'{self._noun} {name!r} ({target}) is broken: {type(error).__name__}: {error}; '
-                'report it to its author']) from error
+        found = load_object(f'{self._noun} {name!r}', target)
         if not (isinstance(found, type) and issubclass(found, self._base)):
             raise ConfigError([
                 f'{self._noun} {name!r} ({target}) is broken: not a class derived from '
@@ -106,7 +122,9 @@ class PluginRegistry(Generic[T]):
                 found.extend(error.problems)
         return tuple(found)
 
+    def _target(self, name: str) -> str:
+        """Give ``module:Class`` of a name; empty when there is none."""
+        return self._own.get(name) or self._others().get(name, '')
+
     def _others(self) -> dict[str, str]:
-        # A value may name extras behind the class: `module:Class [extra]`.
-        return {point.name: point.value.partition('[')[0].strip()
-                for point in entry_points(group=self.group)}
+        return entry_point_targets(self.group)

@@ -29,7 +29,7 @@ from typing import Any
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.sim.base import Place
-from rt_robot_os.sim.registry import SIMULATORS
+from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.server import SimServer
 
 

@@ -12,153 +12,104 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
-Whose bytes are these: for the diagnostics of a device that sends, but nothing valid.
+Whose bytes are these: for the diagnosis of a device that sends, but nothing valid.
 
 The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
-tell which device it is, as far as a driver here knows it, or one that another package has added to
-the entry-point group of the drivers (``FRAMES`` and ``recognises`` of its class).
+tell which device it is, as far as one of the table of devices declares what recognises them, in
+this package or in another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-import re
+from collections.abc import Iterator
+from typing import Any
 from typing import Final
+from typing import NamedTuple
 
-from rt_robot_os.devices.device import Device
-from rt_robot_os.devices.hokuyo.wire import checksum
-from rt_robot_os.devices.hokuyo.wire import LINE_CHARACTERS
-from rt_robot_os.devices.maxbotix.wire import MaxBotixDecoder
-from rt_robot_os.devices.nmea.wire import NmeaDecoder
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.registry import all_parts
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.devices.ublox.wire import UbxDecoder
-from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
-from rt_robot_os.devices.xsens.wire import XbusDecoder
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.plugins import PluginRegistry
+from rt_robot_os.plugins import load_object
 
 
-# What satellite receivers send; other devices, such as VectorNav's, speak in sentences too.
-_OF_RECEIVERS: Final = frozenset(('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GSV', 'GST', 'VTG', 'ZDA',
-                                  'TXT', 'GBS', 'DTM'))
-# Three packets of 20 bytes, one behind the other.
-_BLUETOOTH_WITMOTION: Final = re.compile(rb'(?:\x55[\x61\x71].{18}){2}\x55[\x61\x71]',
-                                         re.DOTALL).search
-
-
-def _is_sentences(data: bytes) -> bool:
-    return bool(NmeaDecoder().feed(data))
-
-
-def _is_nmea(data: bytes) -> bool:
-    return any(frame.address[2:] in _OF_RECEIVERS for frame in NmeaDecoder().feed(data))
-
-
-def _is_bluetooth_witmotion(data: bytes) -> bool:
-    return _BLUETOOTH_WITMOTION(data) is not None
-
-
-def _is_ubx(data: bytes) -> bool:
-    return any(frame.kind for frame in UbxDecoder().feed(data))
-
-
-def _is_witmotion(data: bytes) -> bool:
-    # One in 256 headers has a good sum by chance: ask for two frames that touch.
-    return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
-
-
-def _is_xbus(data: bytes) -> bool:
-    return any(frame.payload for frame in XbusDecoder().feed(data))
-
-
-def _is_maxbotix(data: bytes) -> bool:
-    decoder = MaxBotixDecoder()
-    return len(decoder.feed(data)) > 1 and decoder.rejected_bytes < len(data) // 4
-
-
-def _is_scip(data: bytes) -> bool:
-    # A scan is longer than what is kept: look for its lines.
-    lines = [line for line in data.split(b'\n')[1:-1] if len(line) == LINE_CHARACTERS + 1]
-    return len(lines) > 2 and all(checksum(line[:-1]) == line[-1] for line in lines)
-
-
-# What is asked for sure, with the driver's name; the surest first.
-_KNOWN: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
-    ('UBX messages', 'ublox', _is_ubx),
-    ('NMEA 0183 sentences', 'nmea', _is_nmea),
-    ('Xbus messages', 'xsens', _is_xbus),
-    ('SCIP scans', 'hokuyo', _is_scip),
-    ('WitMotion frames', 'witmotion', _is_witmotion),
-    ('MaxBotix readings', 'maxbotix', _is_maxbotix),
-)
-# What no driver here reads, and what to do.
-_STRANGERS: Final[tuple[tuple[str, str, Callable[[bytes], bool]], ...]] = (
-    ("packets of WitMotion's Bluetooth models (55 61)",
-     'type: witmotion reads the serial models (55 51 to 55 5a): use one of those, or write a '
-     'driver (docs/writing_a_driver.md)', _is_bluetooth_witmotion),
-    ('sentences with a checksum, but none of a satellite receiver',
-     'choose the driver of the device, or write one (docs/writing_a_driver.md)', _is_sentences),
-)
-
-
-_Recogniser = tuple[str, str, Callable[[bytes], bool]]
-
-
-class ForeignRecognisers:
-    """What the drivers of other packages know of their own bytes."""
-
-    def __init__(self, registry: PluginRegistry[Device]) -> None:
-        self._registry = registry
-        self._found: tuple[_Recogniser, ...] | None = None
-
-    def prepare(self) -> None:
-        """Import them, once; not for the loop. One that is broken disturbs no other."""
-        if self._found is not None:
-            return
-        found = []
-        for name in self._registry.foreign_names():
-            try:
-                driver = self._registry.load(name)
-            except ConfigError:
-                continue  # it is told to who names it
-            what, fits = getattr(driver, 'FRAMES', ''), getattr(driver, 'recognises', None)
-            if isinstance(what, str) and what and callable(fits):
-                found.append((what, name, fits))
-        self._found = tuple(found)
-
-    def all(self) -> tuple[_Recogniser, ...]:  # noqa: A003
-        """Give those that were prepared."""
-        return self._found or ()
-
-
-FOREIGN: Final = ForeignRecognisers(DRIVERS)
-
-
-def prepare_recognisers() -> None:
-    """Import the drivers of other packages; not for the loop."""
-    FOREIGN.prepare()
-
-
-def recognised(data: bytes, baud: int) -> str:
+class _Known(NamedTuple):
     """
-    Say whose bytes they are, and what to do; empty when that is not known.
+    What a device knows of its bytes.
 
-    Other packages are asked first: their devices often speak a dialect of what is known here.
-
-    :param data: what came last, some hundred bytes.
-    :param baud: speed of the line.
+    :ivar frames: what people call them.
+    :ivar remedy: what to do about them.
+    :ivar fits: says whether some bytes are those.
+    :ivar readable: a driver reads them.
     """
-    for what, driver, fits in (*FOREIGN.all(), *_KNOWN):
-        if _fits(fits, data):
-            speed = f' at {baud} baud' if baud else ''
-            return f'these are {what}{speed}: set type: {driver}, or swap the ports'
-    return next((f'these are {what}: {remedy}' for what, remedy, fits in _STRANGERS if fits(data)),
-                '')
+
+    frames: str
+    remedy: str
+    fits: Callable[[bytes], Any]
+    readable: bool
 
 
-def _fits(recognises: Callable[[bytes], bool], data: bytes) -> bool:
+class Recognisers:
+    """What all devices know of their bytes."""
+
+    def __init__(self) -> None:
+        self._known: tuple[_Known, ...] | None = None
+
+    def prepare(self) -> tuple[_Known, ...]:
+        """Import them, once, so that the loop need not. One that is broken disturbs no other."""
+        if self._known is None:
+            found = [each for name, parts in all_parts() for each in _known_of(name, parts)]
+            # What a driver reads is asked about first.
+            self._known = tuple(sorted(found, key=lambda each: not each.readable))
+        return self._known
+
+    def recognised(self, data: bytes, baud: int) -> str:
+        """
+        Say whose bytes they are, and what to do; empty when that is not known.
+
+        Other packages are asked first: their devices often speak a dialect of what is known here.
+        It takes milliseconds: not for the task of a device.
+
+        :param data: what came last, some hundred bytes.
+        :param baud: speed of the line.
+        """
+        for each in self.prepare():
+            if _fits(each.fits, data):
+                speed = f' at {baud} baud' if baud and each.readable else ''
+                return f'these are {each.frames}{speed}: {each.remedy}'
+        return ''
+
+
+RECOGNISERS: Final = Recognisers()
+
+
+def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
+    for each in parts.recognisers:
+        try:
+            fits = load_object(f'device {name!r}', each.function)
+        except ConfigError:
+            continue
+        if callable(fits):
+            remedy = each.remedy or f'set type: {name}, or swap the ports'
+            yield _Known(each.frames, remedy, fits, not each.remedy)
+    if DRIVERS.deprecation(name):
+        yield from _known_of_class(name, parts)
+
+
+def _known_of_class(name: str, parts: DeviceParts) -> Iterator[_Known]:
+    """Give what a driver of the old entry-point group says in its class; for one release."""
+    try:
+        driver = load_object(f'driver {name!r}', parts.driver)
+    except ConfigError:
+        return
+    frames, fits = getattr(driver, 'FRAMES', ''), getattr(driver, 'recognises', None)
+    if isinstance(frames, str) and frames and callable(fits):
+        yield _Known(frames, f'set type: {name}, or swap the ports', fits, True)
+
+
+def _fits(recognises: Callable[[bytes], Any], data: bytes) -> bool:
     try:
         return bool(recognises(data))
     except Exception:  # of another package, and the diagnosis of a device goes on without it

@@ -103,13 +103,13 @@ def _module(name: str) -> Kind:
 
 
 def _simulator_names() -> Sequence[str]:
-    from rt_robot_os.sim.registry import SIMULATORS
+    from rt_robot_os.sim.base import SIMULATORS
     return SIMULATORS.names()
 
 
 def _simulator(name: str) -> Kind:
     from rt_robot_os.sim.base import Place
-    from rt_robot_os.sim.registry import SIMULATORS
+    from rt_robot_os.sim.base import SIMULATORS
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:

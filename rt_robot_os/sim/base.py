@@ -22,8 +22,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from typing import ClassVar
+from typing import Final
 from typing import Protocol
 
+from rt_robot_os.devices.registry import DeviceRegistry
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.i2c_port import I2cPort
 
@@ -129,3 +131,10 @@ class Simulated(ABC):
 
         :raises ConfigError: no such fault, or no such duration.
         """
+
+
+# By the name of the device that they are the twins of.
+SIMULATORS: Final[DeviceRegistry[Simulated]] = DeviceRegistry(
+    Simulated,  # type: ignore[type-abstract]
+    'simulated device for the driver', lambda parts: parts.twin, 'rt_robot_os.simulators',
+    optional=True)

@@ -32,6 +32,7 @@ from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import I2C_FAULTS
@@ -42,7 +43,6 @@ from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log
 from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug

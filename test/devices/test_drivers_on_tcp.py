@@ -24,8 +24,8 @@ import pytest
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.program import main
-from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.testing import Rig
 

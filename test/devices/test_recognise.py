@@ -29,14 +29,19 @@ from rt_robot_os.devices.hokuyo import wire as scip
 from rt_robot_os.devices.maxbotix.wire import reading
 from rt_robot_os.devices.nmea import wire as nmea
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.devices.recognise import ForeignRecognisers
-from rt_robot_os.devices.recognise import recognised
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.recognise import RECOGNISERS
+from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.serial import device as serial_device
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.ublox import wire as ubx
 from rt_robot_os.devices.witmotion import wire as witmotion
 from rt_robot_os.devices.xsens import wire as xbus
 from rt_robot_os.sim.line import at_wrong_speed
+
+recognised = RECOGNISERS.recognised
 
 STREAMS = {
     'nmea': nmea.sentence('GPGSV,1,1,00') * 3,
@@ -69,56 +74,85 @@ def test_noise_is_nobody() -> None:
     assert [text for text in found if text] == []
 
 
-# --- drivers of other packages -------------------------------------------------------------------
+# --- devices of other packages -------------------------------------------------------------------
 
-class Sonar(SerialDevice[Any]):
-    FRAMES = 'sonar frames'
+def is_sonar(data: bytes) -> bool:
+    return data.count(b'$SONAR') > 1
+
+
+def defective(data: bytes) -> bool:
+    raise RuntimeError('of somebody else')
+
+
+SONAR = DeviceParts('', recognisers=(
+    Recogniser('sonar frames', f'{__name__}:is_sonar'),
+    Recogniser('pings of the older sonars', f'{__name__}:is_ping', 'update its firmware')))
+DEFECTIVE = DeviceParts('', recognisers=(
+    Recogniser('defects', f'{__name__}:defective'), Recogniser('gaps', f'{__name__}:absent')))
+
+
+class OldSonar(SerialDevice[Any]):
+    """A driver of the entry-point group of the release before."""
+
+    FRAMES = 'frames of an old sonar'
 
     @classmethod
     def recognises(cls, data: bytes) -> bool:
-        return data.count(b'$SONAR') > 1
+        return data.count(b'$OLD') > 1
 
 
-class Defective(Sonar):
-    FRAMES = 'defects'
-
-    @classmethod
-    def recognises(cls, data: bytes) -> bool:
-        raise RuntimeError('of somebody else')
-
-
-class Nameless(Sonar):
+class Nameless(OldSonar):
     FRAMES = ''
 
 
+def is_ping(data: bytes) -> bool:
+    return b'ping' in data
+
+
 @pytest.fixture
-def foreign(monkeypatch: pytest.MonkeyPatch) -> ForeignRecognisers:
-    """Install a package with drivers, three of them broken in ways of their own."""
-    points = [EntryPoint(name, f'{__name__}:{value}', 'rt_robot_os.drivers') for name, value in (
-        ('defective', 'Defective'), ('absent', 'Absent'), ('my_sonar', 'Sonar'),
-        ('nameless', 'Nameless'), ('nmea', 'Sonar'))]
-    points.append(EntryPoint('gone', 'no_such_package:Driver', 'rt_robot_os.drivers'))
-    monkeypatch.setattr(plugins, 'entry_points', lambda group: points)
-    made = ForeignRecognisers(DRIVERS)
-    monkeypatch.setattr(recognise, 'FOREIGN', made)
+def foreign(monkeypatch: pytest.MonkeyPatch) -> Recognisers:
+    """Install a package with devices, some of them broken in ways of their own."""
+    points = {
+        'rt_robot_os.devices': [
+            EntryPoint(name, value, 'rt_robot_os.devices') for name, value in (
+                ('defective', f'{__name__}:DEFECTIVE'), ('absent', f'{__name__}:ABSENT'),
+                ('my_sonar', f'{__name__}:SONAR'), ('nmea', f'{__name__}:SONAR'),
+                ('gone', 'no_such_package'))],
+        'rt_robot_os.drivers': [
+            EntryPoint(name, f'{__name__}:{value}', 'rt_robot_os.drivers') for name, value in (
+                ('old_sonar', 'OldSonar'), ('nameless', 'Nameless'), ('old_gone', 'Gone'))]}
+    monkeypatch.setattr(plugins, 'entry_points', lambda group: points.get(group, []))
+    made = Recognisers()
+    monkeypatch.setattr(serial_device, 'RECOGNISERS', made)
     return made
 
 
-def test_the_bytes_of_another_package_are_recognised(foreign: ForeignRecognisers) -> None:
+def test_the_bytes_of_another_package_are_recognised(foreign: Recognisers) -> None:
     stream = nmea.sentence('SONAR,1.25') * 3
-    assert 'none of a satellite' in recognised(stream, 9600)  # nothing is imported in the loop
-    recognise.prepare_recognisers()
-    assert recognised(stream, 9600) == (
+    assert 'none of a satellite' in recognised(stream, 9600)
+    assert foreign.recognised(stream, 9600) == (
         'these are sonar frames at 9600 baud: set type: my_sonar, or swap the ports')
-    assert 'set type: ublox' in recognised(STREAMS['ublox'], 9600)
-    assert [name for _, name, _ in foreign.all()] == ['defective', 'my_sonar']
+    assert 'set type: ublox' in foreign.recognised(STREAMS['ublox'], 9600)
 
 
-def test_they_are_prepared_before_the_loop_runs(foreign: ForeignRecognisers) -> None:
+def test_bytes_that_no_driver_reads_are_named_too(foreign: Recognisers) -> None:
+    assert foreign.recognised(b'ping', 9600) == (
+        'these are pings of the older sonars: update its firmware')
+    assert 'set type: ublox' in foreign.recognised(STREAMS['ublox'] + b'ping', 9600)
+
+
+@pytest.mark.filterwarnings('ignore:type old_sonar')
+def test_a_class_of_the_old_group_still_says_it_itself(foreign: Recognisers) -> None:
+    assert foreign.recognised(b'$OLD 1 $OLD 2', 9600) == (
+        'these are frames of an old sonar at 9600 baud: set type: old_sonar, or swap the ports')
+
+
+@pytest.mark.filterwarnings('ignore:type old_sonar')
+def test_they_are_prepared_before_the_loop_runs(
+        foreign: Recognisers, monkeypatch: pytest.MonkeyPatch) -> None:
     device = NmeaGps('gps', settings_of(NmeaGps, port='/dev/none'))
-    assert foreign.all() == ()
     bind(device)
-    assert foreign.all()
+    monkeypatch.setattr(recognise, 'all_parts', None)  # nothing is imported in the loop
     device._strange = nmea.sentence('SONAR,1.25') * 3
     assert 'these are sonar frames at 9600 baud: set type: my_sonar' in device.diagnosis()
 

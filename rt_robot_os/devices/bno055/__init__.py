@@ -11,3 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""BNO055 over UART."""
+
+from rt_robot_os.devices.parts import DeviceParts
+
+PARTS = DeviceParts(
+    driver='.driver:Bno055',
+    twin='.twin:SimulatedBno055',
+)

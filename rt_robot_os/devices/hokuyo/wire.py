@@ -259,3 +259,9 @@ def _line(content: bytes) -> bytes:
 
 def _characters(number: int, count: int) -> bytes:
     return bytes((number >> 6 * (count - 1 - i) & 0x3F) + _BASE for i in range(count))
+
+
+def is_scip(data: bytes) -> bool:
+    """Say whether some bytes are of a scan, which is longer than what is looked at."""
+    lines = [line for line in data.split(b'\n')[1:-1] if len(line) == LINE_CHARACTERS + 1]
+    return len(lines) > 2 and all(checksum(line[:-1]) == line[-1] for line in lines)

@@ -11,3 +11,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""MaxBotix ultrasonic range finders."""
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+
+PARTS = DeviceParts(
+    driver='.driver:MaxBotix',
+    twin='.twin:SimulatedMaxBotix',
+    recognisers=(
+        Recogniser('MaxBotix readings', '.wire:is_maxbotix'),
+    ),
+)

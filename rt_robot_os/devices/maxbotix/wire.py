@@ -86,3 +86,9 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
 def reading(value: int, digits: int = 4) -> bytes:
     """Make a reading of a MaxBotix range finder."""
     return b'R%0*d\r' % (digits, value)
+
+
+def is_maxbotix(data: bytes) -> bool:
+    """Say whether most of some bytes are readings: they have no checksum."""
+    decoder = MaxBotixDecoder()
+    return len(decoder.feed(data)) > 1 and decoder.rejected_bytes < len(data) // 4

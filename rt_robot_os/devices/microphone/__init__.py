@@ -11,3 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Microphones and WAV files."""
+
+from rt_robot_os.devices.parts import DeviceParts
+
+PARTS = DeviceParts(
+    driver='.driver:Microphone',
+    twin='.twin:SimulatedMicrophone',
+)

@@ -11,3 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""MS5611 barometer."""
+
+from rt_robot_os.devices.parts import DeviceParts
+
+PARTS = DeviceParts(
+    driver='.driver:Ms5611',
+    twin='.twin:SimulatedMs5611',
+)

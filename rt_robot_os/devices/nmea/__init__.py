@@ -11,3 +11,20 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Satellite receivers with NMEA 0183."""
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+
+PARTS = DeviceParts(
+    driver='.driver:NmeaGps',
+    twin='.twin:SimulatedNmea',
+    recognisers=(
+        Recogniser('NMEA 0183 sentences', '.wire:is_of_receiver'),
+        Recogniser(
+            'sentences with a checksum, but none of a satellite receiver',
+            '.wire:is_sentences',
+            'choose the driver of the device, or write one (docs/writing_a_driver.md)'),
+    ),
+)

@@ -44,6 +44,9 @@ SENTENCE: Final = rb'\$(?:[ -#%-)+-~]+(?:\*(?:[0-9A-Fa-f]{2}(?:\r{0,2}(?:\n|\Z))
                   rb'[0-9A-Fa-f]?\Z)|\Z)|\Z)'
 _MATCH: Final = re.compile(SENTENCE).match
 _LINE_FEED: Final = 10
+# What satellite receivers send; other devices, such as VectorNav's, speak in sentences too.
+_OF_RECEIVERS: Final = frozenset(('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GSV', 'GST', 'VTG', 'ZDA',
+                                  'TXT', 'GBS', 'DTM'))
 
 
 class NmeaFrame(NamedTuple):
@@ -192,3 +195,13 @@ def _degrees_minutes(degrees: float, digits: int) -> str:
     # Rounded as a whole, so that 59.999999 minutes become the next degree.
     whole, minutes = divmod(round(abs(degrees) * 60 * 10**5), 60 * 10**5)
     return f'{whole:0{digits}d}{minutes / 10**5:08.5f}'
+
+
+def is_sentences(data: bytes) -> bool:
+    """Say whether there is a sentence in some bytes."""
+    return bool(NmeaDecoder().feed(data))
+
+
+def is_of_receiver(data: bytes) -> bool:
+    """Say whether there is a sentence of a satellite receiver in some bytes."""
+    return any(frame.address[2:] in _OF_RECEIVERS for frame in NmeaDecoder().feed(data))

@@ -28,7 +28,6 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
-from typing import ClassVar
 from typing import Final
 from typing import Generic
 from typing import Protocol
@@ -38,8 +37,7 @@ from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
-from rt_robot_os.devices.recognise import prepare_recognisers
-from rt_robot_os.devices.recognise import recognised
+from rt_robot_os.devices.recognise import RECOGNISERS
 from rt_robot_os.devices.serial.port import address_of
 from rt_robot_os.devices.serial.port import more_of
 from rt_robot_os.devices.serial.port import open_port
@@ -139,12 +137,9 @@ class SerialDevice(Device, Generic[FrameT]):
     those took their time on the line; it never lies before the arrival of the frame before. One
     job decodes ``JOB_BYTES`` at most.
 
-    :cvar FRAMES: what people call its bytes, such as ``sonar frames``; with :meth:`recognises` it
-        lets every other driver name them when ports are swapped.
     :cvar make_port: opens its port.
     """
 
-    FRAMES: ClassVar[str] = ''
     TAPPED = True
     make_port: Callable[[str, int], Port] = staticmethod(open_port)
 
@@ -178,17 +173,6 @@ class SerialDevice(Device, Generic[FrameT]):
         self._came_ns = 0
         self._deferred_bytes = 0
 
-    @classmethod
-    def recognises(cls, data: bytes) -> bool:
-        """
-        Say whether bytes that another driver cannot read are surely those of this device.
-
-        In the loop, but only when a device is given up.
-
-        :param data: some hundred bytes that begin and end anywhere.
-        """
-        return False
-
     @abstractmethod
     def handle(self, frame: FrameT, arrival_ns: int) -> int:
         """
@@ -220,7 +204,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """
         super().bind(publishers)
         if self.is_live:
-            prepare_recognisers()
+            RECOGNISERS.prepare()
             prepare_port(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
@@ -317,7 +301,7 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def diagnosis(self) -> str:
         """Say whose bytes those are that came and made no frame."""
-        return recognised(self._strange, self._baud)
+        return RECOGNISERS.recognised(self._strange, self._baud)
 
     def silence(self) -> str:
         """Say what to check when nothing comes."""

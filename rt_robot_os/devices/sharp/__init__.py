@@ -11,3 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Sharp infrared range finders."""
+
+from rt_robot_os.devices.parts import DeviceParts
+
+PARTS = DeviceParts(
+    driver='.driver:Sharp',
+    twin='.twin:SimulatedSharp',
+)

@@ -11,3 +11,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""u-blox receivers (UBX)."""
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+
+PARTS = DeviceParts(
+    driver='.driver:Ublox',
+    twin='.twin:SimulatedUblox',
+    recognisers=(
+        Recogniser('UBX messages', '.wire:is_ubx'),
+    ),
+)

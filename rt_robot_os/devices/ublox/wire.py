@@ -359,3 +359,8 @@ def _split(value: float, parts: int = 100) -> tuple[int, int]:
     whole = round(value)
     rest = whole - int(whole / parts) * parts
     return (whole - rest) // parts, rest
+
+
+def is_ubx(data: bytes) -> bool:
+    """Say whether there is a message in some bytes."""
+    return any(frame.kind for frame in UbxDecoder().feed(data))

@@ -11,3 +11,21 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""WitMotion IMUs."""
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+
+PARTS = DeviceParts(
+    driver='.driver:WitMotion',
+    twin='.twin:SimulatedWitMotion',
+    recognisers=(
+        Recogniser('WitMotion frames', '.wire:is_witmotion'),
+        Recogniser(
+            "packets of WitMotion's Bluetooth models (55 61)",
+            '.wire:is_bluetooth',
+            'type: witmotion reads the serial models (55 51 to 55 5a): use one of those, or write '
+            'a driver (docs/writing_a_driver.md)'),
+    ),
+)

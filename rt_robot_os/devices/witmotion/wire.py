@@ -55,6 +55,7 @@ FULL_SCALE: Final = 32768.0
 
 # A header with a known ID, or what the end of the buffer has left of one.
 _START: Final = re.compile(rb'\x55(?:[\x50-\x5a]|\Z)').search
+_BLUETOOTH: Final = re.compile(rb'(?:\x55[\x61\x71].{18}){2}\x55[\x61\x71]', re.DOTALL).search
 _UNPACK: Final = struct.Struct('<4h').unpack_from
 
 
@@ -201,3 +202,13 @@ def command(register: int, value: int) -> bytes:
 def output_mask(kinds: tuple[int, ...]) -> int:
     """Give the value of the output register for frames with these IDs."""
     return sum(1 << (kind - 0x50) for kind in set(kinds))
+
+
+def is_witmotion(data: bytes) -> bool:
+    """Say whether some bytes are frames: two that touch, for a sum may be good by chance."""
+    return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
+
+
+def is_bluetooth(data: bytes) -> bool:
+    """Say whether some bytes are of a Bluetooth model: three packets of 20 bytes that touch."""
+    return _BLUETOOTH(data) is not None

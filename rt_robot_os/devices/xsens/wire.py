@@ -163,3 +163,8 @@ def output_configuration(wanted: Iterable[tuple[int, int]]) -> bytes:
 def read_output_configuration(payload: bytes) -> tuple[tuple[int, int], ...]:
     """Read identifiers and rates; what is left over is passed over."""
     return tuple(struct.iter_unpack('>HH', payload[:len(payload) // 4 * 4]))
+
+
+def is_xbus(data: bytes) -> bool:
+    """Say whether there is a message with a payload in some bytes."""
+    return any(frame.payload for frame in XbusDecoder().feed(data))

@@ -30,8 +30,8 @@ from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.i2c_bus import LocalTransport
-from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.topics import Bus
 
 MS = 1_000_000

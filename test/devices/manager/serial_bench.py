@@ -38,8 +38,8 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.schema import REQUIRED
+from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.registry import SIMULATORS
 from rt_robot_os.topics import Bus
 
 MS = 1_000_000

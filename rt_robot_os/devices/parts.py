@@ -1,0 +1,75 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a device consists of: the parts that its folder declares, each imported when it is needed.
+
+The folder of a device, here or in another package, says in its ``__init__.py``::
+
+    PARTS = DeviceParts(
+        driver='.driver:MySonar',
+        twin='.twin:SimulatedSonar',
+        recognisers=(Recogniser('sonar frames', '.wire:is_sonar'),))
+
+They are names and not objects: the core never imports a twin, and the process of the twins never a
+driver. A name that begins with a dot is one of the folder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import replace
+
+
+@dataclass(frozen=True)
+class Recogniser:
+    """
+    What tells the bytes of a device when another driver cannot read them: two ports are swapped.
+
+    :ivar frames: what people call the bytes, such as ``sonar frames``.
+    :ivar function: ``module:function``; it takes some hundred bytes that begin and end anywhere,
+        and gives True only when it is sure. Not called in the task of a device.
+    :ivar remedy: what to do about them; empty for ``set type: NAME, or swap the ports``. With it
+        the bytes are such as no driver reads, and are asked about last.
+    """
+
+    frames: str
+    function: str
+    remedy: str = ''
+
+
+@dataclass(frozen=True)
+class DeviceParts:
+    """
+    The parts of a device.
+
+    :ivar driver: ``module:Class``, a :class:`rt_robot_os.devices.device.Device`.
+    :ivar twin: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without one.
+    :ivar recognisers: of its bytes, the surest first.
+    """
+
+    driver: str
+    twin: str = ''
+    recognisers: tuple[Recogniser, ...] = ()
+
+    def inside(self, folder: str) -> DeviceParts:
+        """Give them with the whole names of their modules."""
+        return DeviceParts(
+            _whole(self.driver, folder), _whole(self.twin, folder),
+            tuple(replace(each, function=_whole(each.function, folder))
+                  for each in self.recognisers))
+
+
+def _whole(target: str, folder: str) -> str:
+    return folder + target if target.startswith('.') else target
