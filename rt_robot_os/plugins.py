@@ -36,7 +36,7 @@ T = TypeVar('T')
 
 
 def entry_point_targets(group: str) -> dict[str, str]:
-    """Give what other packages add to an entry-point group: name -> ``module:Class``."""
+    """Return what other packages add to an entry-point group: name -> ``module:Class``."""
     # A value may name extras behind the class: `module:Class [extra]`.
     return {point.name: point.value.partition('[')[0].strip()
             for point in entry_points(group=group)}
@@ -123,7 +123,7 @@ class PluginRegistry(Generic[T]):
         return tuple(found)
 
     def _target(self, name: str) -> str:
-        """Give ``module:Class`` of a name; empty when there is none."""
+        """Return ``module:Class`` of a name; empty when there is none."""
         return self._own.get(name) or self._others().get(name, '')
 
     def _others(self) -> dict[str, str]:

@@ -16,6 +16,7 @@
 
 from glob import glob
 
+from setuptools import find_packages
 from setuptools import setup
 
 package_name = 'rt_robot_example'
@@ -23,7 +24,7 @@ package_name = 'rt_robot_example'
 setup(
     name=package_name,
     version='0.1.0',
-    packages=[package_name],
+    packages=find_packages(exclude=['test']),
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -38,10 +39,8 @@ setup(
     description='A driver and a module for rt_robot_os in a package of their own.',
     license='Apache-2.0',
     entry_points={
-        'rt_robot_os.drivers': [
-            'battery_gauge = rt_robot_example.battery_gauge:BatteryGauge'],
-        'rt_robot_os.simulators': [
-            'battery_gauge = rt_robot_example.battery_gauge_sim:SimulatedBatteryGauge'],
+        'rt_robot_os.devices': [
+            'battery_gauge = rt_robot_example.battery_gauge'],
         'rt_robot_os.modules': [
             'low_battery = rt_robot_example.low_battery:LowBattery'],
     },

@@ -42,9 +42,10 @@ _COMMON: Final = {
     'launch.xml.in': 'launch/@package@.launch.xml', 'robot.yaml.in': 'config/@package@.yaml',
     'README.md.in': 'README.md'}
 _DRIVER: Final = {
-    'protocol.py.in': ('@package@/@driver@_protocol.py', 'the bytes of the device'),
-    'driver.py.in': ('@package@/@driver@.py', 'the driver: from frames to messages'),
-    'sim.py.in': ('@package@/@driver@_sim.py', 'the simulated device'),
+    'device.py.in': ('@package@/@driver@/__init__.py', 'what the device consists of'),
+    'wire.py.in': ('@package@/@driver@/wire.py', 'the bytes of the device'),
+    'driver.py.in': ('@package@/@driver@/driver.py', 'the driver: from frames to messages'),
+    'twin.py.in': ('@package@/@driver@/twin.py', 'the simulated device'),
     'test_driver.py.in': ('test/test_@driver@.py', 'bytes of the data sheet')}
 _MODULE: Final = {
     'module.py.in': ('@package@/@module@.py', 'the module: inputs, outputs, settings, one step'),
@@ -121,10 +122,9 @@ class Package:
     def _computed(self, driver: str, module: str) -> dict[str, str]:
         """Give the parts that depend on what there is."""
         groups = {
-            'drivers': driver and f'{driver}:@Driver@',
-            'simulators': driver and f'{driver}_sim:Simulated@Driver@',
+            'devices': driver,
             'modules': module and f'{module}:@Module@'}
-        names = {'drivers': driver, 'simulators': driver, 'modules': module}
+        names = {'devices': driver, 'modules': module}
         entries = [f"        'rt_robot_os.{group}': [\n"
                    f"            '{names[group]} = '\n            '@package@.{place}'],"
                    for group, place in groups.items() if place]

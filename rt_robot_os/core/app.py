@@ -140,6 +140,8 @@ class Core:
             if device.name in ports:
                 values['port'] = ports[device.name]
             driver = DRIVERS.load(device.type)(device.name, values)
+            if told := DRIVERS.deprecation(device.type):
+                self.note(Severity.WARN, device.name, told)
             if isinstance(driver, CaptureDevice):
                 driver.host = captures
             self._connect_log(driver.log, device.log_level)

@@ -16,4 +16,82 @@
 Devices: the contract, the manager that keeps them alive, and one folder for each of them.
 
 A folder holds the driver, the wire format in both directions, the simulated twin, and the page.
+
+What authors of drivers need is here, each imported when it is asked for: the process of the
+simulated twins, whose folders lie here too, needs none of it.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+from typing import Final
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rt_robot_os.devices.capture.device import CaptureDevice
+    from rt_robot_os.devices.device import Device
+    from rt_robot_os.devices.device import DeviceStatistics
+    from rt_robot_os.devices.device import SamplePublisher
+    from rt_robot_os.devices.framing import FrameDecoder
+    from rt_robot_os.devices.framing import StreamDecoder
+    from rt_robot_os.devices.i2c.device import i2c_settings
+    from rt_robot_os.devices.i2c.device import I2cDevice
+    from rt_robot_os.devices.imu import ImuFiller
+    from rt_robot_os.devices.partial_sums import PartialSums
+    from rt_robot_os.devices.parts import DeviceParts
+    from rt_robot_os.devices.parts import Recogniser
+    from rt_robot_os.devices.ranging import RangeFiller
+    from rt_robot_os.devices.serial.device import serial_settings
+    from rt_robot_os.devices.serial.device import SerialDevice
+    from rt_robot_os.devices.serial.handshake import Handshake
+
+# Where each of them is.
+_PLACES: Final = {
+    'CaptureDevice': 'capture.device',
+    'Device': 'device',
+    'DeviceParts': 'parts',
+    'DeviceStatistics': 'device',
+    'FrameDecoder': 'framing',
+    'Handshake': 'serial.handshake',
+    'I2cDevice': 'i2c.device',
+    'ImuFiller': 'imu',
+    'PartialSums': 'partial_sums',
+    'RangeFiller': 'ranging',
+    'Recogniser': 'parts',
+    'SamplePublisher': 'device',
+    'SerialDevice': 'serial.device',
+    'StreamDecoder': 'framing',
+    'i2c_settings': 'i2c.device',
+    'serial_settings': 'serial.device',
+}
+__all__ = [
+    'CaptureDevice',
+    'Device',
+    'DeviceParts',
+    'DeviceStatistics',
+    'FrameDecoder',
+    'Handshake',
+    'I2cDevice',
+    'ImuFiller',
+    'PartialSums',
+    'RangeFiller',
+    'Recogniser',
+    'SamplePublisher',
+    'SerialDevice',
+    'StreamDecoder',
+    'i2c_settings',
+    'serial_settings',
+]
+
+
+def __getattr__(name: str) -> Any:
+    """
+    Import one of them.
+
+    :raises AttributeError: there is none of that name.
+    """
+    if name not in _PLACES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    found = globals()[name] = getattr(import_module(f'{__name__}.{_PLACES[name]}'), name)
+    return found

@@ -64,7 +64,7 @@ class DeviceParts:
     recognisers: tuple[Recogniser, ...] = ()
 
     def inside(self, folder: str) -> DeviceParts:
-        """Give them with the whole names of their modules."""
+        """Return them with the whole names of their modules."""
         return DeviceParts(
             _whole(self.driver, folder), _whole(self.twin, folder),
             tuple(replace(each, function=_whole(each.function, folder))

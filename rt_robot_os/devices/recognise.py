@@ -99,7 +99,7 @@ def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
 
 
 def _known_of_class(name: str, parts: DeviceParts) -> Iterator[_Known]:
-    """Give what a driver of the old entry-point group says in its class; for one release."""
+    """Yield what a driver of the old entry-point group says in its class; for one release."""
     try:
         driver = load_object(f'driver {name!r}', parts.driver)
     except ConfigError:

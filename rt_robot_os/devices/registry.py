@@ -69,7 +69,7 @@ _OLD_TWINS: Final = 'rt_robot_os.simulators'
 
 def parts_of(name: str, what: str = '') -> DeviceParts | None:
     """
-    Give the parts of a device; None when there is none of that name.
+    Return the parts of a device; None when there is none of that name.
 
     :param what: what is asked for, in errors.
     :raises ConfigError: its folder cannot be imported, or declares no parts.
@@ -87,7 +87,7 @@ def parts_of(name: str, what: str = '') -> DeviceParts | None:
 
 
 def all_parts() -> Iterator[tuple[str, DeviceParts]]:
-    """Give all devices and their parts, those of other packages first; broken ones are left out."""
+    """Yield all devices and their parts, those of other packages first; no broken ones."""
     for name in (*DRIVERS.foreign_names(), *_OWN):
         try:
             parts = parts_of(name)
@@ -115,7 +115,7 @@ class DeviceRegistry(PluginRegistry[T]):
         self._optional = optional
 
     def names(self) -> tuple[str, ...]:
-        """Give the names of all devices with this part, sorted; broken ones too."""
+        """Return the names of all devices with this part, sorted; broken ones too."""
         found = super().names()
         return tuple(filter(self._has, found)) if self._optional else found
 
@@ -136,8 +136,8 @@ class DeviceRegistry(PluginRegistry[T]):
             return ''
         if name not in entry_point_targets(self._old_group):
             return ''
-        return (f'type {name}: the entry-point group {self._old_group} goes with the next release: '
-                f'its package must name it in {GROUP} (docs/writing_a_driver.md)')
+        return (f'type {name}: the entry-point group {self._old_group} goes with the next '
+                f'release: its package must name it in {GROUP} (docs/writing_a_driver.md)')
 
     def _has(self, name: str) -> bool:
         try:

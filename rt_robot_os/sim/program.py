@@ -141,6 +141,8 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
         try:
             wanted = {'baud': int(bauds[name])} if name in bauds else {}
             device = SIMULATORS.load(kind).made_for(name, settings, place, wanted)
+            if told := SIMULATORS.deprecation(kind):
+                _complain(told)
             device.check_speed()
             if name in numbers:
                 _put_on_network(name, device, int(numbers[name]))

@@ -18,11 +18,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from typing import Any
 
 from core_modules import Noted
 import pytest
 
+from rt_robot_os import plugins
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
@@ -302,3 +304,18 @@ def test_the_dispatcher_is_chosen(make_core: MakeCore, tmp_path: Any) -> None:
 
 def test_modules_need_no_safe_state() -> None:
     assert not hasattr(Module, 'safe_state')
+
+
+@pytest.mark.filterwarnings('ignore:type old_imu')
+def test_a_device_of_an_old_entry_point_group_runs_and_is_told_where_it_belongs(
+        make_core: MakeCore, monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint('old_imu', 'rt_robot_os.devices.witmotion.driver:WitMotion',
+                       'rt_robot_os.drivers')
+    monkeypatch.setattr(plugins, 'entry_points',
+                        lambda group: [point] if group == point.group else [])
+    core = make_core(IMU.replace('witmotion', 'old_imu'))
+    assert core.kernel.task('imu').spec.period_ns == 10 * MS
+    told = [report.text for report in core.reports.since(0)[2] if report.source == 'imu']
+    assert told == ['type old_imu: the entry-point group rt_robot_os.drivers goes with the next '
+                    'release: its package must name it in rt_robot_os.devices '
+                    '(docs/writing_a_driver.md)']

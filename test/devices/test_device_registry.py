@@ -22,6 +22,7 @@ import subprocess
 import sys
 
 import pytest
+from rt_robot_os import devices
 from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
@@ -42,7 +43,7 @@ FILES = {
     'their_drivers.py':
         'from rt_robot_os.devices.parts import DeviceParts\n'
         'def driver(name):\n'
-        "    return DeviceParts(driver=name)\n"
+        '    return DeviceParts(driver=name)\n'
         "PARTS = driver('their_lidar.driver:Lidar')\n"
         "MISSING = driver('their_missing:X')\n"
         "NOTHING = driver('their_drivers:Nothing')\n"
@@ -124,6 +125,15 @@ def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:
     assert [name for name in twins if name.endswith('.driver')] == []
 
 
+def test_the_front_for_authors_of_drivers_is_whole_and_imports_what_is_asked_for() -> None:
+    for name in devices.__all__:
+        assert getattr(devices, name).__name__ == name
+    with pytest.raises(AttributeError, match='NoSuchDevice'):
+        getattr(devices, 'NoSuchDevice')
+    seen = imported_by('from rt_robot_os.devices import DeviceParts, FrameDecoder')
+    assert not {'serial', 'rt_robot_os.devices.serial.device', 'numpy'} & seen
+
+
 def test_an_unknown_name_lists_what_exists() -> None:
     with pytest.raises(ConfigError, match="no driver 'witmotoin': use one of .*nmea, .*"
                        'entry-point group rt_robot_os.devices'):
@@ -169,7 +179,7 @@ def test_a_name_of_this_package_cannot_be_taken_over_silently() -> None:
     assert any("'nmea' of the entry point" in problem for problem in DRIVERS.problems())
 
 
-# --- the entry-point groups of the release before -------------------------------------------------
+# --- the entry-point groups of the release before -----------------------------------------------
 
 @pytest.mark.usefixtures('other_package')
 def test_the_old_groups_work_and_name_the_new_one() -> None:

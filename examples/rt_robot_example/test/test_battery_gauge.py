@@ -20,12 +20,13 @@ import math
 from pathlib import Path
 
 import pytest
-from rt_robot_example.battery_gauge import BatteryGauge
-from rt_robot_example.battery_gauge_sim import SimulatedBatteryGauge
-from rt_robot_example.protocol import encode
-from rt_robot_example.protocol import FRAME_BYTES
-from rt_robot_example.protocol import GaugeDecoder
-from rt_robot_example.protocol import Reading
+from rt_robot_example.battery_gauge.driver import BatteryGauge
+from rt_robot_example.battery_gauge.twin import SimulatedBatteryGauge
+from rt_robot_example.battery_gauge.wire import encode
+from rt_robot_example.battery_gauge.wire import FRAME_BYTES
+from rt_robot_example.battery_gauge.wire import GaugeDecoder
+from rt_robot_example.battery_gauge.wire import is_gauge
+from rt_robot_example.battery_gauge.wire import Reading
 from rt_robot_os.testing import DriverContract
 from rt_robot_os.testing import rig
 from rt_robot_os.testing import scripted
@@ -67,8 +68,8 @@ def test_a_wrong_checksum_is_counted_and_not_published() -> None:
 
 
 def test_other_drivers_recognise_its_bytes() -> None:
-    assert BatteryGauge.recognises(encode(12.34, 1.2, 73)[5:] + encode(11.0, -2.5, 40))
-    assert not BatteryGauge.recognises(b'$GPGSV,1,1,00*79\r\n' * 3)
+    assert is_gauge(encode(12.34, 1.2, 73)[5:] + encode(11.0, -2.5, 40))
+    assert not is_gauge(b'$GPGSV,1,1,00*79\r\n' * 3)
 
 
 def test_the_simulated_gauge_runs_down(tmp_path: Path) -> None:

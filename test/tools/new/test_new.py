@@ -94,7 +94,7 @@ def test_everything_is_in_the_package_and_nothing_else_lies_about(tmp_path: Path
     assert make(tmp_path, 'mine', 'sonar', 'stop') == 0
     assert [path.name for path in tmp_path.iterdir()] == ['mine']
     files = [path for path in (tmp_path / 'mine').rglob('*') if path.is_file()]
-    assert len(files) == 14
+    assert len(files) == 15
     assert not [path for path in files if re.search(r'@\w+@', path.read_text() + path.name)]
     umask = os.umask(0)
     os.umask(umask)

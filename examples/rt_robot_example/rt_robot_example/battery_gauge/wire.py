@@ -26,7 +26,7 @@ from functools import reduce
 from operator import xor
 import re
 
-from rt_robot_os.devices.framing import FrameDecoder
+from rt_robot_os.devices import FrameDecoder
 
 FRAME = re.compile(
     rb'\$(B(\d\d\.\d\d),([+-]\d\d\.\d\d),(\d{3}))\*([0-9A-F]{2})\r\n').fullmatch
@@ -77,3 +77,8 @@ class GaugeDecoder(FrameDecoder[Reading]):
         if checksum(body) != int(check, 16):
             return None
         return Reading(float(voltage), float(current), int(percent), arrived)
+
+
+def is_gauge(data: bytes) -> bool:
+    """Tell other drivers, when ports are swapped, whether some bytes are of a gauge."""
+    return bool(GaugeDecoder().feed(data))

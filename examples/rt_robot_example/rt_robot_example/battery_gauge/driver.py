@@ -21,11 +21,11 @@ from collections.abc import Sequence
 import math
 from typing import Any
 
-from rt_robot_example.protocol import GaugeDecoder
-from rt_robot_example.protocol import Reading
-from rt_robot_os.devices.device import SamplePublisher
-from rt_robot_os.devices.serial.device import serial_settings
-from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_example.battery_gauge.wire import GaugeDecoder
+from rt_robot_example.battery_gauge.wire import Reading
+from rt_robot_os.devices import SamplePublisher
+from rt_robot_os.devices import serial_settings
+from rt_robot_os.devices import SerialDevice
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
 
@@ -34,7 +34,6 @@ class BatteryGauge(SerialDevice[Reading]):
     """A battery gauge on a serial line."""
 
     description = 'battery gauge of the tutorial, ASCII $B at 9600 baud'
-    FRAMES = 'readings of a battery gauge'
     SETTINGS = (
         *serial_settings(baud=9600, frame_id='base_link', topic='battery', rate_hz=10.0),
         Field('capacity_ah', float, 5.0, 'Capacity of the battery when it was new.', 'Ah',
@@ -43,11 +42,6 @@ class BatteryGauge(SerialDevice[Reading]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings, GaugeDecoder())
-
-    @classmethod
-    def recognises(cls, data: bytes) -> bool:
-        """Tell other drivers, when ports are swapped, that the bytes are of a gauge."""
-        return bool(GaugeDecoder().feed(data))
 
     def publications(self) -> tuple[TopicSpec, ...]:
         """Say what is published; texts are fixed here."""
