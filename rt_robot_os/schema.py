@@ -15,18 +15,26 @@
 """
 What a part of a robot declares of itself: its settings, and the topics that it writes and reads.
 
-A driver, a module and the robot itself each declare their settings as a tuple of :class:`Field`.
-The same declaration checks the YAML file, describes the ROS 2 parameter and documents the key.
+A driver and a module declare their settings as a tuple of :class:`Field`; the robot itself declares
+them as a dataclass whose fields are each a :func:`setting`, from which :func:`declared` makes the
+same. The one declaration checks the YAML file, describes the ROS 2 parameter, documents the key and
+says what the program gets when it is absent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass
 from dataclasses import field
+import functools
 import math
 import sys
 from typing import Any
+from typing import ClassVar
+from typing import get_args
+from typing import get_origin
+from typing import get_type_hints
 
 REQUIRED: Any = object()
 
@@ -34,6 +42,10 @@ _NOUNS: Mapping[type, str] = {
     bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 _PLURALS: Mapping[type, str] = {
     bool: 'true or false', int: 'whole numbers', float: 'numbers', str: 'texts'}
+
+# What a field of a dataclass carries: how it is declared, or that its own keys stand beside it.
+_SETTING = 'rt_robot_os.setting'
+_INLINE = 'rt_robot_os.inline'
 
 
 @dataclass(frozen=True)
@@ -183,3 +195,63 @@ def number(value: float | None) -> str:
     if float(value).is_integer() and abs(value) < 1e15:
         return str(int(value))
     return f'{value:g}'
+
+
+def setting(
+    default: Any, description: str, unit: str = '', minimum: float | None = None,
+    maximum: float | None = None, *, choices: tuple[Any, ...] = (), live: bool = False,
+) -> Any:
+    """
+    Declare a setting as a field of a dataclass: name and type are those of the field.
+
+    A tuple of texts is a list in YAML; so is a tuple of dataclasses: a list of their names. A
+    setting that is a ``ClassVar`` is read and checked, and no object holds it.
+    """
+    facts = {'default': default, 'description': description, 'unit': unit, 'minimum': minimum,
+             'maximum': maximum, 'choices': choices, 'live': live}
+    return dataclasses.field(default=dataclasses.MISSING if default is REQUIRED else default,
+                             metadata={_SETTING: facts})
+
+
+def inline(default: Any) -> Any:
+    """Declare that the settings of another dataclass stand among those of this one."""
+    return dataclasses.field(default=default, metadata={_INLINE: True})
+
+
+@functools.cache
+def declared(cls: type) -> tuple[Field, ...]:
+    """Give the settings of a dataclass, in order."""
+    hints = get_type_hints(cls)
+    found: list[Field] = []
+    for name, each in cls.__dataclass_fields__.items():  # dataclasses.fields() hides ClassVars
+        if _INLINE in each.metadata:
+            found += declared(hints[name])
+        elif _SETTING in each.metadata:
+            found.append(_field(name, hints[name], each.metadata[_SETTING]))
+    return tuple(found)
+
+
+def made(cls: type[Any], values: Mapping[str, Any], **others: Any) -> Any:
+    """
+    Make an object of a dataclass.
+
+    :param values: of its settings, by name; for one that is missing the default counts.
+    :param others: what is no setting; also what is to be given in place of one.
+    """
+    hints = get_type_hints(cls)
+    given: dict[str, Any] = {}
+    for each in dataclasses.fields(cls):
+        if _INLINE in each.metadata:
+            given[each.name] = made(hints[each.name], values)
+        elif _SETTING in each.metadata and each.name in values:
+            given[each.name] = values[each.name]
+    return cls(**{**given, **others})
+
+
+def _field(name: str, hint: Any, facts: Mapping[str, Any]) -> Field:
+    kind = get_args(hint)[0] if get_origin(hint) is ClassVar else hint
+    if get_origin(kind) is tuple:
+        item = get_args(kind)[0]
+        return Field(name, list, item=item if item in _NOUNS else str, **facts)
+    known = [each for each in (kind, *get_args(kind)) if each in _NOUNS]
+    return Field(name, known[0], **facts)

@@ -30,6 +30,7 @@ PRIORITY_MAXIMUM = 99
 BACKLOG_MAXIMUM = 1000
 RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0
+OVERRUN_LIMIT_MAXIMUM = 1_000_000
 
 
 class OverrunPolicy(Enum):
@@ -146,7 +147,8 @@ def _out_of_range(spec: TaskSpec) -> list[str]:
         value = getattr(spec, key)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
             found.append(f'{key} {value!r} must be a whole number of nanoseconds, 0 or more')
-    for key, low, high in (('catch_up', 1, BACKLOG_MAXIMUM), ('overrun_limit', 0, 1_000_000),
+    for key, low, high in (('catch_up', 1, BACKLOG_MAXIMUM),
+                           ('overrun_limit', 0, OVERRUN_LIMIT_MAXIMUM),
                            ('overrun_leak', 1, 1_000_000_000)):
         value = getattr(spec, key)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:

@@ -27,20 +27,21 @@ import sys
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Lookup
-from rt_robot_os.settings.fields import CORE
-from rt_robot_os.settings.fields import DEVICE
-from rt_robot_os.settings.fields import LOG
-from rt_robot_os.settings.fields import MIRROR
-from rt_robot_os.settings.fields import MODULE
-from rt_robot_os.settings.fields import ROBOT
-from rt_robot_os.settings.fields import TASK
-from rt_robot_os.settings.fields import TOPIC
-from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.installed import installed
+from rt_robot_os.settings.model import CoreSettings
+from rt_robot_os.settings.model import DeviceSettings
+from rt_robot_os.settings.model import LogSettings
+from rt_robot_os.settings.model import MirrorSettings
+from rt_robot_os.settings.model import ModuleSettings
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import TaskSettings
+from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.model import WatchdogSettings
 from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.tree import show
 
@@ -128,6 +129,19 @@ texts and the lengths of sequences that the message is laid out with, by dotted 
 `fixed: {header.frame_id: base_link}`.
 """
 
+_SECTIONS: Final = (
+    ('The robot', '', RobotSettings),
+    ('`core`: the real-time process', '', CoreSettings),
+    ('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
+     WatchdogSettings),
+    ('`log`: the file of the log', _LOG_TEXT, LogSettings),
+    ('Devices', _DEVICE_TEXT, DeviceSettings),
+    ('Modules', _MODULE_TEXT, ModuleSettings),
+    ('Tasks', _TASK_TEXT, TaskSettings),
+    ('Topics', _TOPIC_TEXT, TopicSettings),
+    ('Mirrors', 'Each copies a topic of the core to ROS, or one from ROS.\n', MirrorSettings),
+)
+
 _COLUMNS: Final = ('key', 'type', 'default', 'range', 'unit', 'live', 'meaning')
 _KINDS: Final = {bool: 'bool', int: 'int', float: 'float', str: 'string'}
 
@@ -135,19 +149,7 @@ _KINDS: Final = {bool: 'bool', int: 'int', float: 'float', str: 'string'}
 def describe(catalogue: Catalogue | None = None) -> str:
     """Write the page, as Markdown."""
     known = catalogue or installed()
-    parts = [
-        _HEAD,
-        _section('The robot', '', ROBOT),
-        _section('`core`: the real-time process', '', CORE),
-        _section('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
-                 WATCHDOG),
-        _section('`log`: the file of the log', _LOG_TEXT, LOG),
-        _section('Devices', _DEVICE_TEXT, _without_task(DEVICE)),
-        _section('Modules', _MODULE_TEXT, _without_task(MODULE)),
-        _section('Tasks', _TASK_TEXT, TASK),
-        _section('Topics', _TOPIC_TEXT, TOPIC),
-        _section('Mirrors', 'Each copies a topic of the core to ROS, or one from ROS.\n', MIRROR),
-    ]
+    parts = [_HEAD, *(_section(title, text, _without_task(cls)) for title, text, cls in _SECTIONS)]
     for name in sorted(known.drivers.names()):
         parts += _kind('driver', name, known.drivers)
         if name in known.simulators.names():
@@ -158,8 +160,10 @@ def describe(catalogue: Catalogue | None = None) -> str:
     return '\n'.join(part for part in parts if part)
 
 
-def _without_task(fields: Sequence[Field]) -> Sequence[Field]:
-    return [field for field in fields if field not in TASK]
+def _without_task(cls: type) -> Sequence[Field]:
+    """Give the settings of a section; those of tasks have a table of their own."""
+    task = declared(TaskSettings)
+    return [field for field in declared(cls) if cls is TaskSettings or field not in task]
 
 
 def _kind(noun: str, name: str, lookup: Lookup) -> Iterable[str]:

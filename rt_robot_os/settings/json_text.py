@@ -26,36 +26,14 @@ from collections.abc import Mapping
 from dataclasses import fields
 from dataclasses import is_dataclass
 import json
-from typing import Any, Final, TypeVar
+from typing import Any, Final, get_args, get_origin, get_type_hints, TypeVar
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.settings.model import CoreSettings
-from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
-from rt_robot_os.settings.model import LogSettings
-from rt_robot_os.settings.model import MirrorSettings
-from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
-from rt_robot_os.settings.model import TaskSettings
-from rt_robot_os.settings.model import TopicSettings
-from rt_robot_os.settings.model import WatchdogSettings
 
 # Counted up when the form changes: the node and the core may be of different installations.
 FORMAT: Final = 4
-
-_PARTS: Final[Mapping[str, type]] = {
-    'devices': DeviceSettings, 'modules': ModuleSettings, 'topics': TopicSettings,
-    'mirrors': MirrorSettings,
-}
-_NESTED: Final[Mapping[str, type]] = {
-    'CoreSettings': CoreSettings, 'TaskSettings': TaskSettings,
-    'WatchdogSettings': WatchdogSettings, 'LogSettings': LogSettings,
-}
-_TYPES: Final[Mapping[str, tuple[type, ...]]] = {
-    'bool': (bool,), 'int': (int,), 'float': (float, int), 'str': (str,),
-    'int | None': (int, type(None)), 'Mapping[str, Any]': (dict,),
-    'Mapping[str, Any] | None': (dict, type(None)),
-}
 
 _Settings = TypeVar('_Settings')
 
@@ -78,11 +56,6 @@ def from_json(text: str) -> RobotSettings:
     if not isinstance(data, dict) or data.pop('format', None) != FORMAT:
         raise ConfigError([f'settings: not of format {FORMAT}: the node and the core must be of '
                            'the same version'])
-    for name, kind in _PARTS.items():
-        items = data.get(name)
-        if not isinstance(items, list):
-            raise ConfigError([f'settings: {name} must be a list'])
-        data[name] = tuple(_part(kind, each, name) for each in items)
     return _make(RobotSettings, data, 'robot')
 
 
@@ -96,36 +69,45 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _part(kind: type[_Settings], data: Any, name: str) -> _Settings:
+def _make(kind: type[_Settings], data: Any, name: str) -> _Settings:
     if not isinstance(data, dict):
         raise ConfigError([f'settings: {name} must be an object'])
-    return _make(kind, data, name)
-
-
-def _make(kind: type[_Settings], data: dict[str, Any], name: str) -> _Settings:
-    known = {each.name: str(each.type) for each in fields(kind)}  # type: ignore[arg-type]
+    hints = get_type_hints(kind)
+    known = {each.name: hints[each.name] for each in fields(kind)}  # type: ignore[arg-type]
     wrong = sorted(set(known) ^ set(data))
     if wrong:
         raise ConfigError([f"settings: {name}: keys missing or unknown: {', '.join(wrong)}"])
-    values: dict[str, Any] = {}
-    for key, type_name in known.items():
-        value = data[key]
-        allowed = _TYPES.get(type_name)
-        if type_name in _NESTED:
-            value = _part(_NESTED[type_name], value, f'{name}.{key}')
-        elif type_name == 'tuple[str, ...]':
-            if type(value) is not list or any(type(item) is not str for item in value):
-                raise ConfigError([f'settings: {name}.{key} must be a list of texts'])
-            value = tuple(value)
-        elif allowed is not None:
-            if type(value) not in allowed:
-                raise ConfigError([f'settings: {name}.{key} must be {type_name}'])
-            value = _float(value, f'{name}.{key}') if type_name == 'float' else frozen(value)
-        values[key] = value
-    return kind(**values)
+    return kind(**{key: _value(hint, data[key], f'{name}.{key}') for key, hint in known.items()})
 
 
-def _float(value: float, name: str) -> float:
+def _value(hint: Any, value: Any, name: str) -> Any:
+    """Read one value of the type that is annotated."""
+    if is_dataclass(hint):
+        return _make(hint, value, name)  # type: ignore[arg-type]
+    if get_origin(hint) is tuple:
+        item = get_args(hint)[0]
+        if type(value) is not list or (item is str and any(type(each) is not str
+                                                           for each in value)):
+            raise ConfigError([f'settings: {name} must be a list'
+                               + (' of texts' if item is str else '')])
+        return tuple(_value(item, each, name) for each in value)
+    if hint is float and type(value) is int:
+        return _float(value, name)
+    allowed = (hint, *get_args(hint))
+    if isinstance(value, dict):
+        fits = any(get_origin(each) in (Mapping, dict) for each in allowed)
+    else:
+        fits = type(value) in allowed
+    if not fits:
+        raise ConfigError([f'settings: {name} must be {_name(hint)}'])
+    return frozen(value)
+
+
+def _name(hint: Any) -> str:
+    return str(hint.__name__ if isinstance(hint, type) else hint)
+
+
+def _float(value: int, name: str) -> float:
     try:
         return float(value)
     except OverflowError:

@@ -12,135 +12,187 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+The checked settings: frozen facts that the node, the core and the tools share.
 
-"""The checked settings: frozen facts that the node, the core and the tools share."""
+Each setting is declared here and nowhere else; see :func:`rt_robot_os.schema.setting`. Drivers,
+simulators and modules bring their own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
+from dataclasses import is_dataclass
+from enum import Enum
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final, get_args, get_type_hints
 
+from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
+from rt_robot_os.kernel.kernel import SPIN_MAXIMUM_NS
+from rt_robot_os.kernel.spec import BACKLOG_MAXIMUM
+from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import OVERRUN_LIMIT_MAXIMUM
+from rt_robot_os.kernel.spec import OverrunPolicy
+from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
+from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
+from rt_robot_os.kernel.spec import TaskSpec
+from rt_robot_os.link.mirror import Policy
+from rt_robot_os.logger import LEVELS
+from rt_robot_os.schema import inline
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import setting
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.topics.topic import DEPTH_MAXIMUM
+from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
+from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
 # The port of a simulated device.
 SIM_PORT: Final = 'sim'
+
+SLOWEST_HZ: Final = 0.1
+FASTEST_HZ: Final = 10_000.0
+
+_LONGEST_US: Final = 1e9  # a period, a deadline, a budget
 
 
 def _nothing() -> Mapping[str, Any]:
     return MappingProxyType({})
 
 
+def _values(kind: type[Enum]) -> tuple[Any, ...]:
+    return tuple(each.value for each in kind)
+
+
+def _priority(default: int, description: str) -> Any:
+    return setting(default, description, minimum=PRIORITY_MINIMUM, maximum=PRIORITY_MAXIMUM)
+
+
+def _enabled() -> Any:
+    return setting(True, 'false: it is left out, and its topics are silent')
+
+
+def _max_subscribers() -> Any:
+    return setting(int(MAX_SUBSCRIBERS), 'most modules that may read one of its topics (of '
+                   'several sections that publish it the largest number counts); mirrors and '
+                   'recordings do not count', minimum=1, maximum=SUBSCRIBERS_MAXIMUM)
+
+
+def _log_level() -> Any:
+    return setting('info', 'the least severity that it logs', choices=LEVELS, live=True)
+
+
 @dataclass(frozen=True, slots=True)
 class CoreSettings:
-    """
-    The process that runs the kernel.
+    """The process that runs the kernel."""
 
-    :ivar spawn: start it as a child; False attaches to one that runs.
-    :ivar cpu: the CPU it is pinned to; -1 the least used one allowed, -2 none.
-    :ivar scheduler_priority: SCHED_FIFO 1..99; 0 stays an ordinary process.
-    :ivar lock_memory: keep all pages in memory.
-    :ivar heartbeat_s: silence after which the other side counts as dead.
-    :ivar link_priority: kernel priority of the tasks that serve clients, 1..99.
-    :ivar command_priority: kernel priority at which samples from clients are published, 1..99.
-    :ivar spin_us: how early it wakes to spin up to a release; 0 sleeps.
-    :ivar cpu_latency_us: asked of ``/dev/cpu_dma_latency``; -1 leaves it.
-    :ivar dispatcher: ``preemptive`` or ``cooperative``.
-    :ivar black_box_records: how many the black box keeps.
-    :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
-    :ivar record_bytes: devices' bytes and the schedule are tapped from the start.
-    :ivar link_gather_ms: samples mirrored within this time go out together; 0 for each at once.
-    """
-
-    spawn: bool
-    cpu: int
-    scheduler_priority: int
-    lock_memory: bool
-    heartbeat_s: float
-    link_priority: int
-    command_priority: int
-    spin_us: float = 0.0
-    cpu_latency_us: int = -1
-    dispatcher: str = 'preemptive'
-    black_box_records: int = 2048
-    black_box_folder: str = ''
-    record_bytes: bool = False
-    link_gather_ms: float = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class LogSettings:
-    """
-    The file of the log, which the node writes.
-
-    :ivar file: whether there is one.
-    :ivar folder: empty for ROS's folder of logs.
-    :ivar file_mb: size at which a new one is begun.
-    :ivar files: how many are kept.
-    """
-
-    file: bool = True
-    folder: str = ''
-    file_mb: float = 10.0
-    files: int = 5
+    spawn: bool = setting(True, 'start the core as a child; false: attach to one that runs')
+    cpu: int = setting(
+        -1, 'CPU it is pinned to; -1: of those allowed the one with the fewest robots, of these '
+        'the last; -2: not pinned', minimum=-2, maximum=1023)
+    scheduler_priority: int = setting(
+        80, 'SCHED_FIFO priority; 0: stay an ordinary process', minimum=0, maximum=99)
+    lock_memory: bool = setting(True, 'keep all memory resident')
+    heartbeat_s: float = setting(
+        1.0, 'time without a sign of life after which the core is reported; after three times '
+        'that one that the node has started is started anew', 's', 0.1, 60.0)
+    link_priority: int = _priority(
+        2, 'kernel priority of what serves clients: below what matters')
+    link_gather_ms: float = setting(
+        5.0, 'samples that are mirrored within this time of those before go out together: the '
+        'core spends less on each; 0: each at once', 'ms', 0.0, 1000.0)
+    command_priority: int = _priority(
+        50, 'kernel priority at which samples from ROS are published')
+    spin_us: float = setting(
+        0.0, 'wake this much early and spin up to the release: less jitter for computing time; '
+        '0: sleep', 'us', 0.0, SPIN_MAXIMUM_NS / NS_PER_US)
+    cpu_latency_us: int = setting(
+        -1, 'longest time a sleeping CPU may take to wake, as asked of /dev/cpu_dma_latency; '
+        '-1: leave it', 'us', -1, 1_000_000)
+    dispatcher: str = setting(
+        'preemptive', 'preemptive: the higher priority interrupts the lower; cooperative: it '
+        'waits for the end of the job', choices=('preemptive', 'cooperative'))
+    black_box_records: int = setting(
+        RECORDS_DEFAULT, 'records the black box keeps', 'records', 64, 1 << 20)
+    black_box_folder: str = setting(
+        '', 'where the black box is written after a fault; when absent $ROS_LOG_DIR or ~/.ros/log')
+    record_bytes: bool = setting(
+        False, 'tap bytes of devices and times of jobs from the start, so that record gets all of '
+        'them and replay is exact')
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogSettings:
-    """
-    What happens when a critical task is unhealthy.
+    """What happens when a critical task is unhealthy."""
 
-    :ivar timeout_s: for how long it may be; 0 without watchdog.
-    :ivar action: ``log``, ``safe_state`` or ``exit``.
-    :ivar exit_code: of the core, after ``exit``.
-    :ivar device: a hardware watchdog that is fed as well; empty without.
-    """
+    timeout_s: float = setting(
+        0.0, 'how long a critical task may be unhealthy; 0: no watchdog', 's', 0.0, 3600.0)
+    action: str = setting(
+        'log', 'what comes then: log it, bring every task with a safe state there and hold it, or '
+        'exit', choices=('log', 'safe_state', 'exit'))
+    exit_code: int = setting(70, 'exit code of the core after exit', minimum=3, maximum=125)
+    device: str = setting(
+        '', 'a watchdog of the machine that is fed as well, such as /dev/watchdog')
 
-    timeout_s: float = 0.0
-    action: str = 'log'
-    exit_code: int = 70
-    device: str = ''
+
+@dataclass(frozen=True, slots=True)
+class LogSettings:
+    """The file of the log, which the node writes."""
+
+    file: bool = setting(True, "the node writes the core's log to a file")
+    folder: str = setting('', 'where it lies; when absent $ROS_LOG_DIR or ~/.ros/log')
+    file_mb: float = setting(10.0, 'size at which a new file is begun', 'MB', 0.001, 10_000.0)
+    files: int = setting(
+        5, 'files that are kept, the newest included', minimum=1, maximum=1000)
 
 
 @dataclass(frozen=True, slots=True)
 class TaskSettings:
-    """
-    What a device or a module declares of its task, besides rate and priority.
+    """What a device or a module declares of its task, besides rate and priority."""
 
-    :ivar phase_us: first release after the start.
-    :ivar deadline_us: from release to end; 0 the period, or none without one.
-    :ivar budget_us: computing time of a job; 0 any.
-    :ivar on_budget: ``warn`` or ``abort``.
-    :ivar overrun: ``skip``, ``rephase``, ``catch_up`` or ``stop``.
-    :ivar catch_up: most releases made up for, when ``overrun`` is ``catch_up``.
-    :ivar overrun_limit: overruns after which ``failure`` is applied; 0 never.
-    :ivar overrun_leak: jobs without overrun that take one away.
-    :ivar failure: ``continue``, ``restart``, ``stop`` or ``safe_state``.
-    :ivar restart_s: wait before the first restart; doubled with each.
-    :ivar restart_max_s: longest wait.
-    :ivar critical: the watchdog watches it.
-    :ivar resources: names of what it may lock.
-    :ivar logical_execution: outputs are published at the deadline.
-    :ivar execution_us: declared worst case, for planning; 0 unknown.
-    """
-
-    phase_us: float = 0.0
-    deadline_us: float = 0.0
-    budget_us: float = 0.0
-    on_budget: str = 'warn'
-    overrun: str = 'skip'
-    catch_up: int = 1
-    overrun_limit: int = 0
-    overrun_leak: int = 100
-    failure: str = 'continue'
-    restart_s: float = 0.1
-    restart_max_s: float = 10.0
-    critical: bool = False
-    resources: tuple[str, ...] = ()
-    logical_execution: bool = False
-    execution_us: float = 0.0
+    phase_us: float = setting(0.0, 'first release after the start', 'us', 0.0, _LONGEST_US)
+    deadline_us: float = setting(
+        0.0, 'time from a release to the latest end of its job; 0: the period, without a rate '
+        'none', 'us', 0.0, _LONGEST_US)
+    budget_us: float = setting(
+        0.0, 'computing time a job may use, what preempts it not counted; 0: any', 'us', 0.0,
+        _LONGEST_US)
+    on_budget: str = setting(
+        TaskSpec.on_budget.value, 'what happens to a job that uses more: count it, or abort it',
+        choices=_values(BudgetPolicy))
+    overrun: str = setting(
+        TaskSpec.overrun.value, 'what happens to a release that finds the job before unfinished',
+        choices=_values(OverrunPolicy))
+    catch_up: int = setting(
+        TaskSpec.catch_up, 'most releases made up for, with overrun: catch_up', minimum=1,
+        maximum=BACKLOG_MAXIMUM)
+    overrun_limit: int = setting(
+        TaskSpec.overrun_limit, 'overruns after which the failure policy is applied; 0: never',
+        minimum=0, maximum=OVERRUN_LIMIT_MAXIMUM)
+    overrun_leak: int = setting(
+        TaskSpec.overrun_leak, 'jobs without overrun that take one overrun away', minimum=1,
+        maximum=1_000_000)
+    failure: str = setting(
+        TaskSpec.failure.value, 'what follows an exception, an abort or too many overruns',
+        choices=_values(FailurePolicy))
+    restart_s: float = setting(
+        TaskSpec.restart_ns / NS_PER_S, 'wait before the first restart; doubled with each', 's',
+        0.001, 3600.0)
+    restart_max_s: float = setting(
+        TaskSpec.restart_maximum_ns / NS_PER_S, 'longest wait before a restart', 's', 0.001,
+        3600.0)
+    critical: bool = setting(TaskSpec.critical, 'the watchdog watches it')
+    resources: tuple[str, ...] = setting(
+        (), 'names of what it may lock; tasks that name the same share it')
+    logical_execution: bool = setting(
+        TaskSpec.logical, 'inputs are those of the release, outputs are published at the deadline')
+    execution_us: float = setting(
+        0.0, 'longest computing time of a job as you know it, for plan; 0: unknown', 'us', 0.0,
+        _LONGEST_US)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,35 +201,31 @@ class DeviceSettings:
     One device in the SensorManager's list.
 
     :ivar name: its section; unique in the robot.
-    :ivar type: the driver's name in the registry.
     :ivar port: where it is; ``SIM_PORT`` for a simulated one, empty when the driver has no port.
-    :ivar rate_hz: how often it is polled.
-    :ivar priority: of its task, 1..99, higher runs first.
-    :ivar timeout_s: silence after which it counts as faulty.
-    :ivar retry_s: first wait before it is opened again.
-    :ivar retry_max_s: longest wait between two tries.
     :ivar settings: every key of the driver's own ``SETTINGS``, defaults filled in.
     :ivar sim: the simulator's settings; None unless the port is ``SIM_PORT``.
-    :ivar read: ``poll`` at the rate, or ``interrupt`` as bytes arrive too.
-    :ivar task: what it declares of its task.
-    :ivar log_level: the least severity that it logs, such as ``info``.
-    :ivar max_subscribers: how many modules may read each of its topics.
     """
 
     name: str
-    type: str  # noqa: A003
-    port: str
-    rate_hz: float
-    priority: int
-    timeout_s: float
-    retry_s: float
-    retry_max_s: float
+    type: str = setting(REQUIRED, "the driver's name")  # noqa: A003
+    port: str = ''
+    enabled: ClassVar[bool] = _enabled()
+    rate_hz: float = setting(
+        100.0, 'how often the device is polled', 'Hz', SLOWEST_HZ, FASTEST_HZ, live=True)
+    priority: int = _priority(60, 'priority of its task; higher runs first')
+    read: str = setting(
+        'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too (a device on I2C '
+        'always, but with logical_execution)', choices=('poll', 'interrupt'))
+    timeout_s: float = setting(
+        1.0, 'silence after which the device counts as faulty', 's', 0.01, 3600.0)
+    retry_s: float = setting(
+        0.5, 'wait before it is opened again; doubles with each failure', 's', 0.01, 3600.0)
+    retry_max_s: float = setting(10.0, 'longest wait between two tries', 's', 0.01, 3600.0)
+    max_subscribers: int = _max_subscribers()
+    log_level: str = _log_level()
+    task: TaskSettings = inline(TaskSettings())
     settings: Mapping[str, Any] = field(default_factory=_nothing)
     sim: Mapping[str, Any] | None = None
-    read: str = 'poll'
-    task: TaskSettings = TaskSettings()
-    log_level: str = 'info'
-    max_subscribers: int = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,67 +233,88 @@ class ModuleSettings:
     """
     One function module.
 
-    :ivar type: its name in the registry, or ``package.module:Class``.
-    :ivar rate_hz: how often it steps; 0 when only its inputs wake it.
+    :ivar name: its section; unique in the robot.
     :ivar settings: every key of the module's own ``SETTINGS``, defaults filled in.
-    :ivar task: what it declares of its task.
-    :ivar log_level: the least severity that it logs, such as ``info``.
-    :ivar max_subscribers: how many modules may read each of its topics.
     """
 
     name: str
-    type: str  # noqa: A003
-    rate_hz: float
-    priority: int
+    type: str = setting(  # noqa: A003
+        REQUIRED, "the module's name, or package.module:Class")
+    enabled: ClassVar[bool] = _enabled()
+    rate_hz: float = setting(
+        50.0, 'how often the module steps; 0: only when an input wakes it', 'Hz', 0.0, FASTEST_HZ,
+        live=True)
+    priority: int = _priority(40, 'priority of its task; higher runs first')
+    max_subscribers: int = _max_subscribers()
+    log_level: str = _log_level()
+    task: TaskSettings = inline(TaskSettings())
     settings: Mapping[str, Any] = field(default_factory=_nothing)
-    task: TaskSettings = TaskSettings()
-    log_level: str = 'info'
-    max_subscribers: int = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TopicSettings(TopicSpec):
     """
     A topic of the core that no device and no module declares.
 
-    :ivar name: its section.
-    :ivar max_subscribers: how many modules may read it.
+    :ivar name: its section, and its name in the core unless ``topic`` says another.
+    :ivar tail: None for 0.
     """
 
-    name: str = ''
-    max_subscribers: int = 64
+    name: str
+    topic: str = setting('', 'its name in the core; the name of the section when absent')
+    message: str = setting(REQUIRED, 'its type, such as geometry_msgs/msg/Twist')
+    depth: int = setting(
+        8, 'slots in the ring; a power of two', minimum=1, maximum=DEPTH_MAXIMUM)
+    rate_hz: float = setting(0.0, 'rate expected; 0: unknown', 'Hz', 0.0, FASTEST_HZ)
+    tail: int | None = setting(
+        0, 'most bytes of the one sequence of variable length; 0: there is none', 'bytes', 0,
+        64 * 1024 * 1024)
+    max_subscribers: int = _max_subscribers()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'topic', self.topic or self.name)
+        object.__setattr__(self, 'tail', self.tail or None)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MirrorSettings:
     """
     A topic of the core mirrored to or from a ROS topic.
 
-    :ivar topic: in the core.
-    :ivar message: its type.
-    :ivar direction: ``out`` to ROS or ``in`` from it.
+    :ivar name: its section.
+    :ivar message: the type of the topic in the core.
     :ivar ros_topic: as the user wrote it; relative names follow the node's namespace.
-    :ivar policy: ``drain`` hands on every sample, ``latest`` the newest.
-    :ivar max_rate_hz: 0 for no limit.
-    :ivar reliability: ``reliable`` or ``best_effort``.
-    :ivar durability: ``volatile`` or ``transient_local``.
-    :ivar depth: of the ROS queue.
-    :ivar stamped: the ROS topic has the type with a header.
-    :ivar frame_id: in the header of what goes out.
+    :ivar reliability: never ``auto``: that is decided when it is made.
     """
 
     name: str
-    topic: str
+    topic: str = setting(REQUIRED, 'the topic in the core')
     message: str
-    direction: str
-    ros_topic: str
-    policy: str
-    max_rate_hz: float
-    reliability: str
-    durability: str
-    depth: int
-    stamped: bool = False
-    frame_id: str = ''
+    direction: str = setting(
+        'out', 'where it goes: out to ROS or in from it', choices=('out', 'in'))
+    ros_topic: str = setting('', 'the topic in ROS; the same name when absent')
+    policy: str = setting(
+        Policy.DRAIN.value, 'what is handed on: drain every sample, latest the newest',
+        choices=_values(Policy), live=True)
+    max_rate_hz: float = setting(
+        0.0, 'most samples a second; 0: no limit', 'Hz', 0.0, FASTEST_HZ, live=True)
+    reliability: str = setting(
+        'auto', 'quality of service; auto: reliable outward, inward best_effort, which hears '
+        'every publisher, and reliable with transient_local',
+        choices=('auto', 'reliable', 'best_effort'))
+    durability: str = setting(
+        'volatile', 'quality of service', choices=('volatile', 'transient_local'))
+    depth: int = setting(10, 'length of the ROS queue', 'samples', 1, 10_000)
+    stamped: bool = setting(
+        False, 'the ROS topic has the type with a header, such as TwistStamped where the core has '
+        'Twist; inward its age counts as that of the sample')
+    frame_id: str = setting('', 'in the header of what goes out, with stamped: true')
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'ros_topic', self.ros_topic or self.topic)
+        if self.reliability == 'auto':
+            hears_all = self.direction == 'in' and self.durability == 'volatile'
+            object.__setattr__(self, 'reliability', 'best_effort' if hears_all else 'reliable')
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,22 +322,28 @@ class RobotSettings:
     """
     The whole robot, checked.
 
-    :ivar parameters_file: where what was changed while it ran is saved; empty: ROS's folder.
     :ivar files: real paths of the parameter files that it was read from.
     :ivar simulation_asked: somebody wanted the devices simulated; False when it is only for want
         of another configuration.
     """
 
-    autostart: bool
-    diagnostics_rate_hz: float
-    core: CoreSettings
-    devices: tuple[DeviceSettings, ...] = ()
-    modules: tuple[ModuleSettings, ...] = ()
-    topics: tuple[TopicSettings, ...] = ()
-    mirrors: tuple[MirrorSettings, ...] = ()
+    autostart: bool = setting(True, 'the node configures and activates itself')
+    diagnostics_rate_hz: float = setting(
+        1.0, 'how often /diagnostics is published', 'Hz', SLOWEST_HZ, 100.0)
+    core: CoreSettings = CoreSettings()
+    parameters_file: str = setting(
+        '', 'where ~/save_parameters writes what was changed; when absent the name of the robot '
+        'and .saved.yaml, in $ROS_HOME or ~/.ros')
+    devices: tuple[DeviceSettings, ...] = setting(
+        (), 'names of the devices, each with a section of that name')
+    modules: tuple[ModuleSettings, ...] = setting(
+        (), 'names of the modules, each with a section of that name')
+    topics: tuple[TopicSettings, ...] = setting(
+        (), 'names of further core topics, each with a section of that name')
+    mirrors: tuple[MirrorSettings, ...] = setting(
+        (), 'names of the mirrors to ROS, each with a section of that name')
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
-    parameters_file: str = ''
     files: tuple[str, ...] = field(default=(), compare=False)
     simulation_asked: bool = field(default=True, compare=False)
 
@@ -276,6 +351,22 @@ class RobotSettings:
     def simulated(self) -> tuple[str, ...]:
         """Give the names of the devices that are simulated."""
         return tuple(device.name for device in self.devices if device.port == SIM_PORT)
+
+
+def _nested() -> tuple[Mapping[str, type], Mapping[str, type]]:
+    sections: dict[str, type] = {}
+    lists: dict[str, type] = {}
+    for name, hint in get_type_hints(RobotSettings).items():
+        item = next(iter(get_args(hint)), None)
+        if is_dataclass(hint):
+            sections[name] = hint
+        elif isinstance(item, type) and is_dataclass(item):
+            lists[name] = item
+    return MappingProxyType(sections), MappingProxyType(lists)
+
+
+# The sections with a name of their own, and the lists of names of sections: what each holds.
+SECTIONS, LISTS = _nested()
 
 
 def frozen(value: Any) -> Any:

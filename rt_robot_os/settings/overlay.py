@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.model import LISTS
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import COMMAND_LINE
@@ -37,12 +38,12 @@ def lay_over(files: Branch, line: Branch) -> Branch:
     """
     tree = merge(files, line)
     off: dict[str, Leaf | Branch] = {}
-    for list_name in ('devices', 'modules', 'topics', 'mirrors'):
+    for list_name, kind in LISTS.items():
         before, now = _names(files, list_name), _names(line, list_name)
         if before is None or now is None:
             continue
         left = tuple(name for name in before if name not in now)
-        if list_name in ('devices', 'modules'):
+        if hasattr(kind, 'enabled'):
             off[list_name] = Leaf(line.children[list_name].origin, (*now, *left))
             off |= {name: Branch(_ORIGIN, {'enabled': Leaf(_ORIGIN, False)}) for name in left
                     if isinstance(tree.children.get(name), Branch)}

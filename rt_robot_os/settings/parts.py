@@ -20,19 +20,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
+from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import made
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.catalogue import Lookup
-from rt_robot_os.settings.fields import DEVICE
-from rt_robot_os.settings.fields import MODULE
-from rt_robot_os.settings.fields import TASK
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import ModuleSettings
@@ -44,6 +43,8 @@ from rt_robot_os.settings.section import read_section
 from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import Leaf
+
+_Settings = TypeVar('_Settings', DeviceSettings, ModuleSettings)
 
 _PLACEHOLDERS: Mapping[type, Any] = {bool: False, int: 0, float: 0.0, str: 'x', list: ()}
 
@@ -86,7 +87,8 @@ def common(ours: Sequence[Field], kind: Kind) -> tuple[Field, ...]:
 
 def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
     """Read the section of one device and of its simulator."""
-    kind, section = _read(branch, name, catalogue.drivers, DEVICE, 'driver', ('sim',), problems)
+    kind, section = _read(branch, name, catalogue.drivers, DeviceSettings, 'driver', ('sim',),
+                          problems)
     _check_retry(section, problems)
     sim = _read_simulator(branch, section, catalogue.simulators, problems) if kind else None
     return Part(section, branch, kind, sim)
@@ -94,14 +96,14 @@ def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Probl
 
 def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
     """Read the section of one module."""
-    kind, section = _read(branch, name, catalogue.modules, MODULE, 'module', (), problems)
+    kind, section = _read(branch, name, catalogue.modules, ModuleSettings, 'module', (), problems)
     if kind is not None and kind.is_coroutine and 'rate_hz' not in section.origins:
         section.values['rate_hz'] = 0.0  # it awaits what releases it
     return Part(section, branch, kind)
 
 
 def _read(
-    branch: Branch, name: str, lookup: Lookup, ours: Sequence[Field], noun: str,
+    branch: Branch, name: str, lookup: Lookup, ours: type, noun: str,
     elsewhere: tuple[str, ...], problems: Problems,
 ) -> tuple[Kind | None, Section]:
     node = branch.children.get('type')
@@ -118,8 +120,8 @@ def _read(
         branch = Branch(branch.origin, {**branch.children, 'type': Leaf(branch.origin, '')})
     if kind is None:
         # Without its class nobody can say which other keys are right.
-        return None, read_section(branch, name, ours, problems, tuple(branch.children))
-    return kind, read_section(branch, name, common(ours, kind), problems, elsewhere)
+        return None, read_section(branch, name, declared(ours), problems, tuple(branch.children))
+    return kind, read_section(branch, name, common(declared(ours), kind), problems, elsewhere)
 
 
 def _check_retry(section: Section, problems: Problems) -> None:
@@ -210,17 +212,14 @@ def _stand_in(field: Field) -> Any:
     return _PLACEHOLDERS[field.kind]
 
 
-def build_device(part: Part) -> DeviceSettings:
-    """Make the settings of a device that has no problem."""
-    values = part.section.values
-    return DeviceSettings(
-        name=part.name, type=values['type'], port=values.get('port', ''),
-        rate_hz=values['rate_hz'], priority=values['priority'], read=_when_read(part),
-        timeout_s=values['timeout_s'], retry_s=values['retry_s'],
-        retry_max_s=values['retry_max_s'],
-        settings=frozen(part.own()), sim=None if part.sim is None else frozen(part.sim),
-        task=task_of(part), log_level=values['log_level'],
-        max_subscribers=values['max_subscribers'])
+def build_part(cls: type[_Settings], part: Part) -> _Settings:
+    """Make the settings of a device or a module that has no problem."""
+    others: dict[str, Any] = {'name': part.name, 'settings': frozen(part.own())}
+    if cls is DeviceSettings:
+        others |= {'port': part.section.values.get('port', ''), 'read': _when_read(part),
+                   'sim': None if part.sim is None else frozen(part.sim)}
+    settings: _Settings = made(cls, frozen(part.section.values), **others)
+    return settings
 
 
 def _when_read(part: Part) -> str:
@@ -229,16 +228,7 @@ def _when_read(part: Part) -> str:
     return 'interrupt' if answers else str(part.section.values['read'])
 
 
-def build_module(part: Part) -> ModuleSettings:
-    """Make the settings of a module that has no problem."""
-    values = part.section.values
-    return ModuleSettings(
-        name=part.name, type=values['type'], rate_hz=values['rate_hz'],
-        priority=values['priority'], settings=frozen(part.own()), task=task_of(part),
-        log_level=values['log_level'],
-        max_subscribers=values['max_subscribers'])
-
-
 def task_of(part: Part) -> TaskSettings:
     """Give what a part declares of its task; a wrong value is replaced by its default."""
-    return TaskSettings(**frozen(part.section.pick(TASK)))
+    task: TaskSettings = made(TaskSettings, frozen(part.section.values))
+    return task

@@ -22,25 +22,18 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
 
-from rt_robot_os.schema import Field
+from rt_robot_os.schema import declared
+from rt_robot_os.schema import made
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.fields import CORE
-from rt_robot_os.settings.fields import LOG
-from rt_robot_os.settings.fields import MIRROR
-from rt_robot_os.settings.fields import ROBOT
-from rt_robot_os.settings.fields import ROS_OWN
-from rt_robot_os.settings.fields import TOPIC
-from rt_robot_os.settings.fields import WATCHDOG
-from rt_robot_os.settings.model import CoreSettings
+from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
-from rt_robot_os.settings.model import LogSettings
 from rt_robot_os.settings.model import MirrorSettings
+from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import SECTIONS
 from rt_robot_os.settings.model import TopicSettings
-from rt_robot_os.settings.model import WatchdogSettings
-from rt_robot_os.settings.parts import build_device
-from rt_robot_os.settings.parts import build_module
+from rt_robot_os.settings.parts import build_part
 from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.parts import read_device
 from rt_robot_os.settings.parts import read_module
@@ -49,6 +42,7 @@ from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import read_section
 from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.sections import find_sections
+from rt_robot_os.settings.sections import ROS_OWN
 from rt_robot_os.settings.sections import texts
 from rt_robot_os.settings.tasks import check_tasks
 from rt_robot_os.settings.tree import Branch
@@ -68,17 +62,17 @@ def read_robot(
     :raises ConfigError: with every problem, also those noted before.
     """
     named = find_sections(tree, catalogue, problems)
-    top = read_section(tree, '', ROBOT, problems, set(tree.children) | ROS_OWN)
-    core = _read_fixed_section(tree, 'core', CORE, problems)
-    watchdog = _read_fixed_section(tree, 'watchdog', WATCHDOG, problems)
-    log = _read_fixed_section(tree, 'log', LOG, problems)
+    top = read_section(tree, '', declared(RobotSettings), problems, set(tree.children) | ROS_OWN)
+    sections = {name: _read_named_section(tree, name, kind, problems)
+                for name, kind in SECTIONS.items()}
     devices = [read_device(branch, name, catalogue, problems)
-               for name, branch in named.devices.items()]
+               for name, branch in named.listed['devices'].items()]
     modules = [read_module(branch, name, catalogue, problems)
-               for name, branch in named.modules.items()]
-    topics = [_read_topic(branch, name, problems) for name, branch in named.topics.items()]
-    mirrors = [read_section(branch, name, MIRROR, problems)
-               for name, branch in named.mirrors.items()]
+               for name, branch in named.listed['modules'].items()]
+    topics = [_read_topic(branch, name, problems)
+              for name, branch in named.listed['topics'].items()]
+    mirrors = [read_section(branch, name, declared(MirrorSettings), problems)
+               for name, branch in named.listed['mirrors'].items()]
     at_work = [part for part in devices if part.enabled]
     modules_at_work = [part for part in modules if part.enabled]
     check_ports(at_work, problems)
@@ -86,29 +80,30 @@ def read_robot(
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
     check_mirrors(mirrors, table, namespace, node, problems)
-    check_tasks([*at_work, *modules_at_work], uses, core, watchdog, problems)
+    check_tasks([*at_work, *modules_at_work], uses, sections['core'], sections['watchdog'],
+                problems)
     problems.raise_any()
-    return RobotSettings(
-        autostart=top.values['autostart'], diagnostics_rate_hz=top.values['diagnostics_rate_hz'],
-        core=CoreSettings(**core.values),
-        devices=tuple(build_device(part) for part in at_work),
-        modules=tuple(build_module(part) for part in modules_at_work),
-        topics=(*(_build_topic(section) for section in topics),
+    robot: RobotSettings = made(
+        RobotSettings, top.values,
+        **{name: made(kind, sections[name].values) for name, kind in SECTIONS.items()},
+        devices=tuple(build_part(DeviceSettings, part) for part in at_work),
+        modules=tuple(build_part(ModuleSettings, part) for part in modules_at_work),
+        topics=(*(made(TopicSettings, section.values, name=section.name,
+                       fixed=frozen(section.values['fixed'])) for section in topics),
                 *_silent_topics([*devices, *modules], topics, uses)),
-        mirrors=tuple(_build_mirror(section, table) for section in mirrors),
-        watchdog=WatchdogSettings(**watchdog.values), log=LogSettings(**log.values),
-        parameters_file=top.values['parameters_file'])
+        mirrors=tuple(made(MirrorSettings, section.values, name=section.name,
+                           message=table.message(section.values['topic']))
+                      for section in mirrors))
+    return robot
 
 
-def _read_fixed_section(
-    tree: Branch, name: str, fields: Sequence[Field], problems: Problems,
-) -> Section:
+def _read_named_section(tree: Branch, name: str, kind: type, problems: Problems) -> Section:
     """Read a section that is in no list, such as ``core``."""
     node = tree.children.get(name, Branch(tree.origin))
     if isinstance(node, Leaf):
         problems.value(node.origin, name, node.value, 'must be a section')
         node = Branch(tree.origin)
-    return read_section(node, name, fields, problems)
+    return read_section(node, name, declared(kind), problems)
 
 
 def _fill_table(
@@ -129,7 +124,7 @@ def _fill_table(
 
 
 def _read_topic(branch: Branch, name: str, problems: Problems) -> Section:
-    section = read_section(branch, name, TOPIC, problems, ('fixed',))
+    section = read_section(branch, name, declared(TopicSettings), problems, ('fixed',))
     depth = section.values.get('depth', 1)
     if depth & (depth - 1):
         remedy = f'must be a power of two, such as {1 << (depth - 1).bit_length()}'
@@ -148,14 +143,6 @@ def _read_fixed(branch: Branch, name: str, problems: Problems) -> Mapping[str, A
     return {key: leaf.value for key, leaf in flatten(node).items() if not leaf.fault}
 
 
-def _build_topic(section: Section) -> TopicSettings:
-    values = section.values
-    return TopicSettings(
-        values['topic'] or section.name, values['message'], frozen(values['fixed']),
-        values['depth'], values['rate_hz'], values['tail'] or None,
-        name=section.name, max_subscribers=values['max_subscribers'])
-
-
 def _silent_topics(
     parts: Sequence[Part], topics: Sequence[Section],
     uses: Mapping[str, PartTopics | None],
@@ -169,14 +156,6 @@ def _silent_topics(
         for spec in (uses[part.name] or PartTopics()).published:
             if not part.enabled and spec.topic not in published:
                 published.add(spec.topic)
-                yield TopicSettings(spec.topic, spec.message, frozen(spec.fixed), 1, 0.0,
-                                    spec.tail, f'{part.name}_off_{len(published)}')
-
-
-def _build_mirror(section: Section, table: TopicTable) -> MirrorSettings:
-    values = {**section.values, 'message': table.message(section.values['topic'])}
-    values['ros_topic'] = values['ros_topic'] or values['topic']
-    if values['reliability'] == 'auto':
-        hears_all = values['direction'] == 'in' and values['durability'] == 'volatile'
-        values['reliability'] = 'best_effort' if hears_all else 'reliable'
-    return MirrorSettings(name=section.name, **values)
+                yield TopicSettings(
+                    name=f'{part.name}_off_{len(published)}', topic=spec.topic,
+                    message=spec.message, depth=1, fixed=frozen(spec.fixed), tail=spec.tail)

@@ -17,15 +17,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
+import itertools
+from typing import Final
 
+from rt_robot_os.schema import declared
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.fields import LISTS
-from rt_robot_os.settings.fields import ROBOT
-from rt_robot_os.settings.fields import ROS_OWN
+from rt_robot_os.settings.model import LISTS
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import SECTIONS
 from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE
 from rt_robot_os.settings.problems import did_you_mean
@@ -36,24 +40,30 @@ from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import flatten
 from rt_robot_os.settings.tree import Leaf
 
-_TOP = frozenset({each.name for each in ROBOT} | {'core', 'log', 'watchdog'})
-_MIRROR_KEYS = frozenset({'direction', 'ros_topic', 'policy', 'max_rate_hz'})
-_TOPIC_KEYS = frozenset({'message', 'fixed', 'tail'})
-_DEVICE_KEYS = frozenset({'port', 'baud', 'sim', 'timeout_s', 'retry_s', 'frame_id'})
+# Parameters that ROS 2 itself gives a node; a dumped file contains them.
+ROS_OWN: Final = frozenset({'use_sim_time', 'start_type_description_service', 'qos_overrides'})
+
+_TOP = frozenset({each.name for each in declared(RobotSettings)} | set(SECTIONS))
+_declared = {name: [each.name for each in declared(kind)] for name, kind in LISTS.items()}
+_often = Counter(itertools.chain(*_declared.values()))
+# What drivers declare, and the section within a section.
+_MORE: Final = {'devices': {'port', 'baud', 'sim'}, 'topics': {'fixed'}}
+# The keys that only the sections of one list have.
+_TELLING: Final = {name: {key for key in keys if _often[key] == 1} | _MORE.get(name, set())
+                   for name, keys in _declared.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class Sections:
     """
-    The sections by list, then by name in the order of the list.
+    The sections that are in a list.
 
+    :ivar listed: by list, then by name in the order of the list.
     :ivar loose: names and texts of what belongs to no list, as far as anybody can tell.
     """
 
-    devices: dict[str, Branch] = field(default_factory=dict)
-    modules: dict[str, Branch] = field(default_factory=dict)
-    topics: dict[str, Branch] = field(default_factory=dict)
-    mirrors: dict[str, Branch] = field(default_factory=dict)
+    listed: dict[str, dict[str, Branch]] = field(
+        default_factory=lambda: {name: {} for name in LISTS})
     loose: set[str] = field(default_factory=set)
 
 
@@ -108,7 +118,7 @@ def _read_list(
         return False
     if not all(isinstance(name, str) for name in node.value):
         return False
-    found: dict[str, Branch] = getattr(sections, list_name)
+    found = sections.listed[list_name]
     for index, name in enumerate(node.value):
         origin = node.item_origin(index)
         wrong = _name_problem(name, list_name, owners)
@@ -146,16 +156,12 @@ def _section_hint(name: str, known: Names) -> str:
 
 def _probable_lists(section: Branch, catalogue: Catalogue) -> tuple[str, ...]:
     """Guess from its keys which list a section was written for."""
-    keys = set(section.children)
     kind = section.children.get('type')
-    if keys & _TOPIC_KEYS:
-        return ('topics',)
-    if keys & _MIRROR_KEYS:
-        return ('mirrors',)
     if isinstance(kind, Leaf) and kind.value in catalogue.drivers.names():
         return ('devices',)
     if isinstance(kind, Leaf) and kind.value in catalogue.modules.names():
         return ('modules',)
-    if keys & _DEVICE_KEYS:
-        return ('devices',)
-    return ('devices', 'modules') if kind else LISTS
+    for name, keys in _TELLING.items():
+        if keys & set(section.children):
+            return (name,)
+    return ('devices', 'modules') if kind else tuple(LISTS)

@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 
 from rt_robot_os.schema import PartTopics
-from rt_robot_os.settings.fields import SLOWEST_HZ
+from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE

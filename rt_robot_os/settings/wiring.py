@@ -31,7 +31,6 @@ from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import TopicRead
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.fields import SUBSCRIBERS_MAXIMUM
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.names import full_topic
 from rt_robot_os.settings.names import message_problem
@@ -43,6 +42,7 @@ from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.tree import Origin
+from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
 
 
 @dataclass(frozen=True, slots=True)

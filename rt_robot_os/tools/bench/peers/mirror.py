@@ -105,8 +105,8 @@ def _block_ns(publish: Callable[[], None]) -> int:
 def _carrying(made: Node) -> tuple[Callable[[], None], Any]:
     layout = Layout.compile(IMU, IMU_SHAPE)
     mirror = OutwardMirror(made, MirrorSettings(
-        'imu', 'imu/data', IMU, 'out', 'imu/carried', 'drain', 0.0, 'reliable', 'volatile',
-        _DEPTH), StampMapper())
+        name='imu', topic='imu/data', message=IMU, ros_topic='imu/carried', depth=_DEPTH),
+        StampMapper())
     mirror.connect(TopicInfo('imu/data', 0, IMU, layout.size, layout.max_size,
                              layout.stamp_offset, 16, 0.0))
     sample = memoryview(bytearray(layout.prototype))

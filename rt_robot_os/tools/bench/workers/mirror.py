@@ -52,11 +52,11 @@ def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]],
     :param topics: message type and fixed fields, by name.
     :param gather_ms: what is mirrored within this time goes out together; the default of a robot.
     """
-    declared = tuple(TopicSettings(name, message, fixed, name=name.replace('/', '_'))
+    declared = tuple(TopicSettings(name=name.replace('/', '_'), topic=name, message=message,
+                                   depth=16, fixed=fixed)
                      for name, (message, fixed) in topics.items())
-    return RobotSettings(True, 1.0, CoreSettings(
-        spawn=False, cpu=-1, scheduler_priority=0, lock_memory=True, heartbeat_s=1.0,
-        link_priority=2, command_priority=50, link_gather_ms=gather_ms), topics=declared)
+    return RobotSettings(topics=declared, core=CoreSettings(
+        spawn=False, scheduler_priority=0, link_gather_ms=gather_ms))
 
 
 def core(harness: Harness) -> Measured:
