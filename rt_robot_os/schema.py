@@ -223,7 +223,8 @@ def declared(cls: type) -> tuple[Field, ...]:
     """Give the settings of a dataclass, in order."""
     hints = get_type_hints(cls)
     found: list[Field] = []
-    for name, each in cls.__dataclass_fields__.items():  # dataclasses.fields() hides ClassVars
+    everything: Mapping[str, dataclasses.Field[Any]] = getattr(cls, '__dataclass_fields__')
+    for name, each in everything.items():  # dataclasses.fields() leaves the ClassVars out
         if _INLINE in each.metadata:
             found += declared(hints[name])
         elif _SETTING in each.metadata:

@@ -358,7 +358,7 @@ def _nested() -> tuple[Mapping[str, type], Mapping[str, type]]:
     lists: dict[str, type] = {}
     for name, hint in get_type_hints(RobotSettings).items():
         item = next(iter(get_args(hint)), None)
-        if is_dataclass(hint):
+        if isinstance(hint, type) and is_dataclass(hint):
             sections[name] = hint
         elif isinstance(item, type) and is_dataclass(item):
             lists[name] = item

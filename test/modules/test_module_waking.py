@@ -72,7 +72,8 @@ class Robot:
         values = {field.name: field.default for field in kind.fields()}
         self.module = kind('module', values)
         self.module.declare(self.bus, rate_hz)
-        entry = ModuleSettings('module', 'type', rate_hz, 50, values, TaskSettings(**task))
+        entry = ModuleSettings('module', 'type', rate_hz, 50, settings=values,
+                               task=TaskSettings(**task))
         self.task = add_module_task(self.kernel, self.module, entry, self.module.activate)
         self.module.bind(self.bus, self.task)
         self.module.configure()
