@@ -15,10 +15,10 @@
 """
 What a part of a robot declares of itself: its settings, and the topics that it writes and reads.
 
-A driver and a module declare their settings as a tuple of :class:`Field`; the robot itself declares
-them as a dataclass whose fields are each a :func:`setting`, from which :func:`declared` makes the
-same. The one declaration checks the YAML file, describes the ROS 2 parameter, documents the key and
-says what the program gets when it is absent.
+A driver and a module declare their settings as a tuple of :class:`Field`. The robot declares its
+own as dataclasses: each field is a :func:`setting`, and :func:`declared` makes such a tuple.
+That one declaration checks the YAML file, describes the ROS 2 parameter, documents the key and
+gives the value when the key is absent.
 """
 
 from __future__ import annotations

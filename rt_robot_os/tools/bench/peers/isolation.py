@@ -49,7 +49,8 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     made = Node('bench_robot', start_parameter_services=False, enable_rosout=False)
     path, mapper = Path(arguments['path']), StampMapper()
     mirrors = [OutwardMirror(made, MirrorSettings(
-        name=f'imu{i}', topic=topic(i), message=IMU, depth=_DEPTH), mapper) for i in range(arguments['mirrored'])]
+        name=f'imu{i}', topic=topic(i), message=IMU, depth=_DEPTH), mapper)
+        for i in range(arguments['mirrored'])]
     ready()
     while not path.exists():
         time.sleep(0.01)
