@@ -53,13 +53,9 @@ from rt_robot_os.link.paths import socket_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / 'docs' / 'examples'
+ROBOT = sys.executable, '-m', 'rt_robot_os.clients.ros.program'
+RECORD = sys.executable, '-m', 'rt_robot_os.clients.recording.record_program'
 START_S, WARM_UP_S, WATCHED_S = 60.0, 5.0, 10.0
-
-
-def program(name: str) -> list[str]:
-    """Give the command line of one of our programs."""
-    return [sys.executable, '-c', f'import sys; from rt_robot_os.cli.{name} import main; '
-            'sys.exit(main())']
 
 
 @contextmanager
@@ -72,7 +68,7 @@ def robot(parameters: Path) -> Iterator[None]:
                        'PYTHONPATH': os.pathsep.join([str(ROOT), str(EXAMPLES), os.environ.get(
                            'PYTHONPATH', '')])}
         process = subprocess.Popen(
-            [*program('robot'), '--simulate', '--ros-args', '--params-file', str(parameters)],
+            [*ROBOT, '--simulate', '--ros-args', '--params-file', str(parameters)],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             wait_for_devices()
@@ -179,7 +175,7 @@ def picture_recording(path: Path, seconds: float) -> None:
     with robot(ROOT / 'config' / 'robot.yaml'), tempfile.TemporaryDirectory() as folder:
         time.sleep(WARM_UP_S)
         bag = Path(folder) / 'bag'
-        subprocess.run([*program('record'), 'imu/data', 'attitude/imu', 'gps/fix', '-o', str(bag),
+        subprocess.run([*RECORD, 'imu/data', 'attitude/imu', 'gps/fix', '-o', str(bag),
                         '--duration', str(seconds)], check=True, stdout=subprocess.DEVNULL)
         for file in sorted(bag.glob('*.mcap')):
             for one in read_ros2_messages(str(file)):

@@ -150,7 +150,7 @@ class Robot:
 
     def __init__(self, folder: Path, config: Path) -> None:
         self.log = folder / 'robot.log'
-        code = 'import sys; from rt_robot_os.cli.robot import main; sys.exit(main())'
+        code = 'import sys; from rt_robot_os.clients.ros.program import main; sys.exit(main())'
         environment = {
             **os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(folder / 'run'),
             'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),

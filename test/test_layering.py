@@ -29,7 +29,7 @@ PACKAGE = 'rt_robot_os'
 LAYERS = (
     ('moved', 'text'),
     ('errors', 'reports', 'schema', 'units'),
-    ('live_settings', 'logger', 'plugins'),
+    ('live_settings', 'logger', 'plugins', 'programs'),
     ('linux',),
     ('kernel',),
     ('dumps',),
@@ -43,9 +43,9 @@ LAYERS = (
     ('core',),
     ('clients.recording',),
     ('clients.ros',),
-    ('tools.black_box', 'tools.doctor'),
+    ('clients.parameters', 'tools.black_box', 'tools.doctor', 'tools.new'),
     ('tools.bench',),
-    ('cli',),
+    ('program',),
     ('testing',),
 )
 
@@ -58,7 +58,11 @@ TWIN_MAY_IMPORT = re.compile(
     r'|(errors|linux|plugins|reports|schema|sim|units)(\..*)?')
 # The frame of the twins finds them in the table of devices, which names drivers and imports none.
 TABLE = f'{PACKAGE}.devices.registry'
-MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'cli', 'sim', 'testing')
+MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', 'sim', 'testing')
+
+# Wherever they stand: what a program is made of may import everything, and nobody imports it.
+PROGRAM = re.compile(r'[\w.]+\.(\w+_)?(program|command)')
+PROGRAM_LINES = 100
 
 # library -> the only places that may import it
 LIBRARIES = {
@@ -145,6 +149,8 @@ def _layer(module: str) -> str:
     name = module.partition('.')[2]
     if TWIN.fullmatch(name):
         return 'sim'
+    if PROGRAM.fullmatch(name):
+        return 'program'
     return next((layer for layer in RANK if _inside(name, (layer,))), name.partition('.')[0])
 
 
@@ -173,6 +179,22 @@ def test_a_library_is_imported_only_where_it_belongs() -> None:
     assert [str(one) for one in IMPORTS
             if (library := one.imported.split('.')[0]) in LIBRARIES
             and not _inside(one.importer, LIBRARIES[library])] == []
+
+
+def test_every_program_is_the_thin_main_of_its_part() -> None:
+    scripts = dict(re.findall(r"'(\w+) = ([\w.]+:\w+)'", (ROOT / 'setup.py').read_text()))
+    assert scripts
+    for name, target in scripts.items():
+        module, _, function = target.partition(':')
+        assert PROGRAM.fullmatch(module) and module.endswith('program'), (name, target)
+        assert function == 'main', (name, target)
+        tree = MODULES[module]
+        assert not any(isinstance(node, ast.ClassDef) for node in ast.walk(tree)), target
+        assert max(node.lineno for node in ast.walk(tree) if hasattr(node, 'lineno')) < (
+            PROGRAM_LINES), target
+        # Before Ctrl-C is seen to, it imports nothing that takes long.
+        early = {one.imported for one in IMPORTS if one.importer == module and not one.lazy}
+        assert {one for one in early if one.startswith(PACKAGE)} == {f'{PACKAGE}.programs'}, target
 
 
 def test_imports_are_absolute() -> None:

@@ -45,7 +45,6 @@ OPTIONAL = {
     'PIL': 'camera', 'cv2': 'camera', 'rich': 'top', 'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
-    **dict.fromkeys(('ahrs', 'h5py', 'imufusion', 'scipy'), 'attitude-comparison'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 # import name -> distribution, where they differ

@@ -20,16 +20,16 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import shlex
-import sys
 from typing import Final
 
+from rt_robot_os import programs
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.programs import BAD_USE
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.ros_args import ROS_FLAGS
 from rt_robot_os.settings.ros_args import split
 
-BAD_USE: Final = 2
 ROS_ARGS_HELP: Final = """
 ROS 2 arguments stand behind --ros-args, as for any node:
   --params-file FILE        the robot; may be repeated, later files win
@@ -59,7 +59,7 @@ def parse_own(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.
     ros, own = split(argv)
     arguments, rest = parser.parse_known_args(own)
     if rest:
-        print(f'{parser.prog}: {_refusal(parser, list(rest), list(own), ros)}', file=sys.stderr)
+        programs.tell(parser.prog, _refusal(parser, list(rest), list(own), ros))
         parser.exit(BAD_USE)
     return arguments
 
@@ -106,13 +106,11 @@ def tell(program: str, error: Exception) -> None:
     """Say on standard error why nothing was started, a line for each problem."""
     problems = error.problems if isinstance(error, ConfigError) else ()
     if not problems:
-        print(f'{program}: {error}', file=sys.stderr)
+        programs.tell(program, error)
         return
     count = len(problems)
-    print(f'{program}: {count} problem{"s" if count > 1 else ""} in the configuration, '
-          'nothing was started:', file=sys.stderr)
-    for problem in problems:
-        print(f'  {problem}', file=sys.stderr)
+    programs.tell(program, f'{count} problem{"s" if count > 1 else ""} in the configuration, '
+                  'nothing was started:', problems)
 
 
 def told_simulated(settings: RobotSettings) -> str:

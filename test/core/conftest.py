@@ -96,7 +96,7 @@ def start(folder: Path, core_environment: dict[str, str]
             text = text.rstrip().removesuffix('}') + f',{rest}}}\n'
         (folder / 'robot.yaml').write_text(text)
         started.append(subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
+            [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
              str(folder / 'robot.yaml')], cwd='/', stderr=subprocess.PIPE, text=True,
             env={**core_environment, **environment}))
         return started[-1]

@@ -118,7 +118,7 @@ robot:
 """)
     (folder / 'settings').write_text(to_json(load([path])))
     node = subprocess.Popen(
-        [sys.executable, '-c', NODE, '-m', 'rt_robot_os.core.main', '--settings', '-',
+        [sys.executable, '-c', NODE, '-m', 'rt_robot_os.core.program', '--settings', '-',
          '--socket', str(folder / 'robot.sock')], stdout=subprocess.PIPE, text=True,
         env={**core_environment, 'SETTINGS': str(folder / 'settings')})
     assert node.stdout is not None

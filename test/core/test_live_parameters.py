@@ -28,7 +28,7 @@ import time
 
 import pytest
 
-from rt_robot_os.cli.parameters import main
+from rt_robot_os.clients.parameters.program import main
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.settings import from_json
@@ -71,7 +71,7 @@ def core(folder: Path, *files: str, stdin: str = '') -> Iterator[LinkClient]:
         arguments += ['--params-file', str(folder / file)]
     paths = [str(ROOT), str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]
     process = subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.core.main', *arguments], cwd='/', text=True,
+        [sys.executable, '-m', 'rt_robot_os.core.program', *arguments], cwd='/', text=True,
         stdin=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(paths)})
     assert process.stdin is not None

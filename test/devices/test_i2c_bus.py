@@ -36,7 +36,6 @@ from i2c_bench import failing
 from i2c_bench import ScriptedTransport
 from i2c_bench import transact
 import pytest
-from rt_robot_os.cli.i2c_bridge import open_transport
 from rt_robot_os.devices.bmp280.driver import Bmp280
 from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
 from rt_robot_os.devices.i2c import packets as i2c_packets
@@ -45,6 +44,7 @@ from rt_robot_os.devices.i2c.bus import DirectConnection
 from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
+from rt_robot_os.devices.i2c.real_bus import open_transport
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.devices.mpu6050.driver import Mpu6050
 from rt_robot_os.devices.mpu6050.twin import SimulatedMpu6050

@@ -137,12 +137,12 @@ class World:
             path = self.folder / 'test.yaml'
             path.write_text(parameters)
             ros = ['--params-file', str(path)]
-        return self.start('rt_robot_os.cli.robot', '--ros-args', *ros, *arguments, prefix=prefix,
-                          **env)
+        return self.start('rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments,
+                          prefix=prefix, **env)
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""
-        return self.start('rt_robot_os.sim.program:player', str(log), '--link', str(port),
+        return self.start('rt_robot_os.sim.player_program', str(log), '--link', str(port),
                           '--wait', *arguments)
 
     def listen(self, message: Any, topic: str, depth: Any = 2000) -> list[Any]:

@@ -88,7 +88,7 @@ def test_a_console_that_nobody_reads_holds_up_neither_samples_nor_the_end(
     parameters.write_text(ROBOT.replace('RATE', '1000.0'))
     read, write = os.pipe()
     try:
-        code = 'import sys; from rt_robot_os.cli.robot import main; sys.exit(main())'
+        code = 'import sys; from rt_robot_os.clients.ros.program import main; sys.exit(main())'
         process = subprocess.Popen(
             [sys.executable, '-c', code, '--ros-args', '--params-file', str(parameters)],
             cwd='/', stdout=write, stderr=write, env={

@@ -56,7 +56,7 @@ def start_apart(world: Any) -> tuple[Any, Any, LinkClient]:
     """Start a core by itself, a node that attaches to it, and a client that watches."""
     path = world.folder / 'test.yaml'
     path.write_text(ROBOT)
-    core = world.start('rt_robot_os.cli.core', '--ros-args', '--params-file', str(path))
+    core = world.start('rt_robot_os.core.program', '--ros-args', '--params-file', str(path))
     robot = world.robot(ROBOT)
     robot.wait_for_line('connected to the core')
     return core, robot, LinkClient(world.folder / 'robot.sock', 'watch')
@@ -117,7 +117,7 @@ def test_a_core_started_anew_is_found_again_by_its_node(world: Any, until: Until
     assert core.end(signal.SIGTERM) == 0
     robot.wait_for_line('closed the connection')
     safe = world.listen(Twist, '/cmd_vel_safe')
-    world.start('rt_robot_os.cli.core', '--ros-args', '--params-file',
+    world.start('rt_robot_os.core.program', '--ros-args', '--params-file',
                 str(world.folder / 'test.yaml'))
     until(lambda: safe, 'messages from the new core')
 

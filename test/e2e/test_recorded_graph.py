@@ -30,6 +30,8 @@ from rosbags.interfaces import QosDurability  # noqa: E402
 from rosbags.interfaces import QosReliability  # noqa: E402
 import yaml  # noqa: E402
 
+RECORD = 'rt_robot_os.clients.recording.record_program'
+REPLAY = 'rt_robot_os.clients.recording.replay_program'
 Until = Callable[..., Any]
 YAML = """
 /**/robot:
@@ -55,7 +57,7 @@ def test_topics_have_names_types_and_quality_of_their_mirrors(world: Any, until:
     until(lambda: all(world.node.get_publishers_info_by_topic(name) for name in NAMES),
           'the publishers of the mirrors')
     bag = world.folder / 'bag'
-    recorder = world.start('rt_robot_os.cli.record', '--robot', 'arm.robot', '--duration', '1',
+    recorder = world.start(RECORD, '--robot', 'arm.robot', '--duration', '1',
                            '-o', str(bag))
     assert recorder.process.wait(60) == 0, recorder.output
     with AnyReader([bag]) as reader:
@@ -89,7 +91,7 @@ def test_a_topic_is_found_by_either_name_and_replayed(world: Any, until: Until) 
             ('imu/data', ('--core-names',), {'/imu/data'}),
             ('/arm/imu/data', (), None)):
         bag = world.folder / asked.replace('/', '_')
-        recorder = world.start('rt_robot_os.cli.record', '--robot', 'arm.robot', '--duration', '1',
+        recorder = world.start(RECORD, '--robot', 'arm.robot', '--duration', '1',
                                '-o', str(bag), asked, *options)
         code = recorder.process.wait(60)
         recorder.join()
@@ -102,7 +104,7 @@ def test_a_topic_is_found_by_either_name_and_replayed(world: Any, until: Until) 
         assert code == 0, recorder.output
         with AnyReader([bag]) as reader:
             assert {each.topic for each in reader.connections} == named
-        replay = world.start('rt_robot_os.cli.replay', str(bag))
+        replay = world.start(REPLAY, str(bag))
         assert replay.process.wait(60) == 0, replay.output
         replay.join()
         row, = [line.split() for line in replay.lines if line.startswith('imu/data ')]

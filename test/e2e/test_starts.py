@@ -37,6 +37,8 @@ from rt_robot_os.link.stamps import StampMapper  # noqa: E402
 
 Until = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
+PROGRAMS = {'core': 'rt_robot_os.core.program', 'robot': 'rt_robot_os.clients.ros.program',
+            'top': 'rt_robot_os.clients.top.program'}
 ROBOT = """
 robot:
   ros__parameters:
@@ -50,7 +52,7 @@ def run(program: str, *arguments: str, folder: Path, before: Any = None,
     env = {**os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(folder), **environment,
            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')])}
     return subprocess.run(
-        [sys.executable, '-c', f'import sys; from rt_robot_os.cli.{program} import main; '
+        [sys.executable, '-c', f'import sys; from {PROGRAMS[program]} import main; '
          'sys.exit(main())', *arguments], capture_output=True, text=True, timeout=60, cwd=folder,
         env={key: value for key, value in env.items() if value is not None}, preexec_fn=before)
 
@@ -80,7 +82,7 @@ def test_a_robot_of_another_name_runs_beside_it(world: Any) -> None:
 
 
 def test_a_node_attaches_to_a_core_of_its_name(world: Any) -> None:
-    world.start('rt_robot_os.core.main', '--ros-args', '--params-file',
+    world.start('rt_robot_os.core.program', '--ros-args', '--params-file',
                 str(_written(world.folder, ROBOT))).wait_for_line('timer slack')
     beside = world.robot(ROBOT)
     beside.wait_for_line('the core robot runs here already')
@@ -151,7 +153,7 @@ def test_a_robot_runs_without_a_place_for_logs(world: Any, environment: dict[str
 def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[str],
                                     level: bytes) -> None:
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
-    robot = world.start('rt_robot_os.cli.robot', *arguments)
+    robot = world.start('rt_robot_os.clients.ros.program', *arguments)
 
     until(lambda: any((status.name, status.level, status.message) ==
                       ('robot: simulated', level, 'simulated: imu, gps')
@@ -163,7 +165,7 @@ def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[st
 
 
 def test_a_device_that_is_off_is_not_there(world: Any) -> None:
-    robot = world.start('rt_robot_os.cli.robot', '--simulate', '--ros-args', '-p',
+    robot = world.start('rt_robot_os.clients.ros.program', '--simulate', '--ros-args', '-p',
                         'gps.enabled:=false')
     robot.wait_for_line('imu]: active')
     with LinkClient(world.folder / 'robot.sock') as client:
@@ -173,7 +175,7 @@ def test_a_device_that_is_off_is_not_there(world: Any) -> None:
 
 
 def test_the_links_of_a_killed_simulator_are_removed(world: Any, until: Until) -> None:
-    robot = world.start('rt_robot_os.cli.robot', '--simulate')
+    robot = world.start('rt_robot_os.clients.ros.program', '--simulate')
     robot.wait_for_line('imu]: active')
     found = []
     for entry in Path('/proc').iterdir():
@@ -202,7 +204,7 @@ def test_an_early_ctrl_c_shows_no_traceback(tmp_path: Path) -> None:
             '    def find_spec(self, name, path=None, target=None):\n'
             '        if name == "rt_robot_os.settings": os.kill(os.getpid(), signal.SIGINT)\n'
             'sys.meta_path.insert(0, Finder())\n'
-            'from rt_robot_os.cli.robot import main\nsys.exit(main())\n')
+            'from rt_robot_os.clients.ros.program import main\nsys.exit(main())\n')
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True,
                           timeout=60, env={**os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(tmp_path)})
     assert done.returncode == -signal.SIGINT and done.stderr == ''

@@ -104,7 +104,7 @@ def test_a_core_runs_its_driver_and_its_module(workspace: Workspace) -> None:
     share = workspace.folder / 'install' / EXAMPLE.name / 'share' / EXAMPLE.name
     assert (share / 'launch' / 'example.launch.xml').is_file()
     process = subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
+        [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
          str(share / 'config' / 'example.yaml'), '-p', 'core.scheduler_priority:=0',
          '-p', 'core.lock_memory:=false', '-p', 'core.cpu:=-2'],
         cwd='/', stderr=subprocess.PIPE, text=True, env=workspace.environment)

@@ -71,7 +71,7 @@ class CoreUnderTest:
 
     def spawn(self) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
+            [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
              str(self.folder / 'robot.yaml')], cwd='/', stderr=subprocess.DEVNULL,
             env={**os.environ, 'PYTHONPATH': os.pathsep.join(
                 [str(ROOT), os.environ.get('PYTHONPATH', '')]), 'OPENBLAS_NUM_THREADS': '1',

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 The attitude filters on recordings of real sensors, beside what is known without them.
 
@@ -22,19 +21,22 @@ Bounds are about half as much again as what was measured (docs/attitude.md).
 from __future__ import annotations
 
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
-
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.tools.bench.attitude import known
-from rt_robot_os.tools.bench.attitude import recordings
-from rt_robot_os.tools.bench.attitude.errors import errors_of
-from rt_robot_os.tools.bench.attitude.errors import headings
-from rt_robot_os.tools.bench.attitude.errors import tilts
-from rt_robot_os.tools.bench.attitude.peers import Peer
-from rt_robot_os.tools.bench.attitude.peers import PEERS
-from rt_robot_os.tools.bench.attitude.recordings import Recording
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'scripts'))
+
+from attitude_comparison import known  # noqa: E402, I100
+from attitude_comparison import recordings  # noqa: E402
+from attitude_comparison.errors import errors_of  # noqa: E402
+from attitude_comparison.errors import headings  # noqa: E402
+from attitude_comparison.errors import tilts  # noqa: E402
+from attitude_comparison.peers import Peer  # noqa: E402
+from attitude_comparison.peers import PEERS  # noqa: E402
+from attitude_comparison.recordings import Recording  # noqa: E402
 
 OURS = [peer for peer in PEERS if peer.name in ('mahony', 'vqf')]
 

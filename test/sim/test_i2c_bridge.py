@@ -26,9 +26,10 @@ import sys
 import threading
 
 import pytest
-from rt_robot_os.cli import i2c_bridge
 from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
+from rt_robot_os.devices.i2c import real_bus
 from rt_robot_os.devices.i2c.packets import NO_BUS
+from rt_robot_os.devices.i2c.program import main
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.i2c_port import I2cPort
@@ -56,8 +57,8 @@ class Real:
 
 def test_errors_are_handed_on_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     real = Real(errno.EREMOTEIO, errno.ETIMEDOUT)
-    monkeypatch.setattr(i2c_bridge, 'open_transport', lambda path: real)
-    bridge = i2c_bridge.Bridge('/dev/i2c-1')
+    monkeypatch.setattr(real_bus, 'open_transport', lambda path: real)
+    bridge = real_bus.RealBus('/dev/i2c-1')
     assert bridge.transfer(0x20, b'', 2, 0) == (errno.EREMOTEIO, b'Remote I/O error', 0)
     assert bridge.transfer(0x20, b'', 2, 0) == (errno.ETIMEDOUT, b'Connection timed out', 0)
     assert bridge.transfer(0x20, b'', 2, 0) == (0, b'  ', 0)
@@ -77,8 +78,8 @@ def test_a_bus_that_goes_away_is_opened_again(monkeypatch: pytest.MonkeyPatch) -
         opened.append(Real(*[errno.ENODEV] * (not opened)))
         return opened[-1]
 
-    monkeypatch.setattr(i2c_bridge, 'open_transport', opener)
-    bridge = i2c_bridge.Bridge('/dev/i2c-1')
+    monkeypatch.setattr(real_bus, 'open_transport', opener)
+    bridge = real_bus.RealBus('/dev/i2c-1')
     bridge.open()
     there = False
     assert bridge.transfer(0x20, b'', 1, 0)[0] == errno.ENODEV
@@ -90,7 +91,7 @@ def test_a_bus_that_goes_away_is_opened_again(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert i2c_bridge.main(['/dev/i2c-991', '--socket', str(tmp_path / 'x')]) == 2
+    assert main(['/dev/i2c-991', '--socket', str(tmp_path / 'x')]) == 2
     assert 'I2C bus /dev/i2c-991 does not exist: ls /dev/i2c-' in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
 
@@ -113,7 +114,7 @@ def test_the_program(chip: Path, signo: int, tmp_path: Path) -> None:
     # The bus behind it is an emulated one; what it does with it is what it does with a real one.
     path = tmp_path / 'bridge'
     process = subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.cli.i2c_bridge', str(chip), '--socket', str(path),
+        [sys.executable, '-m', 'rt_robot_os.devices.i2c.program', str(chip), '--socket', str(path),
          '--priority', '0'], cwd=ROOT, text=True, stdout=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stdout.readline() == f'{path}\n'

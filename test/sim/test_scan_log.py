@@ -101,7 +101,7 @@ def test_the_program_plays_scans(tmp_path: Path) -> None:
     log.write_bytes(row(1_000_000) + row(1_010_000))
     link = tmp_path / 'laser'
     program = subprocess.Popen(
-        [sys.executable, '-c', 'from rt_robot_os.sim.program import player; exit(player())',
+        [sys.executable, '-c', 'from rt_robot_os.sim.player_program import main; exit(main())',
          str(log), '--link', str(link), '--scans', '--wait'],
         stdout=subprocess.PIPE, text=True, env={**os.environ, 'PYTHONUNBUFFERED': '1'})
     try:

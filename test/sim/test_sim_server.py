@@ -32,12 +32,13 @@ from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim import program as commands
+from rt_robot_os.sim import player_program
+from rt_robot_os.sim import program
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.server import SimServer
 
 ROOT = Path(__file__).parents[2]
-RUN = 'import sys; from rt_robot_os.sim import main as m; sys.exit(m.{}(sys.argv[1:]))'
+RUN = 'import sys; from rt_robot_os.sim.{} import main; sys.exit(main())'
 
 
 @contextmanager
@@ -160,8 +161,8 @@ def test_lines_come_whole_and_the_end_of_input_is_no_end() -> None:
 
 
 def test_simulator(tmp_path: Path) -> None:
-    with running('main', 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate', 'gps=10',
-                 '--baud', 'gps=115200') as process:
+    with running('program', 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate',
+                 'gps=10', '--baud', 'gps=115200') as process:
         output, errors = Lines(process.stdout), Lines(process.stderr)
         paths = dict(output.next_line().split() for _ in range(2))
         assert paths == {'imu': str(tmp_path / 'imu'), 'gps': str(tmp_path / 'gps')}
@@ -190,7 +191,7 @@ def test_simulator(tmp_path: Path) -> None:
 
 
 def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
-    with running('main', 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
+    with running('program', 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
         output = Lines(process.stdout)
         paths = dict(output.next_line().split() for _ in range(2))
         assert paths == {'imu': str(tmp_path / 'imu'), 'baro': str(tmp_path / 'baro')}
@@ -213,7 +214,7 @@ def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_other_signals_end_it_too(number: int, tmp_path: Path) -> None:
-    with running('main', 'imu:witmotion', '--dir', str(tmp_path)) as process:
+    with running('program', 'imu:witmotion', '--dir', str(tmp_path)) as process:
         Lines(process.stdout).next_line()
         read_some(str(tmp_path / 'imu'), 30)
         process.send_signal(number)
@@ -231,7 +232,7 @@ def test_it_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
             'open(sys.argv[-1] + "/imu", "rb", buffering=0).read(1)\n')
     read_end, write_end = os.pipe()
     subprocess.run(
-        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format('main'),
+        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format('program'),
          'imu:witmotion', '--dir', str(tmp_path)], cwd=ROOT, pass_fds=[write_end], timeout=60,
         check=True)
     os.close(write_end)
@@ -245,7 +246,7 @@ def test_player(tmp_path: Path) -> None:
     log = tmp_path / 'x.log'
     log.write_bytes(b'# note\n' + b'$GPVTG,1*00\r\n' * 20)
     link = tmp_path / 'gps'
-    with running('player', str(log), '--link', str(link), '--baud', '115200',
+    with running('player_program', str(log), '--link', str(link), '--baud', '115200',
                  '--wait') as process:
         assert Lines(process.stdout).next_line() == str(link)
         assert read_some(str(link), 260) == b'$GPVTG,1*00\r\n' * 20
@@ -264,7 +265,7 @@ def test_player(tmp_path: Path) -> None:
 def test_wrong_arguments_are_all_told_and_nothing_is_made(
     arguments: list[str], messages: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert commands.main([*arguments, '--dir', str(tmp_path / 'd')]) == 2
+    assert program.main([*arguments, '--dir', str(tmp_path / 'd')]) == 2
     errors = capsys.readouterr().err
     assert all(m in errors for m in messages), errors
     assert not (tmp_path / 'd').exists()
@@ -274,7 +275,7 @@ def test_without_a_folder_to_be_found_it_has_to_be_given(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.delenv('XDG_RUNTIME_DIR', raising=False)
-    assert commands.main(['imu:witmotion']) == 2
+    assert program.main(['imu:witmotion']) == 2
     assert '--dir' in capsys.readouterr().err
 
 
@@ -282,7 +283,7 @@ def test_a_folder_that_cannot_be_made_and_a_log_that_is_not_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / 'file').write_text('')
-    assert commands.main(['imu:witmotion', '--dir', str(tmp_path / 'file')]) == 2
+    assert program.main(['imu:witmotion', '--dir', str(tmp_path / 'file')]) == 2
     assert 'choose another folder' in capsys.readouterr().err
-    assert commands.player([str(tmp_path / 'none'), '--link', str(tmp_path / 'x')]) == 2
+    assert player_program.main([str(tmp_path / 'none'), '--link', str(tmp_path / 'x')]) == 2
     assert 'check the path' in capsys.readouterr().err

@@ -85,7 +85,7 @@ class CoreProcess:
         fds = (page.fd,) if page.fd >= 0 else ()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.core.main', '--socket', str(self._path),
+                [sys.executable, '-m', 'rt_robot_os.core.program', '--socket', str(self._path),
                  '--settings', '-', '--parent', str(os.getpid()), '--life', str(page.fd),
                  *self._arguments],
                 stdin=subprocess.PIPE, env={**os.environ, **_ENVIRONMENT}, pass_fds=fds,

@@ -68,7 +68,7 @@ class I2cBridge:
             listener.bind(str(self.socket_path))
             listener.listen(_BACKLOG)
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.cli.i2c_bridge', self.path, '--socket',
+                [sys.executable, '-m', 'rt_robot_os.devices.i2c.program', self.path, '--socket',
                  str(self.socket_path), '--listener', str(listener.fileno()), '--with-parent',
                  str(os.getpid())],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[listener.fileno()])

@@ -12,93 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `bench`: measure the chosen cases, show tables, write files."""
+"""The program `bench`: this package and its peers, measured side by side on this machine."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from collections.abc import Sequence
-import signal
 import sys
-from types import FrameType
 
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.tools.bench import drawing
-from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.options import goes_on
-from rt_robot_os.tools.bench.options import parse
-from rt_robot_os.tools.bench.options import Request
-from rt_robot_os.tools.bench.output import EarlierRun
-from rt_robot_os.tools.bench.output import PAGE_FILE
-from rt_robot_os.tools.bench.processes import measure
-from rt_robot_os.tools.bench.registry import CASES
-from rt_robot_os.tools.bench.runner import Measure
-from rt_robot_os.tools.bench.session import Session
-from rt_robot_os.tools.bench.text import case_lines
-from rt_robot_os.tools.bench.text import closing_lines
-from rt_robot_os.tools.bench.text import terminal_width
-
-OK, FAILED, INTERRUPTED = 0, 1, 130
+from rt_robot_os.programs import FAILED
+from rt_robot_os.programs import Run
+from rt_robot_os.programs import run_program
 
 
-def _interrupt(signum: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _load() -> Run:
+    from rt_robot_os.tools.bench.command import run
+    return run
 
 
-def run(argv: Sequence[str], cases: Mapping[str, Case] = CASES, measured: Measure = measure
-        ) -> int:
-    """
-    Measure what the arguments say.
-
-    :param measured: runs one measurement; tests give their own.
-    :return: the exit code.
-    """
-    request = parse(argv, cases)
-    if request.list_only:
-        for case in cases.values():
-            print(f'{case.name:<12} {case.title}')
-        return OK
-    previous = signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        return _again(request, cases) if request.page else _run(request, measured, argv)
-    except (OSError, RtRobotError) as error:
-        print(f'bench: {error}', file=sys.stderr)
-        return FAILED
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure; the exit code is 2 for bad arguments, and 0 also when an aim is missed."""
+    return run_program('bench', _load, argv, reader_gone=FAILED)
 
 
-def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
-    session = Session(request, measured, argv)
-    interrupted = False
-    try:
-        session.introduce()
-        for case in request.cases:
-            session.measure(case)
-    except KeyboardInterrupt:
-        interrupted = True
-        further = ('the same call goes on where this ended' if goes_on(request)
-                   else 'cases that were not complete are left out')
-        print(f'bench: interrupted; {further}', file=sys.stderr)
-    if session.results:
-        print('\n' + '\n'.join(closing_lines(session.results, terminal_width())))
-    session.write(interrupted)
-    if interrupted:
-        return INTERRUPTED
-    return FAILED if session.failed else OK
-
-
-def _again(request: Request, cases: Mapping[str, Case]) -> int:
-    """Evaluate the raw samples of an earlier call again, show and write that."""
-    if request.page is None:
-        return OK
-    earlier = EarlierRun(request.page, cases)
-    for result in earlier.results:
-        print('\n' + '\n'.join(case_lines(result, terminal_width())))
-    if earlier.results:
-        print('\n' + '\n'.join(closing_lines(earlier.results, terminal_width())))
-    earlier.write()
-    print(f'written: {request.page / PAGE_FILE}')
-    if not drawing.available():
-        print(drawing.REMEDY)
-    return OK
+if __name__ == '__main__':
+    sys.exit(main())

@@ -12,142 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program: ask all checks, measure, write the report."""
+"""The program `doctor`: is this machine ready for real time, and what to do about it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from collections.abc import Sequence
-import io
-import os
 import sys
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.tools.doctor import text
-from rt_robot_os.tools.doctor import wakeup
-from rt_robot_os.tools.doctor.facts import asked_cpu
-from rt_robot_os.tools.doctor.facts import key_values
-from rt_robot_os.tools.doctor.facts import online_cpus
-from rt_robot_os.tools.doctor.finding import Line
-from rt_robot_os.tools.doctor.finding import unknown
-from rt_robot_os.tools.doctor.histogram_text import histogram_lines
-from rt_robot_os.tools.doctor.json_text import as_json
-from rt_robot_os.tools.doctor.options import Options
-from rt_robot_os.tools.doctor.options import parse
-from rt_robot_os.tools.doctor.registry import examine
-from rt_robot_os.tools.doctor.registry import GROUPS
-from rt_robot_os.tools.doctor.report import FAILED
-from rt_robot_os.tools.doctor.report import INTERRUPTED
-from rt_robot_os.tools.doctor.report import Report
-from rt_robot_os.tools.doctor.style import Progress
-from rt_robot_os.tools.doctor.style import style_for
-from rt_robot_os.tools.doctor.system import ProbeError
-from rt_robot_os.tools.doctor.system import System
-
-MEASURED = 'measured now'
+from rt_robot_os.programs import Run
+from rt_robot_os.programs import run_program
 
 
-def describe(system: System) -> dict[str, object]:
-    """Return the facts for the head of the report."""
-    facts = key_values(system.read('/proc/cpuinfo'))
-    model = (system.read('/proc/device-tree/model') or facts.get('model name')
-             or facts.get('Model') or system.machine)
-    return {'host': system.read('/proc/sys/kernel/hostname') or 'this machine', 'cpu': model,
-            'cpus': len(online_cpus(system)) or None, 'release': system.release,
-            'architecture': system.machine, 'core_cpu': asked_cpu(system)}
+def _load() -> Run:
+    from rt_robot_os.tools.doctor.command import run
+    return run
 
 
-class Doctor:
-    """
-    One examination.
-
-    :param options: what to show, how long to measure.
-    """
-
-    def __init__(self, system: System, options: Options) -> None:
-        self._system = system
-        self._options = options
-        self._style = style_for(sys.stdout, os.environ)
-        self._writer = text.Writer(self._style, everything=options.everything,
-                                   quiet=options.quiet)
-        self._lines: list[Line] = []
-        self._result: wakeup.Wakeup | None = None
-        self._watch = wakeup.StepWatch()
-
-    def report(self) -> Report:
-        """Return what was found so far."""
-        return Report(describe(self._system), self._system.wanted, self._lines, self._result)
-
-    def run(self) -> Report:
-        """Ask, measure, and write the report as it comes."""
-        self._say(text.head_lines(self.report(), self._style))
-        for group in GROUPS:
-            self._add(group.title, examine(group, self._system))
-        title, lines = self._measure() if self._options.seconds else (MEASURED, [])
-        self._add(title, [*lines, Line('measured', self._watch.check, self._watch.finding())])
-        if self._result and not self._options.quiet:
-            self._say(histogram_lines(self._result, self._style))
-        report = self.report()
-        self._say(text.summary_lines(report, self._style))
-        if self._options.json:
-            print(as_json(report))
-        return report
-
-    def _say(self, lines: Iterable[str]) -> None:
-        if not self._options.json:
-            for line in lines:
-                print(line)
-            sys.stdout.flush()
-
-    def _add(self, title: str, lines: Sequence[Line]) -> None:
-        self._lines.extend(lines)
-        self._say(self._writer.group(title, lines))
-
-    def _measure(self) -> tuple[str, list[Line]]:
-        """Measure wake-ups; what goes wrong is a line."""
-        options, progress = self._options, None
-        if sys.stdout.isatty() and not options.json:
-            progress = Progress(sys.stdout, self._style, f'measuring {options.seconds:g} s')
-        try:
-            self._result = wakeup.measure(self._system, options.seconds,
-                                          progress.show if progress else None)
-        except (ProbeError, OSError) as error:
-            return MEASURED, [Line('measured', wakeup.MACHINE, unknown(str(error)))]
-        finally:
-            if progress:
-                progress.clear()
-        result = self._result
-        refused = f' (without {", ".join(result.refused)})' if result.refused else ''
-        return (f'{MEASURED}: lateness of 1 kHz wake-ups, {result.seconds / 2:g} s each{refused}',
-                [Line('measured', wakeup.MACHINE, wakeup.judge(result.machine, result.refused)),
-                 Line('measured', wakeup.KERNEL, wakeup.judge(result.kernel, result.refused))])
+def main(argv: Sequence[str] | None = None) -> int:
+    """Examine this machine; the exit code is 0 ready, 1 usable, 2 not usable, 3 failed."""
+    return run_program('doctor', _load, argv, reader_gone=3)
 
 
-def run(argv: Sequence[str]) -> int:
-    """
-    Run the program.
-
-    :return: its exit code, see ``--help``.
-    """
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A name that the terminal cannot show is no reason to say nothing.
-        sys.stdout.reconfigure(errors='backslashreplace')
-    try:
-        options, wanted = parse(argv)
-        return Doctor(System(wanted), options).run().verdict.value
-    except ConfigError as error:
-        print('doctor: the configuration is wrong, nothing was looked at:', file=sys.stderr)
-        for problem in error.problems:
-            print(f'  {problem}', file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print('\ndoctor: interrupted', file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader has seen enough; nothing more may be written, not even at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
-    except Exception as error:
-        print(f'doctor: failed, please report it: {type(error).__name__}: {error}',
-              file=sys.stderr)
-        return FAILED
+if __name__ == '__main__':
+    sys.exit(main())

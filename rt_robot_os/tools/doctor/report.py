@@ -42,7 +42,6 @@ class Verdict(Enum):
 
 
 FAILED = 3
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)

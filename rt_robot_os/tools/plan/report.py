@@ -28,7 +28,8 @@ from rt_robot_os.tools.plan.result import Analysis
 from rt_robot_os.tools.plan.sensitivity import load_margins
 from rt_robot_os.tools.plan.sensitivity import Sensitivity
 
-SCHEDULABLE, NOT_SCHEDULABLE, BAD_CONFIGURATION, NOT_JUDGED = 0, 1, 2, 3
+# 2 is for bad use, see rt_robot_os.programs.
+SCHEDULABLE, NOT_SCHEDULABLE, NOT_JUDGED = 0, 1, 3
 
 
 @dataclass(frozen=True, slots=True)

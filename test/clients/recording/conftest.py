@@ -75,7 +75,7 @@ class Robot:
 
     def core(self, *more: str) -> subprocess.Popen[bytes]:
         """Start the default robot's core and wait until its devices deliver."""
-        program, log = self.start('rt_robot_os.core.main', '--ros-args', *CORE, *more)
+        program, log = self.start('rt_robot_os.core.program', '--ros-args', *CORE, *more)
         wait_for(lambda: b'gps: active' in log.read_bytes() or program.poll() is not None,
                  'a core with devices')
         assert program.poll() is None, log.read_text()
@@ -87,8 +87,7 @@ class Robot:
 
     def record(self, *arguments: str, **options: object) -> tuple[subprocess.Popen[bytes], Path]:
         """Start to record, and wait until something is on the disk."""
-        program, log = self.start('rt_robot_os.cli.record', *arguments, **options)
-        return program, log
+        return self.start('rt_robot_os.clients.recording.record_program', *arguments, **options)
 
     def wait_for_messages(self, log: Path, program: subprocess.Popen[bytes], count: int) -> None:
         """Wait until the recorder said that it has so many messages."""

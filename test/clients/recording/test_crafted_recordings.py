@@ -35,7 +35,6 @@ from mcap.records import Channel
 from mcap.records import Chunk
 from mcap.records import Schema
 import pytest
-from rt_robot_os.cli.replay import main
 from rt_robot_os.clients.recording.bag_file import BagFile
 from rt_robot_os.clients.recording.bag_info import TopicFacts
 from rt_robot_os.clients.recording.reading import Recorded
@@ -43,6 +42,7 @@ from rt_robot_os.clients.recording.records import CHUNK_BYTES_MAXIMUM
 from rt_robot_os.clients.recording.records import DamagedRecordError
 from rt_robot_os.clients.recording.records import unpacked
 from rt_robot_os.clients.recording.repair import mend
+from rt_robot_os.clients.recording.replay_program import main
 from rt_robot_os.clients.recording.summary import MAGIC
 from rt_robot_os.core.tap_format import is_tap
 import zstandard

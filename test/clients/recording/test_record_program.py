@@ -28,6 +28,8 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.topics import Layout
 import yaml
 
+RECORD = 'rt_robot_os.clients.recording.record_program'
+REPLAY = 'rt_robot_os.clients.recording.replay_program'
 TOPICS = {'/imu/data', '/imu/mag', '/gps/fix', '/gps/time', '/cmd_vel_safe', '/imu/attitude'}
 
 
@@ -103,7 +105,7 @@ def test_a_bag_holds_what_was_asked_for_and_no_time_before(robot: Any) -> None:
         robot.until(lambda: next(each['published'] for each in client.statistics().topics
                                  if each['name'] == 'device/imu/bytes') > 600, 'a lapped ring')
     bag = robot.output / 'bag'
-    code, text = robot.run('rt_robot_os.cli.record', 'imu/data', '--duration', '2', '-o', str(bag))
+    code, text = robot.run(RECORD, 'imu/data', '--duration', '2', '-o', str(bag))
     assert code == 0, text
     with AnyReader([bag]) as reader:
         messages = [(each.topic, stamp) for each, stamp, _ in reader.messages()]
@@ -119,7 +121,7 @@ def test_a_bag_holds_what_was_asked_for_and_no_time_before(robot: Any) -> None:
     info = yaml.safe_load((bag / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     assert info['duration']['nanoseconds'] == messages[-1][1] - messages[0][1]
     assert info['starting_time']['nanoseconds_since_epoch'] == messages[0][1]
-    code, text = robot.run('rt_robot_os.cli.replay', str(bag))
+    code, text = robot.run(REPLAY, str(bag))
     assert code == 0, text
     assert 'imu/data ' in text
 
@@ -136,7 +138,7 @@ def test_what_was_published_once_is_in_the_bag_when_it_begins(robot: Any) -> Non
     place_out: {topic: place, direction: out, durability: transient_local}
     often_out: {topic: often, direction: out}
 """)
-    core, log = robot.start('rt_robot_os.core.main', '--ros-args', '--params-file',
+    core, log = robot.start('rt_robot_os.core.program', '--ros-args', '--params-file',
                             str(parameters), *robot.ORDINARY)
     path = robot.folder / 'robot.sock'
     robot.until(lambda: path.exists() or core.poll() is not None, 'a core')
@@ -165,7 +167,7 @@ def test_what_was_published_once_is_in_the_bag_when_it_begins(robot: Any) -> Non
 def test_a_topic_that_is_not_there_is_refused(robot: Any) -> None:
     robot.core()
     bag = robot.output / 'bag'
-    code, text = robot.run('rt_robot_os.cli.record', 'imu/data', 'nosuch', '-o', str(bag))
+    code, text = robot.run(RECORD, 'imu/data', 'nosuch', '-o', str(bag))
     assert code == 2
     assert text.startswith('no topic nosuch in the core; there are /cmd_vel, ')
     assert not bag.exists()
@@ -177,13 +179,13 @@ def test_a_killed_recorder_leaves_a_file_that_can_be_mended(robot: Any) -> None:
     recorder, log = robot.record('-o', str(bag))
     robot.wait_for_messages(log, recorder, 500)
     robot.end(recorder, signal.SIGKILL)
-    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(bag))
+    code, text = robot.run(RECORD, '--repair', str(bag))
     assert code == 0, text
     assert 'mended' in text
     found = read(bag / 'bag_0.mcap')
     assert len(found['/imu/data']) > 50
     assert read_bag(bag)['/imu/data'] == len(found['/imu/data'])
-    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(bag))
+    code, text = robot.run(RECORD, '--repair', str(bag))
     assert 'whole' in text
 
 
@@ -231,12 +233,12 @@ def test_old_files_make_room(robot: Any) -> None:
 
 
 def test_what_is_wrong_is_said(robot: Any) -> None:
-    code, text = robot.run('rt_robot_os.cli.record', '-o', str(robot.output))
+    code, text = robot.run(RECORD, '-o', str(robot.output))
     assert code == 1 and 'choose another with -o' in text
-    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(robot.output / 'none'))
+    code, text = robot.run(RECORD, '--repair', str(robot.output / 'none'))
     assert code == 1 and 'does not exist' in text
     (robot.output / 'x.mcap').write_bytes(b'nonsense')
-    code, text = robot.run('rt_robot_os.cli.record', '--repair', str(robot.output / 'x.mcap'))
+    code, text = robot.run(RECORD, '--repair', str(robot.output / 'x.mcap'))
     assert code == 1 and 'is no MCAP file' in text
-    code, text = robot.run('rt_robot_os.cli.record', '--max-files', '2')
+    code, text = robot.run(RECORD, '--max-files', '2')
     assert code == 2 and '--max-files needs --max-bytes' in text

@@ -32,7 +32,7 @@ from rt_robot_os.core.tap_format import schedule_cdr
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import split_array
 
-REPLAY = 'rt_robot_os.cli.replay'
+REPLAY = 'rt_robot_os.clients.recording.replay_program'
 
 
 def test_a_replay_makes_the_same_publications(recording: Path, robot: Any) -> None:
@@ -93,7 +93,7 @@ def test_faults_are_replayed_too(robot: Any) -> None:
     parameters.write_text(FAULTS)
     bag = robot.output / 'bag'
     recorder, log = robot.record('-o', str(bag))
-    core, said = robot.start('rt_robot_os.core.main', '--ros-args', '--params-file',
+    core, said = robot.start('rt_robot_os.core.program', '--ros-args', '--params-file',
                              str(parameters), *robot.ORDINARY, '-p', 'core.record_bytes:=true')
     robot.until(lambda: said.read_text().count('active again') >= 2 or core.poll() is not None,
                 'a device that came back twice')

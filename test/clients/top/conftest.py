@@ -68,7 +68,7 @@ class Terminal:
         self.resize(*size)
         self.seen = ''
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.cli.top', *arguments], stdin=theirs,
+            [sys.executable, '-m', 'rt_robot_os.clients.top.program', *arguments], stdin=theirs,
             stdout=theirs, stderr=theirs, cwd='/', env={**environment, 'TERM': 'xterm'})
         os.close(theirs)
 
@@ -127,7 +127,7 @@ class World:
 
     def start_core(self) -> subprocess.Popen[bytes]:
         core = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
+            [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
              str(self.folder / 'robot.yaml')], cwd='/', stderr=subprocess.DEVNULL,
             env=self.environment)
         self._cores.append(core)
@@ -135,7 +135,8 @@ class World:
 
     def top(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, '-m', 'rt_robot_os.cli.top', *arguments], cwd='/', text=True,
+            [sys.executable, '-m', 'rt_robot_os.clients.top.program', *arguments], cwd='/',
+            text=True,
             env=self.environment, capture_output=True, timeout=TIMEOUT_S)
 
     def terminal(self, *arguments: str, size: tuple[int, int] = (80, 24)) -> Terminal:

@@ -207,7 +207,7 @@ def test_without_the_lock_file_nobody_waits(tmp_path: Path) -> None:
 
 def test_ctrl_c_leaves_no_process(tmp_path: Path) -> None:
     program = subprocess.Popen(
-        [sys.executable, '-c', 'import sys; from rt_robot_os.cli.bench import main; '
+        [sys.executable, '-c', 'import sys; from rt_robot_os.tools.bench.program import main; '
          'sys.exit(main())', 'preemption', '--seconds', '60', '--repeats', '1'],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         env={**os.environ, 'TMPDIR': str(tmp_path)})

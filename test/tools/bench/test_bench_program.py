@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rt_robot_os.programs import run_program
 from rt_robot_os.tools.bench import drawing
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
@@ -34,8 +35,8 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases.preemption import BUSY_NS
 from rt_robot_os.tools.bench.cases.preemption import BUSY_PERIOD_NS
 from rt_robot_os.tools.bench.cases.preemption import PERIOD_NS
+from rt_robot_os.tools.bench.command import run
 from rt_robot_os.tools.bench.method import BY_HAND
-from rt_robot_os.tools.bench.program import run
 from rt_robot_os.tools.bench.progress import Progress
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import CaseResult
@@ -68,7 +69,7 @@ def _quiet() -> Progress:
 
 
 def _run(*argv: str, measured: Any = _preemption, cases: Any = PREEMPTION) -> int:
-    return run(argv, cases, measured)
+    return run_program('bench', lambda: lambda words: run(words, cases, measured), argv)
 
 
 def test_tables_verdicts_and_what_linux_refuses_are_shown(

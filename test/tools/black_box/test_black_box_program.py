@@ -23,7 +23,7 @@ import shutil
 
 import pytest
 
-from rt_robot_os.cli.black_box import main
+from rt_robot_os.tools.black_box.program import main
 
 EXAMPLE = Path(__file__).with_name('example.rtbb.gz')
 

@@ -30,13 +30,13 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.cli.black_box import main
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.tools.black_box import dumps
 from rt_robot_os.tools.black_box import Outcome
 from rt_robot_os.tools.black_box import read_dump
 from rt_robot_os.tools.black_box import understand
+from rt_robot_os.tools.black_box.program import main
 
 ROOT = Path(__file__).resolve().parents[3]
 TIMEOUT_S = 60.0
@@ -85,7 +85,7 @@ class Core:
         self.log = folder / 'log'
         with self.log.open('wb') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.core.main', '--ros-args', '--params-file',
+                [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
                  str(folder / 'robot.yaml')], cwd=folder, stderr=log, env={
                     **os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(folder),
                     'OPENBLAS_NUM_THREADS': '1', 'PYTHONPATH': os.pathsep.join(

@@ -264,7 +264,7 @@ def test_a_task_at_the_same_priority_on_another_cpu_is_no_rival(machine) -> None
 
 def _core(pid: int, name: str) -> dict[str, str]:
     """Give the files of a robot's core that runs at FIFO 80 on CPU 3."""
-    words = ['python3', '-m', 'rt_robot_os.core.main', '--socket', f'/run/rt/{name}.sock', '']
+    words = ['python3', '-m', 'rt_robot_os.core.program', '--socket', f'/run/rt/{name}.sock', '']
     stat = ['S', '1', '1', '1', '0', '-1', *['0'] * 31, '81', '80', '3', '1', *['0'] * 11]
     stat[37], stat[38] = '80', '1'
     return {f'/proc/{pid}/cmdline': '\0'.join(words),

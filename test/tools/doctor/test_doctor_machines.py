@@ -24,10 +24,10 @@ from recorded import found
 from recorded import NAMES
 
 from rt_robot_os.tools.doctor import text
+from rt_robot_os.tools.doctor.examination import describe
 from rt_robot_os.tools.doctor.finding import Finding
 from rt_robot_os.tools.doctor.finding import Line
 from rt_robot_os.tools.doctor.finding import State
-from rt_robot_os.tools.doctor.program import describe
 from rt_robot_os.tools.doctor.registry import examine
 from rt_robot_os.tools.doctor.registry import GROUPS
 from rt_robot_os.tools.doctor.report import Report

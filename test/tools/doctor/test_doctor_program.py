@@ -27,7 +27,8 @@ import pytest
 from recorded import CHECKS
 
 from rt_robot_os.linux.clock import clock_state
-from rt_robot_os.tools.doctor import program
+from rt_robot_os.tools.doctor import examination
+from rt_robot_os.tools.doctor.command import run
 from rt_robot_os.tools.doctor.finding import Check
 from rt_robot_os.tools.doctor.options import parse
 from rt_robot_os.tools.doctor.registry import Group
@@ -42,8 +43,8 @@ def _start(*arguments: str, before: str = '', variables: dict[str, str] | None =
     environ = {**os.environ, **(variables or {}), 'PYTHONPATH': os.pathsep.join(
         filter(None, [before, str(ROOT), os.environ.get('PYTHONPATH', '')]))}
     return subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.cli.doctor', *arguments], env=environ, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
+        [sys.executable, '-m', 'rt_robot_os.tools.doctor.program', *arguments], env=environ,
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
 
 
 def test_this_machine_as_json() -> None:
@@ -73,7 +74,7 @@ def test_bad_arguments_have_an_exit_code_of_their_own(arguments, words, capsys) 
 def test_a_wrong_configuration_is_told_and_nothing_is_looked_at(tmp_path, capsys) -> None:
     path = tmp_path / 'robot.yaml'
     path.write_text('robot:\n  ros__parameters:\n    core: {cpu: lots}\n')
-    assert program.run(['--ros-args', '--params-file', str(path)]) == 3
+    assert run(['--ros-args', '--params-file', str(path)]) == 3
     told = capsys.readouterr()
     assert 'robot.yaml' in told.err and 'core.cpu' in told.err
     assert told.out == ''
@@ -141,9 +142,9 @@ def test_a_check_that_raises_does_not_end_the_doctor(monkeypatch, capsys) -> Non
     def broken(system):
         raise ZeroDivisionError('x')
 
-    monkeypatch.setattr(program, 'GROUPS', (
+    monkeypatch.setattr(examination, 'GROUPS', (
         Group('a', 'A', (Check('a.b', 'broken', 'why', broken),)),))
-    assert program.run(['--no-wakeup']) == 0
+    assert run(['--no-wakeup']) == 0
     told = capsys.readouterr().out
     assert 'unknown  broken' in told and 'ZeroDivisionError' in told
     assert 'ready: nothing to mend; wake-ups were not measured; 1 could not be found out' in told
@@ -153,15 +154,15 @@ def test_a_measurement_that_fails_is_a_line(monkeypatch, capsys) -> None:
     def broken(*arguments):
         raise ProbeError('the measurement ended with code 1')
 
-    monkeypatch.setattr(program, 'GROUPS', ())
-    monkeypatch.setattr(program.wakeup, 'measure', broken)
-    assert program.run([]) == 0
+    monkeypatch.setattr(examination, 'GROUPS', ())
+    monkeypatch.setattr(examination.wakeup, 'measure', broken)
+    assert run([]) == 0
     assert 'the measurement ended with code 1' in capsys.readouterr().out
 
 
 def test_a_defect_of_the_doctor_has_its_exit_code(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(program, 'describe', lambda system: {})
-    assert program.run(['--no-wakeup']) == 3
+    monkeypatch.setattr(examination, 'describe', lambda system: {})
+    assert run(['--no-wakeup']) == 3
     assert 'please report it' in capsys.readouterr().err
 
 

@@ -26,7 +26,7 @@ import sys
 
 import pytest
 
-from rt_robot_os.cli import new
+from rt_robot_os.tools.new.program import main
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
 
@@ -41,11 +41,7 @@ def make(folder: Path, package: str, driver: str = '', module: str = '') -> int:
     arguments = [package, '--into', str(folder)]
     arguments += ['--driver', driver] if driver else []
     arguments += ['--module', module] if module else []
-    before, sys.argv = sys.argv, ['new', *arguments]
-    try:
-        return new.main()
-    finally:
-        sys.argv = before
+    return main(arguments)
 
 
 def run(folder: Path, *arguments: str) -> str:

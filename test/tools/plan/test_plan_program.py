@@ -24,11 +24,11 @@ import pytest
 
 from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
+from rt_robot_os.tools.plan.command import run
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask
 from rt_robot_os.tools.plan.measured import read_measured
-from rt_robot_os.tools.plan.program import run
 from rt_robot_os.tools.plan.robot import robot_tasks
 from rt_robot_os.tools.plan.table import ms
 from rt_robot_os.tools.plan.table import percent

@@ -47,7 +47,7 @@ from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_S
 
 TOPIC = '/imu/data'
-_CORE = 'rt_robot_os.core.main'
+_CORE = 'rt_robot_os.core.program'
 _FIRST_TIMEOUT_S = 30.0
 _SETTLE_S = 2.0
 _END_S = 10.0
@@ -56,7 +56,7 @@ _TRY_S = 0.01
 # Ends with us even when nobody can tell it to.
 _PROGRAM = ('import signal, sys; from rt_robot_os.linux.process import die_with_parent; '
             'die_with_parent({parent}, signal.SIGTERM); '
-            'from rt_robot_os.cli.robot import main; sys.exit(main())')
+            'from rt_robot_os.clients.ros.program import main; sys.exit(main())')
 
 
 class FirstSample:

@@ -32,12 +32,17 @@ from rt_robot_os.tools.doctor.finding import unknown
 from rt_robot_os.tools.doctor.finding import warn
 from rt_robot_os.tools.doctor.system import System
 
-_MODULES = {'rt_robot_os.core.main': 'core', 'rt_robot_os.sim.program': 'simulator',
+_MODULES = {'rt_robot_os.clients.recording.record_program': 'record',
+            'rt_robot_os.clients.recording.replay_program': 'replay',
+            'rt_robot_os.clients.ros.program': 'robot',
+            'rt_robot_os.core.program': 'core',
             'rt_robot_os.core.simulator_process': 'simulator',
+            'rt_robot_os.sim.player_program': 'player',
+            'rt_robot_os.sim.program': 'simulator',
             'rt_robot_os.tools.bench.child': 'bench',
+            'rt_robot_os.tools.bench.program': 'bench',
             'rt_robot_os.tools.doctor.wakeup_child': 'doctor'}
-_PROGRAM = re.compile(r'(?:/rt_robot_os/|^rt_robot_os\.cli\.)'
-                      r'(core|robot|simulator|player|bench|record|replay|monitor)$')
+_PROGRAM = re.compile(r'/rt_robot_os/(core|robot|simulator|player|bench|record|replay|monitor)$')
 _SHOWN = 4
 # So many files of Fast DDS belong to some thirty participants.
 _SHARED_FILES = 200

@@ -35,7 +35,7 @@ from rt_robot_os.tools.doctor.system import System
 _POLICIES = {1: 'FIFO', 2: 'RR', 6: 'DEADLINE'}
 _PF_KTHREAD = 0x00200000
 _SHOWN = 3
-_CORE_MODULE = 'rt_robot_os.core.main'
+_CORE_MODULE = 'rt_robot_os.core.program'
 
 
 def average(system: System) -> Iterator[Finding]:

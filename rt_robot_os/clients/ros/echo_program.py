@@ -1,0 +1,38 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program `echo`: look at a ROS 2 topic where the `ros2` command is not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import sys
+
+from rt_robot_os.programs import OK
+from rt_robot_os.programs import Run
+from rt_robot_os.programs import run_program
+
+
+def _load() -> Run:
+    from rt_robot_os.clients.ros.echo_command import run
+    return run
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the messages of a topic, or its rate, until Ctrl-C."""
+    return run_program('echo', _load, argv, listens=True, reader_gone=OK)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

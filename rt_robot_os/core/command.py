@@ -1,0 +1,185 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the program `core` does: the real-time process.
+
+The node `robot` starts it as its child, with checked settings on standard input. Started by hand
+it reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+from rt_robot_os.core.app import Core
+from rt_robot_os.core.captures import Captures
+from rt_robot_os.core.dump_keeper import BlackBoxWriter
+from rt_robot_os.core.placement import choose_cpu
+from rt_robot_os.core.simulators import Simulators
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.errors import StartError
+from rt_robot_os.kernel import MonotonicClock
+from rt_robot_os.link.paths import robot_name
+from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.robots import hold_core
+from rt_robot_os.link.robots import remove_dead_lock
+from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import FAILED
+from rt_robot_os.programs import OK
+from rt_robot_os.settings import from_json
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings.command_line import add_simulate
+from rt_robot_os.settings.command_line import parse_own
+from rt_robot_os.settings.command_line import tell
+from rt_robot_os.settings.command_line import told_simulated
+from rt_robot_os.units import NS_PER_S
+
+ENDED_BY_FORCE = 3
+# Saves the black box, see rt_robot_os.core.dump_keeper.
+DUMP_SIGNAL = signal.SIGUSR1
+_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='core', description='Run the real-time core of a robot by itself; '
+        'a robot node with core.spawn: false attaches to it.',
+        usage='core [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        allow_abbrev=False)
+    add_simulate(parser)
+    parser.add_argument('--settings', metavar='FILE', help='checked settings as JSON, - for '
+                        'standard input: how a node starts it')
+    parser.add_argument('--socket', metavar='PATH', type=Path, help='where to listen')
+    parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
+    parser.add_argument('--life', metavar='FD', type=int, default=-1,
+                        help=argparse.SUPPRESS)  # where a node looks for the sign of life
+    parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
+    return parse_own(parser, argv)
+
+
+def _settings(arguments: argparse.Namespace, argv: Sequence[str]
+              ) -> tuple[RobotSettings, RobotSettings, Path]:
+    if arguments.settings:
+        # A second line: as it was loaded, before something was changed while a core ran.
+        now, _, loaded = _text(arguments.settings).strip().partition('\n')
+        return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
+    # Reading YAML takes memory that a spawned core does not need.
+    from rt_robot_os.settings.arguments import load_from_arguments
+    settings, ros = load_from_arguments(argv, simulate=arguments.simulate)
+    path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
+    return settings, settings, path
+
+
+def _text(file: str) -> str:
+    if file == '-':
+        return sys.stdin.read()
+    try:
+        return Path(file).read_text()
+    except OSError as error:
+        raise ConfigError([f'--settings {file}: cannot be read: {error.strerror}']) from error
+    except UnicodeDecodeError:
+        raise ConfigError([f'--settings {file}: not JSON: no text']) from None
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Run the core until it is told to stop.
+
+    :param argv: without the program's name.
+    :return: the exit code: 2 when it cannot start as it is, 3 when a job had to be ended at the
+        stop.
+    """
+    arguments = _arguments(argv)
+    if arguments.parent is not None and not die_with_parent(arguments.parent):
+        return OK
+    try:
+        settings, loaded, path = _settings(arguments, argv)
+        lock = hold_core(path, arguments.parent or 0)
+    except RtRobotError as error:
+        tell('core', error)
+        return BAD_USE
+    by_hand = arguments.settings is None
+    if by_hand and settings.simulated:
+        print(f'core: {told_simulated(settings)}', file=sys.stderr)
+    try:
+        return _run(settings, loaded, path, lock, arguments, by_hand)
+    finally:
+        lock.release()
+        remove_dead_lock(path)
+
+
+def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
+         arguments: argparse.Namespace, by_hand: bool) -> int:
+    duration_s: float | None = arguments.duration
+    simulators, captures = Simulators(), Captures()
+    writer: BlackBoxWriter | None = None
+    try:
+        ports = simulators.start(settings, _device_folder(path))
+        host = captures.start(settings, path.with_suffix('.captures'))
+        signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
+        cooperative = settings.core.dispatcher == 'cooperative'
+        clock = None if cooperative else MonotonicClock(signals)
+        writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
+        core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
+                    captures=host, cpu=choose_cpu(settings.core.cpu, lock),
+                    life_fd=arguments.life)
+        core.simulators = simulators
+        previous = _handle_signals(core)
+        core.prepare_process()
+        if by_hand:
+            core.write_reports_to(sys.stderr.fileno())
+        try:
+            core.run(None if duration_s is None else round(duration_s * NS_PER_S))
+        finally:
+            for signo, handler in previous.items():
+                signal.signal(signo, handler)
+        if core.tripped:
+            return settings.watchdog.exit_code
+        if core.forced:
+            return ENDED_BY_FORCE
+    except (RtRobotError, OSError) as error:
+        tell('core', error)
+        return BAD_USE if isinstance(error, ValueError | StartError) else FAILED
+    finally:
+        if writer is not None:
+            writer.close()
+        simulators.stop()
+        captures.stop()
+    return OK
+
+
+def _device_folder(path: Path) -> Path:
+    """Give the folder of the simulated devices, beside the socket."""
+    return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
+
+
+def _handle_signals(core: Core) -> dict[int, Any]:
+    def stop(signum: int, frame: FrameType | None) -> None:
+        core.stop(signal.Signals(signum).name)
+
+    def dump(signum: int, frame: FrameType | None) -> None:
+        core.black_box.ask(signal.Signals(signum).name)
+
+    previous: dict[int, Any] = {signo: signal.signal(signo, stop) for signo in _STOP_SIGNALS}
+    return {**previous, DUMP_SIGNAL: signal.signal(DUMP_SIGNAL, dump)}

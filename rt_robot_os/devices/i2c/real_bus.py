@@ -1,0 +1,104 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What waits on a real I2C bus: one transaction after the other, for whoever asks the bridge."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+
+from rt_robot_os.devices.i2c.bus import I2cTransport
+from rt_robot_os.devices.i2c.errors import is_gone
+from rt_robot_os.devices.i2c.errors import open_error
+from rt_robot_os.devices.i2c.packets import NO_BUS
+from rt_robot_os.devices.i2c.socket_bus import SocketTransport
+from rt_robot_os.errors import DeviceError
+
+
+class RealBus:
+    """
+    Does the transactions of a socket on a real bus, and opens that again when it was gone.
+
+    :ivar transfers: transactions that went well.
+    :ivar failures: transactions that did not.
+    """
+
+    def __init__(self, path: str) -> None:
+        """Keep the path; the bus is opened with the first transaction, or :meth:`open`."""
+        self.transfers = 0
+        self.failures = 0
+        self._path = path
+        self._transport: I2cTransport | None = None
+
+    def open(self) -> I2cTransport:  # noqa: A003
+        """
+        Open the bus unless it is.
+
+        :raises DeviceError: it cannot be opened; the message says what to do.
+        """
+        if self._transport is None:
+            self._transport = open_transport(self._path)
+        return self._transport
+
+    def transfer(
+        self, address: int, data: bytes, size: int, now_ns: int,
+    ) -> tuple[int, bytes, int]:
+        """
+        Do one transaction.
+
+        :return: errno (0 when it went well), the bytes read or what is to be said of the error,
+            and 0: they may go at once.
+        """
+        try:
+            answer = self.open().transfer(address, data, size)
+        except DeviceError as error:
+            self.failures += 1
+            return NO_BUS, str(error).encode(), 0
+        except OSError as error:
+            self.failures += 1
+            if is_gone(error):
+                self.close()
+            return error.errno or errno.EIO, (error.strerror or '').encode(), 0
+        self.transfers += 1
+        return 0, answer, 0
+
+    def close(self) -> None:
+        """Let go of the bus; may be called twice."""
+        transport, self._transport = self._transport, None
+        if transport is not None:
+            transport.close()
+
+
+def open_transport(path: str) -> I2cTransport:
+    """
+    Open a bus to wait on: a real one, or one that another process serves.
+
+    :raises DeviceError: it cannot be opened; the message says what to do.
+    """
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISSOCK(mode):
+            return SocketTransport(path)
+        if stat.S_ISCHR(mode):
+            from rt_robot_os.devices.i2c.linux_bus import LinuxTransport
+            return LinuxTransport(path)
+    except ImportError as error:
+        raise DeviceError(
+            f'I2C bus {path}: the Python package smbus2 cannot be imported ({error}): '
+            'sudo apt install python3-smbus2, or pip install smbus2') from error
+    except OSError as error:
+        raise open_error(path, error) from error
+    raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')

@@ -1,0 +1,144 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How every program begins and ends.
+
+A program is a ``program.py`` (``NAME_program.py`` where a part has several) with ``main``, which
+imports nothing that is slow, and a ``command.py`` beside it with what it does with its command
+line. :func:`run_program` brings the two together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Sequence
+from contextlib import contextmanager
+from contextlib import suppress
+import os
+import signal
+import sys
+from types import FrameType
+from typing import Final
+
+from rt_robot_os.errors import RtRobotError
+
+OK: Final = 0
+FAILED: Final = 1
+# A wrong command line or configuration: nothing was begun.
+BAD_USE: Final = 2
+# What a shell says of a program that SIGINT or SIGPIPE has ended.
+INTERRUPTED: Final = 128 + signal.SIGINT
+READER_GONE: Final = 128 + signal.SIGPIPE
+
+# Takes the arguments without the program's name, gives the exit code.
+Run = Callable[[Sequence[str]], int]
+
+
+def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None = None, *,
+                listens: bool = False, reader_gone: int = READER_GONE) -> int:
+    """
+    Run a program to its end, whatever ends it.
+
+    Ctrl-C ends it at once and in silence while it is loaded, and then with code 130; a reader who
+    has enough (``| head``) ends it in silence, too; an error of this package or of the system that
+    comes up to here is told in one line, with exit code 1.
+
+    :param load: imports what the program needs and gives what runs it.
+    :param argv: the arguments; None takes those of the process, which ends with the program.
+    :param listens: it listens to signals itself, and Ctrl-C ends it at once until it does.
+    :param reader_gone: the exit code when nobody reads on.
+    :return: the exit code.
+    """
+    end_quietly()
+    try:
+        run = load()
+        if not listens:
+            raise_again()
+        code = run(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        return reader_gone
+    except (RtRobotError, OSError) as error:
+        tell(name, error)
+        return FAILED
+    finally:
+        _let_go_of_output()
+        if argv is None:
+            end_quietly()  # a traceback of an interpreter that ends helps nobody
+        else:
+            raise_again()
+
+
+def tell(name: str, what: object, details: Iterable[str] = ()) -> None:
+    """
+    Say on standard error, where somebody still reads, what is wrong.
+
+    :param name: of the program.
+    :param details: a line each below it.
+    """
+    with suppress(BrokenPipeError):
+        print(f'{name}: {what}', *(f'  {each}' for each in details), sep='\n', file=sys.stderr,
+              flush=True)
+
+
+def end_quietly() -> None:
+    """
+    Let Ctrl-C end this process at once and without a traceback, as it ends most programs.
+
+    For what takes long to import, where there is nothing to put in order yet.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def raise_again() -> None:
+    """Have Ctrl-C raise KeyboardInterrupt, as Python does."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def ended_by_signals(end: Callable[[int], object], *, ctrl_c: bool = True) -> Iterator[None]:
+    """
+    Have SIGTERM, SIGHUP and Ctrl-C call a function; afterwards they do what they did before.
+
+    :param end: takes the number of the signal.
+    :param ctrl_c: False has Ctrl-C ignored: it is for the parent, which then ends this process.
+    """
+    def note(signum: int, frame: FrameType | None) -> None:
+        end(signum)
+
+    previous = {signo: signal.signal(signo, note) for signo in (
+        signal.SIGTERM, signal.SIGHUP)}
+    previous[signal.SIGINT] = signal.signal(signal.SIGINT, note if ctrl_c else signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for signo, handler in previous.items():
+            signal.signal(signo, handler)
+
+
+def _let_go_of_output() -> None:
+    """Write what is left; where nobody reads it, keep the interpreter from trying at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError):  # replaced by something that is no file
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

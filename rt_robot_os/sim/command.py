@@ -1,0 +1,296 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `simulator` and `player` do: devices that are not there, under paths that are."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import sys
+from typing import Any
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import ended_by_signals
+from rt_robot_os.programs import OK
+from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.base import SIMULATORS
+from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.faults import FAULTS
+from rt_robot_os.sim.faults import I2C_FAULTS
+from rt_robot_os.sim.paths import hold_paths
+from rt_robot_os.sim.paths import release
+from rt_robot_os.sim.player import at_line_speed
+from rt_robot_os.sim.player import by_nmea_time
+from rt_robot_os.sim.player import load_log
+from rt_robot_os.sim.player import Player
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.scan_log import by_scan_time
+from rt_robot_os.sim.server import SimServer
+from rt_robot_os.sim.tcp_port import TcpPlug
+
+_FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}'
+_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
+_BAUD: Final = 9600
+_SCAN_BAUD: Final = 500000
+
+
+def simulator(argv: Sequence[str]) -> int:
+    """
+    Run simulated devices until SIGTERM, SIGINT or the end of the parent process.
+
+    :param argv: without the program's name.
+    :return: the exit status, 2 when the arguments are wrong.
+    """
+    arguments = _simulator_parser().parse_args(argv)
+    try:
+        devices = build_devices(arguments)
+    except ConfigError as error:
+        return _fail(error)
+    server = SimServer(tuple(devices.values()), report=_complain)
+    held: list[LockFile] = []
+    try:
+        with ended_by_signals(lambda _: server.stop()):
+            held = hold_paths(_folder(arguments.dir, []), devices)
+            for device in devices.values():
+                device.port.plug()
+            for name, device in devices.items():
+                where = device.port.url if isinstance(device.port, TcpPlug) else device.path
+                print(f'{name} {where}', flush=True)
+            server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line))
+            _run(server, arguments.keep_running)
+    except DeviceError as error:
+        return _fail(error)
+    finally:
+        server.close()
+        release(held)
+    return OK
+
+
+def player(argv: Sequence[str]) -> int:
+    """
+    Play a recorded log through a pty.
+
+    :param argv: without the program's name.
+    :return: the exit status, 2 when the arguments are wrong.
+    """
+    arguments = _player_parser().parse_args(argv)
+    try:
+        lines = load_log(arguments.file)
+        pieces = _PACES[arguments.pace](lines)
+        baud = arguments.baud
+        if baud is None:
+            baud = _SCAN_BAUD if arguments.pace == 'scans' else _BAUD
+        playing = Player(
+            pieces, PtyPort(arguments.link), baud, loop=arguments.loop,
+            speed=arguments.speed, wait_for_reader=arguments.wait)
+    except ConfigError as error:
+        return _fail(error)
+    server = SimServer([playing], report=_complain)
+    try:
+        with ended_by_signals(lambda _: server.stop()):
+            playing.port.plug()
+            print(playing.port.link, flush=True)
+            _run(server, arguments.keep_running, lambda: playing.over)
+    except DeviceError as error:
+        return _fail(error)
+    finally:
+        server.close()
+    return OK
+
+
+def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
+    """
+    Make the simulated devices that the arguments ask for; nothing is plugged in.
+
+    :raises ConfigError: with every problem found.
+    """
+    problems: list[str] = []
+    types: dict[str, str] = {}
+    for text in arguments.devices:
+        name, _, kind = text.partition(':')
+        if not name or not kind or '/' in name or name.startswith('.'):
+            problems.append(f'device {text!r} is not understood: write NAME:TYPE, imu:witmotion')
+        elif name in types:
+            problems.append(f'there are two devices of the name {name!r}: rename one')
+        else:
+            types[name] = kind
+    bauds = _per_device(arguments.baud, types, '--baud', problems)
+    rates = _per_device(arguments.rate, types, '--rate', problems)
+    numbers = _per_device(arguments.tcp, types, '--tcp', problems)
+    faults = _faults(arguments.fault, types, problems)
+    folder = _folder(arguments.dir, problems)
+    place = Place(folder)
+    devices: dict[str, Simulated] = {}
+    for name, kind in types.items():
+        settings: dict[str, Any] = {'faults': faults[name], 'seed': arguments.seed}
+        if name in rates:
+            settings['rate_hz'] = rates[name]
+        try:
+            wanted = {'baud': int(bauds[name])} if name in bauds else {}
+            device = SIMULATORS.load(kind).made_for(name, settings, place, wanted)
+            if told := SIMULATORS.deprecation(kind):
+                _complain(told)
+            device.check_speed()
+            if name in numbers:
+                _put_on_network(name, device, int(numbers[name]))
+            devices[name] = device
+        except ConfigError as error:
+            problems.extend(error.problems)
+    if problems:
+        raise ConfigError(problems)
+    return devices
+
+
+def _put_on_network(name: str, device: Simulated, number: int) -> None:
+    if not isinstance(device, SimulatedDevice):
+        raise ConfigError([f'--tcp {name}={number}: it is no serial device'])
+    if not 0 < number < 65536:
+        raise ConfigError([f'--tcp {name}={number}: the port must be from 1 to 65535'])
+    device.port = TcpPlug(number)
+
+
+def _simulator_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='simulator', description='Simulated devices, with faults on demand: serial ones '
+        'on ptys, chips on an emulated I2C bus.',
+        epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
+        f'seconds. Faults: {_FAULT_HELP}.')
+    parser.add_argument('devices', nargs='+', metavar='NAME:TYPE',
+                        help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
+    parser.add_argument('--dir', help='folder of the paths, '
+                        'by default $XDG_RUNTIME_DIR/rt_robot_os')
+    parser.add_argument('--baud', action='append', default=[], metavar='[NAME=]BAUD',
+                        help='speed of the line, 0 has none')
+    parser.add_argument('--rate', action='append', default=[], metavar='[NAME=]HZ',
+                        help='samples a second')
+    parser.add_argument('--fault', action='append', default=[], metavar='"NAME: FAULT at S for S"',
+                        help='such as "imu: unplug at 5 for 2", seconds after the start')
+    parser.add_argument('--tcp', action='append', default=[], metavar='NAME=PORT',
+                        help='serve a serial device at tcp://127.0.0.1:PORT instead of a pty')
+    parser.add_argument('--seed', type=int, default=1, help='of noise and faults')
+    _add_keep_running(parser)
+    return parser
+
+
+def _player_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='player', description='Play a recorded log of bytes through a pty.')
+    parser.add_argument('file', help='the log; lines beginning with # are left out')
+    parser.add_argument('--link', required=True, help='path that the driver opens')
+    parser.add_argument('--baud', type=int,
+                        help=f'speed of the line ({_BAUD}; {_SCAN_BAUD} with --scans)')
+    pace = parser.add_mutually_exclusive_group()
+    pace.add_argument('--times', action='store_const', const='times', dest='pace', default='line',
+                      help='begin each epoch at the time in its NMEA sentences')
+    pace.add_argument('--scans', action='store_const', const='scans', dest='pace',
+                      help='the log holds scans of a Hokuyo URG-04LX, one a line, in the format '
+                      'of BreezySLAM; read it with type: hokuyo and configure: false')
+    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+    parser.add_argument('--speed', type=float, default=1.0, help='times faster than recorded')
+    parser.add_argument('--wait', action='store_true', help='begin when somebody reads')
+    _add_keep_running(parser)
+    return parser
+
+
+def _add_keep_running(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--keep-running', action='store_true',
+                        help='go on when the process that started this one ends')
+
+
+def _per_device(
+    texts: Sequence[str], types: dict[str, str], option: str, problems: list[str],
+) -> dict[str, float]:
+    """Read ``VALUE`` for all devices or ``NAME=VALUE`` for one; later ones win."""
+    values: dict[str, float] = {}
+    for text in texts:
+        name, equals, number = text.rpartition('=')
+        try:
+            value = float(number)
+        except ValueError:
+            value = -1.0
+        if not 0 <= value < 1e9:
+            problems.append(f'{option} {text!r}: {number!r} is not a number from 0')
+        elif equals and name not in types:
+            problems.append(f'{option} {text!r}: there is no device {name!r}')
+        else:
+            values.update(dict.fromkeys([name] if equals else types, value))
+    return values
+
+
+def _faults(
+    texts: Sequence[str], types: dict[str, str], problems: list[str],
+) -> dict[str, list[str]]:
+    faults: dict[str, list[str]] = {name: [] for name in types}
+    for text in texts:
+        name, _, fault = text.partition(':')
+        if name.strip() in faults and fault.strip():
+            faults[name.strip()].append(fault.strip())
+        else:
+            problems.append(
+                f'--fault {text!r} is not understood: write it like "imu: unplug at 5 for 2" with '
+                f'one of the devices {", ".join(types)}')
+    return faults
+
+
+def _folder(given: str | None, problems: list[str]) -> Path:
+    if given:
+        return Path(given)
+    runtime = os.environ.get('XDG_RUNTIME_DIR')
+    if not runtime:
+        problems.append('there is no XDG_RUNTIME_DIR: say with --dir where the paths shall be')
+    return Path(runtime or '.') / 'rt_robot_os'
+
+
+def _inject(devices: dict[str, Simulated], line: str) -> None:
+    """Obey a line of the standard input such as ``imu silent 3``."""
+    if not line:
+        return
+    words = line.split()
+    try:
+        name, fault, duration = words
+        devices[name].inject(fault, float(duration))
+    except ConfigError as error:
+        _complain(str(error))
+    except (KeyError, ValueError):
+        _complain(f'{line!r} is not understood: write DEVICE FAULT SECONDS with one of the '
+                  f'devices {", ".join(devices)} and one of the faults {_FAULT_HELP}')
+
+
+def _run(server: SimServer, keep_running: bool, until: Callable[[], bool] | None = None) -> None:
+    server.run(on_start=None if keep_running else lambda: _die_with_parent(server), until=until)
+
+
+def _die_with_parent(server: SimServer) -> None:
+    # Imported here: who only builds simulated devices needs nothing of Linux.
+    from rt_robot_os.linux.process import die_with_parent
+    if not die_with_parent(os.getppid()):
+        server.stop()
+
+
+def _complain(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _fail(error: Exception) -> int:
+    _complain(str(error))
+    return BAD_USE

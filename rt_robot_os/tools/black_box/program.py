@@ -1,0 +1,38 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program `black_box`: save, read and draw what the core did last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import sys
+
+from rt_robot_os.programs import OK
+from rt_robot_os.programs import Run
+from rt_robot_os.programs import run_program
+
+
+def _load() -> Run:
+    from rt_robot_os.tools.black_box.command import run
+    return run
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; the exit code is 1 when it failed, and the message says why."""
+    return run_program('black_box', _load, argv, reader_gone=OK)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

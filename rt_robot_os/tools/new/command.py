@@ -1,0 +1,79 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the program `new` does with its command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import OK
+from rt_robot_os.programs import tell
+from rt_robot_os.tools.new.package import Package
+from rt_robot_os.tools.new.package import problems_of
+
+
+def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='new', allow_abbrev=False, description='Write a package with a driver or a module '
+        'that works, is tested, and is yours to change.')
+    parser.add_argument('package', help='name of the package, such as my_robot')
+    parser.add_argument('--driver', metavar='NAME', default='',
+                        help='with a driver for a serial device, and its simulated twin')
+    parser.add_argument('--module', metavar='NAME', default='', help='with a function module')
+    parser.add_argument('--into', metavar='DIR', type=Path, default=Path('.'),
+                        help='folder in which the package is made, such as the src of a '
+                        'workspace (default: here)')
+    arguments = parser.parse_args(argv)
+    if not arguments.driver and not arguments.module:
+        parser.error('say what is in it: --driver NAME, --module NAME, or both')
+    return arguments
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Write a package.
+
+    :param argv: without the program's name.
+    :return: the exit code: 2 when something is wrong, and nothing is written then.
+    """
+    arguments = _arguments(argv)
+    folder: Path = arguments.into / arguments.package
+    try:
+        problems = problems_of(arguments.package, arguments.driver, arguments.module)
+        if not arguments.into.is_dir():
+            problems.append(f'{arguments.into}: there is no such folder')
+        elif folder.exists() or folder.is_symlink():
+            problems.append(f'{folder}: is there already, and nothing is overwritten')
+        if not problems:
+            Package(arguments.package, arguments.driver, arguments.module).write(folder)
+    except OSError as error:
+        problems = [f'{error.filename or folder}: cannot be written: {error.strerror}']
+    except RtRobotError as error:
+        problems = [str(error)]
+    if problems:
+        for problem in problems:
+            tell('new', problem)
+        return BAD_USE
+    package = arguments.package
+    print(f'{folder} is written. In the workspace that it lies in:\n'
+          f'  colcon build --symlink-install --packages-select {package}\n'
+          '  source install/setup.bash\n'
+          f'  colcon test --packages-select {package} && colcon test-result --verbose\n'
+          f'  ros2 launch {package} {package}.launch.xml')
+    return OK

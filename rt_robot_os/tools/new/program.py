@@ -1,0 +1,37 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program `new`: write a package with a driver or a module of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import sys
+
+from rt_robot_os.programs import Run
+from rt_robot_os.programs import run_program
+
+
+def _load() -> Run:
+    from rt_robot_os.tools.new.command import run
+    return run
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write it; the exit code is 2 when something is wrong, and nothing is written then."""
+    return run_program('new', _load, argv)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
