@@ -17,7 +17,7 @@ The I2C bus: transactions with a chip at an address, begun now and answered late
 
 A transaction is one call that nobody gets in between: on a real bus one ``ioctl``. Linux waits for
 that without letting signals through, so it is never made in the real-time process: a real bus is
-served by a bridge, a process of its own (``i2c_bridge.py``), and an emulated one by the simulator.
+served by a bridge, a process of its own (``command.py``), and an emulated one by the simulator.
 Both are behind a Unix socket (``socket_bus.py``). A driver's transaction is one packet that is
 sent, and its answer one that is there or is not. Nothing waits, whatever the bus or its process
 does. Tests hand over a bus of their own process, which answers at once.
