@@ -218,7 +218,8 @@ class Device(LiveSettings, ABC):
         """
         Say what the bytes are that came although no frame was valid; empty when it cannot.
 
-        Asked once each time the device is given up, not in each round of the loop.
+        Asked once each time the device is given up, by the task of low priority that recovers
+        devices: it may take milliseconds.
         """
         return ''
 

@@ -67,6 +67,7 @@ class ManagedDevice:
         self._port_open = False
         self._interrupt_fd: int | None = None
         self._told = ''
+        self._undiagnosed = ''
         rates_hz = [p.rate_hz for p in device.publications()[:1] if p.rate_hz > 0]
         self._sample_late_ns = round(_PERIODS_WITHOUT_SAMPLE * NS_PER_S / rates_hz[0]) if (
             rates_hz) else 0
@@ -118,8 +119,27 @@ class ManagedDevice:
             elif not self.reason:
                 self._warn_of_no_sample(now_ns, counters.frames)
         elif now_ns - self._alive_ns > self._patience_ns():
-            came = counters.bytes_read - self._bytes_when_alive
-            self._fault(self._why_nothing(came), 'garbage' if came else '')
+            self._give_up(counters.bytes_read - self._bytes_when_alive)
+
+    def _give_up(self, came: int) -> None:
+        """Give the device up because nothing valid came; whose bytes came is found out later."""
+        seconds = self._patience_ns() / NS_PER_S
+        if came:
+            self._undiagnosed = f'{came} bytes but no valid frame for {seconds:g} s'
+            self._fault(f'{self._undiagnosed}: {self.device.IF_GARBAGE}')
+        else:
+            self._fault(f'silent for {seconds:g} s: {self.device.silence()}')
+
+    def _diagnose(self) -> None:
+        """Find out whose bytes came, and tell; it takes milliseconds, so at low priority."""
+        text, self._undiagnosed = self._undiagnosed, ''
+        try:
+            remedy = self.device.diagnosis()
+        except Exception as error:  # of a driver; the other devices wait to be opened
+            remedy = ''
+            self._note(Severity.WARN, f'could not be diagnosed: {reason_of(error)}')
+        self.reason = f'{text}: {remedy or self.device.IF_GARBAGE}'
+        self._tell('garbage')
 
     def _warn_of_no_sample(self, now_ns: int, frames: int) -> None:
         """Say that valid frames come and none of them gives a sample, once until one does."""
@@ -136,6 +156,8 @@ class ManagedDevice:
 
     def recover(self) -> None:
         """Close what failed and open what is due; may take long, so at low priority."""
+        if self._undiagnosed and self.state is DeviceState.FAULT:
+            self._diagnose()
         if self.state is DeviceState.FAULT and self._port_open:
             self._close_port()
         if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
@@ -196,6 +218,8 @@ class ManagedDevice:
 
     def close(self) -> None:
         """Close the port for good; may be called twice."""
+        if self._undiagnosed:
+            self._diagnose()
         self.state = DeviceState.CLOSED
         self._close_port()
 
@@ -217,29 +241,28 @@ class ManagedDevice:
             self.device.name, self.state, self.reason, self.faults, self.opened,
             self._kernel.now_ns() - last_ns if last_ns else -1, counters)
 
-    def _why_nothing(self, came: int) -> str:
-        seconds = self._patience_ns() / NS_PER_S
-        if came:
-            remedy = self.device.diagnosis() or self.device.IF_GARBAGE
-            return f'{came} bytes but no valid frame for {seconds:g} s: {remedy}'
-        return f'silent for {seconds:g} s: {self.device.silence()}'
-
-    def _fault(self, reason: str, kind: str = '') -> None:
-        """
-        Give the device up for a while.
-
-        :param kind: what makes two reasons the same although their texts differ.
-        """
+    def _fault(self, reason: str) -> None:
+        """Give the device up for a while."""
         reason = reason.removeprefix(f'{self.device.name}: ')
         self.reason = reason
         self.faults += 1
         self._retry_at_ns = self._kernel.now_ns() + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
+        tells_now = not self._undiagnosed
         # Last: a recovery task above this one acts upon it at once.
         self.state = DeviceState.FAULT
-        if (kind or reason) != self._told:
-            self._told = kind or reason
-            self._note(Severity.ERROR, reason)
+        if tells_now:
+            self._tell(reason)
+
+    def _tell(self, kind: str) -> None:
+        """
+        Report why the device was given up, unless that was told before.
+
+        :param kind: the same for reasons whose texts differ only in numbers.
+        """
+        if kind != self._told:
+            self._told = kind
+            self._note(Severity.ERROR, self.reason)
 
     def _note(self, severity: Severity, text: str) -> None:
         self._reports.note(Report(self._kernel.now_ns(), severity, self.device.name, text))

@@ -58,6 +58,7 @@ class Script:
     on_read: Callable[[int], tuple[int, int]] = lambda now_ns: (10, 1)  # bytes, samples
     on_write: Callable[[], None] = nothing
     on_close: Callable[[], None] = nothing
+    on_diagnosis: Callable[[], None] = nothing
     log: list[str] = field(default_factory=list)
 
 
@@ -118,6 +119,15 @@ class Robot:
 @pytest.fixture
 def robot() -> Robot:
     return Robot()
+
+
+class Strange(Scripted):
+    """A device whose diagnosis takes long."""
+
+    def diagnosis(self) -> str:
+        self.script.log.append('diagnosis')
+        self.script.on_diagnosis()
+        return 'these are sonar frames'
 
 
 def gone() -> NoReturn:
@@ -277,3 +287,52 @@ def test_a_device_that_sends_seldom_is_not_warned_of(robot: Robot) -> None:
     device: Any = robot.add('d', Script(on_read=read), topic_hz=0.3)
     robot.kernel.run(30 * S)
     assert robot.texts(Severity.WARN) == []
+
+
+# --- whose bytes came: found out where it holds up nobody --------------------------------------
+
+def add_strange(robot: Robot, on_diagnosis: Callable[[], None]) -> ManagedDevice:
+    """Add a device that sends nothing valid."""
+    script = Script(on_read=lambda now_ns: (7, 0), on_diagnosis=on_diagnosis)
+    return robot.manager.add(Strange('d', script), rate_hz=100.0, priority=50, recovery=RECOVERY)
+
+
+def test_a_diagnosis_is_paid_by_the_recovery_and_by_no_device(robot: Robot) -> None:
+    device: Any = add_strange(robot, lambda: robot.clock.spend(30 * MS))
+    other = robot.kernel.add_task('other', nothing, priority=10, rate_hz=1000.0)
+    robot.kernel.run(2 * S)
+    longest = {name: robot.kernel.task(name).statistics().response_maximum_ns
+               for name in ('d', 'other', 'sensors/recovery')}
+    assert device.task is not None and device.device.script.log.count('diagnosis') == 1
+    assert longest['d'] == longest['other'] == 0, 'someone waited for the diagnosis'
+    assert longest['sensors/recovery'] >= 30 * MS
+    assert other.statistics().missed == 0
+    assert robot.texts() == ['d: 728 bytes but no valid frame for 1 s: these are sonar frames']
+
+
+def test_a_device_is_in_fault_with_a_reason_before_its_bytes_are_looked_at(robot: Robot) -> None:
+    seen = []
+    device: Any = add_strange(robot, lambda: seen.append((device.state, device.reason)))
+    robot.kernel.run(2 * S)
+    assert seen == [(DeviceState.FAULT, '728 bytes but no valid frame for 1 s: check the baud '
+                     'rate, and that it is the device that the configuration says')]
+    assert device.device.script.log[:3] == ['open', 'diagnosis', 'close']
+
+
+def test_a_defective_diagnosis_hurts_no_other_device(robot: Robot) -> None:
+    add_strange(robot, defective)
+    robot.add('e', Script())
+    robot.kernel.run(3 * S)
+    assert robot.texts() == ['d: 728 bytes but no valid frame for 1 s: check the baud rate, and '
+                             'that it is the device that the configuration says']
+    assert ('d: could not be diagnosed: its driver is defective: ZeroDivisionError'
+            in robot.texts(Severity.WARN)[0])
+    assert [each.state for each in robot.manager.statistics()][1] is DeviceState.ACTIVE
+
+
+def test_what_was_not_yet_looked_at_is_told_at_the_end(robot: Robot) -> None:
+    device = add_strange(robot, nothing)
+    robot.kernel.run(1045 * MS)  # given up just now, and the recovery is due in 5 ms
+    assert device.state is DeviceState.FAULT and robot.texts() == []
+    robot.manager.close()
+    assert robot.texts() == ['d: 728 bytes but no valid frame for 1 s: these are sonar frames']
