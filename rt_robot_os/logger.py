@@ -107,6 +107,16 @@ class Logger:
         self._extend = reports.lines.extend
         self._numbers = reports.numbers
 
+    @property
+    def level_name(self) -> str:
+        """Name the least severity that is logged, as in a configuration."""
+        return next((name for name, severity in zip(LEVELS, Severity) if severity >= self.level),
+                    LEVELS[-1])
+
+    def set_level(self, name: str) -> None:
+        """Set it, to one of ``LEVELS``."""
+        self.level = int(Severity[name.upper()])
+
     def debug(self, text: str, *arguments: object, throttle_s: float = 0.0,
               once: bool = False) -> None:
         """Log at DEBUG; all that :meth:`info` says holds."""
@@ -210,3 +220,29 @@ class Logger:
         for site, window in list(self._windows.items()):
             if now_ns >= window.end_ns:
                 self._close(site, now_ns)
+
+
+class Logs:
+    """
+    The loggers of a core.
+
+    :ivar by_name: each that was connected.
+    """
+
+    def __init__(self, reports: Reports, now_ns: Callable[[], int]) -> None:
+        self.by_name: dict[str, Logger] = {}
+        self._reports = reports
+        self._now_ns = now_ns
+
+    def connect(self, log: object, level: str) -> None:
+        """Make a log work, at a level; anything else is of somebody who has another use for it."""
+        if isinstance(log, Logger):
+            log.connect(self._reports, self._now_ns)
+            log.set_level(level)
+            self.by_name[log.name] = log
+
+    def sweep(self) -> None:
+        """Sum up what was held back and is due."""
+        now_ns = self._now_ns()
+        for log in self.by_name.values():
+            log.sweep(now_ns)

@@ -17,26 +17,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterator
 from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Sequence
+from dataclasses import asdict
 import functools
-import os
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
-from rt_robot_os.core.answers import Answers
 from rt_robot_os.core.dump_keeper import BlackBoxKeeper
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.garbage import SlackCollector
+from rt_robot_os.core.kernel_requests import KernelRequests
 from rt_robot_os.core.lifecycle import ModuleLifecycle
 from rt_robot_os.core.parameters import LiveParameters
+from rt_robot_os.core.part import CorePart
+from rt_robot_os.core.part import Host
 from rt_robot_os.core.process_guard import ProcessGuard
-from rt_robot_os.core.simulators import Simulators
+from rt_robot_os.core.realtime_process import RealtimeProcess
+from rt_robot_os.core.statistics import module_rows
+from rt_robot_os.core.statistics import Statistics
 from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import declaration
+from rt_robot_os.core.tasks import resource_names
 from rt_robot_os.core.threads import ThreadWatch
+from rt_robot_os.core.watch import Watch
 from rt_robot_os.core.watchdog import Watchdog
-from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.state import RecoverySettings
@@ -44,11 +52,9 @@ from rt_robot_os.kernel import Clock
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link import LinkServer
-from rt_robot_os.linux import realtime
-from rt_robot_os.linux.cpu_latency import HeldCpuLatency
-from rt_robot_os.linux.cpu_latency import hold_cpu_latency
-from rt_robot_os.linux.realtime import RtResult
-from rt_robot_os.logger import Logger
+from rt_robot_os.link.requests import Requests
+from rt_robot_os.live_settings import LiveSettings
+from rt_robot_os.logger import Logs
 from rt_robot_os.modules import Module
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
@@ -59,10 +65,8 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
-UNPINNED = -2
 # From the order to stop until jobs that have not ended are ended.
 STOP_GRACE_NS = 500 * NS_PER_MS
-_LOOKS_A_SECOND = 10
 
 
 class Core:
@@ -75,7 +79,8 @@ class Core:
     :param clock: by default CLOCK_MONOTONIC, with the dispatcher that is set.
     :param writer: of the black box; None saves it nowhere.
     :param loaded: what the files said, when something was changed since.
-    :param captures: socket of what starts the processes of cameras and microphones.
+    :param services: what is offered to devices that ask for it, by name.
+    :param parts: of this process that are no part of core/.
     :param cpu: the one to be pinned to; None for that of the settings.
     :param make_bus: a replay has one of its own.
     :param life_fd: the page for the sign of life that a node has made; -1 for none.
@@ -83,14 +88,13 @@ class Core:
     """
 
     def __init__(self, settings: RobotSettings, path: Path, *,
-                 ports: Mapping[str, str] | None = None, clock: Clock | None = None,
+                 ports: Mapping[str, str] = MappingProxyType({}), clock: Clock | None = None,
                  writer: BlackBoxWriter | None = None,
                  loaded: RobotSettings | None = None,
-                 captures: Path | None = None, cpu: int | None = None,
+                 services: Mapping[str, Any] = MappingProxyType({}),
+                 parts: Sequence[type[CorePart]] = (), cpu: int | None = None,
                  make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
         self.settings = settings
-        self.parameters = LiveParameters(self, loaded or settings)
-        self._cpu = settings.core.cpu if cpu is None else cpu
         core = settings.core
         if clock is None and core.dispatcher == 'cooperative':
             clock = CooperativeClock()
@@ -99,42 +103,44 @@ class Core:
         self.kernel.stop_grace_ns = STOP_GRACE_NS
         self.bus = make_bus(self.kernel)
         self.reports = Reports()
-        self.threads = ThreadWatch(functools.partial(self.note, Severity.WARN, 'core'))
-        self._looks = 0
-        self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
-        self._failures = FailureLog(
-            self.kernel, functools.partial(self.note, Severity.ERROR),
-            lambda failure: self.black_box.fault(f'task {failure.task!r}: {failure.error}'))
-        self.realtime: tuple[RtResult, ...] = ()
-        self.sensors = SensorManager(self.kernel, self.bus, self.reports)
-        self.loggers: dict[str, Logger] = {}
-        self.simulators: Simulators | None = None
-        self._output: int | None = None
-        self._written = 0
-        self._told_dropped = False
-        self._cpu_latency: HeldCpuLatency | None = None
+        self.requests = Requests()
+        self.logs = Logs(self.reports, self.kernel.now_ns)
+        self.sensors = SensorManager(self.kernel, self.bus, self.reports, services=services)
         for topic in settings.topics:
             self.bus.add(topic, topic.max_subscribers)
-        self._add_devices(ports or {}, captures)
+        self._add_devices(ports)
         self._lifecycle = ModuleLifecycle(self.note)
-        self._lifecycle.add(settings.modules, self.kernel, self.bus, self._connect_log)
-        self.taps = Taps(self.kernel, self.bus, self.sensors)
+        self._lifecycle.add(settings.modules, self.kernel, self.bus, self.logs.connect)
+        owners: dict[str, LiveSettings] = {
+            each.name: each for each in (*(m.device for m in self.sensors.devices), *self.modules)}
+        self.parameters = LiveParameters(
+            settings, loaded or settings, self.kernel, owners, self.logs.by_name)
+        self.taps = Taps(self.kernel, self.bus, self.sensors, [m.name for m in self.modules],
+                         functools.partial(self.note, Severity.WARN, 'core'))
         if core.record_bytes:
-            self.turn_on_taps()
+            self.taps.turn_on()
         self.link = LinkServer(
-            self.kernel, self.bus, path, Answers(self), self.reports,
-            service_priority=settings.core.link_priority,
-            command_priority=settings.core.command_priority,
-            gather_ns=round(settings.core.link_gather_ms * NS_PER_MS), life_fd=life_fd)
-        self.kernel.add_task('core/watch', self._watch, priority=1, rate_hz=float(_LOOKS_A_SECOND))
+            self.kernel, self.bus, path, self.requests, self.reports,
+            service_priority=core.link_priority, command_priority=core.command_priority,
+            gather_ns=round(core.link_gather_ms * NS_PER_MS), life_fd=life_fd)
+        self.watch = Watch(self.kernel, self.reports)
+        self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
         self.guard = ProcessGuard(settings.watchdog)
-        self.watchdog: Watchdog | None = None
-        if settings.watchdog.timeout_s:
-            self.watchdog = Watchdog(self.kernel, settings.watchdog, self.reports,
-                                     self.guard.manager.watchdog_ns)
-            self.watchdog.on_fault = self._save_fault
+        self.process = RealtimeProcess(core, core.cpu if cpu is None else cpu)
+        self.host = Host(settings, self.kernel, self.bus, self.requests,
+                         Statistics(self.kernel, self.requests), self.watch, self.note)
+        self._attach(owners)
+        self._parts = [part(self.host) for part in parts]
+        self.watchdog = self._watchdog()  # it watches the tasks that are there by now
 
-    def _add_devices(self, ports: Mapping[str, str], captures: Path | None) -> None:
+    @property
+    def modules(self) -> list[Module]:
+        """All modules, in the order of the configuration."""
+        return self._lifecycle.modules
+
+    # ---- how it is wired ---------------------------------------------------------------------
+
+    def _add_devices(self, ports: Mapping[str, str]) -> None:
         for device in self.settings.devices:
             values = dict(device.settings)
             if device.name in ports:
@@ -142,9 +148,7 @@ class Core:
             driver = DRIVERS.load(device.type)(device.name, values)
             if told := DRIVERS.deprecation(device.type):
                 self.note(Severity.WARN, device.name, told)
-            if isinstance(driver, CaptureDevice):
-                driver.host = captures
-            self._connect_log(driver.log, device.log_level)
+            self.logs.connect(driver.log, device.log_level)
             self.sensors.add(
                 driver, rate_hz=device.rate_hz,
                 priority=device.priority, interrupt=device.read == 'interrupt',
@@ -154,53 +158,58 @@ class Core:
                 declared=declaration(device.task, self.kernel),
                 max_subscribers=device.max_subscribers)
 
-    @property
-    def modules(self) -> list[Module]:
-        """All modules, in the order of the configuration."""
-        return self._lifecycle.modules
+    def _attach(self, owners: Mapping[str, object]) -> None:
+        """Say who answers requests, tells statistics, and is looked after, in this order."""
+        host, statistics = self.host, self.host.statistics
+        self.taps.attach(host)
+        KernelRequests(self.kernel, self.stop, self.note).attach(host)
+        self.watch.add(FailureLog(
+            self.kernel, functools.partial(self.note, Severity.ERROR),
+            lambda failure: self.black_box.fault(f'task {failure.task!r}: {failure.error}')).watch)
+        self.black_box.attach(host)
+        self.watch.add(self.guard.ready)
+        self.watch.add(self.logs.sweep)
+        ThreadWatch(functools.partial(self.note, Severity.WARN, 'core'), owners).attach(host)
+        self.parameters.attach(host)
+        statistics.add_rows('topic', lambda: map(asdict, self.bus.statistics()))
+        statistics.add_rows('device', lambda: map(asdict, self.sensors.statistics()))
+        statistics.add_rows('module', lambda: module_rows(self.modules, self.requests))
+        statistics.add_rows('client', lambda: map(asdict, self.link.statistics()))
+        statistics.add_rows('resource', self._resources)
+        statistics.add_facts(self.link.facts)
+        statistics.add_facts(self._facts)
 
-    def _connect_log(self, log: object, level: str) -> None:
-        if not isinstance(log, Logger):  # a class of somebody who has another use for the name
-            return
-        log.connect(self.reports, self.kernel.now_ns)
-        log.level = int(Severity[level.upper()])
-        self.loggers[log.name] = log
+    def _resources(self) -> Iterator[dict[str, Any]]:
+        for name in resource_names(self.settings):
+            yield asdict(self.kernel.resource(name).statistics())
 
-    def turn_on_taps(self) -> None:
-        """
-        Begin to note bytes and schedule for a recorder; not for the real-time loop.
+    def _facts(self) -> dict[str, Any]:
+        watchdog = self.watchdog
+        return {'watchdog': 'off' if watchdog is None else watchdog.reason or 'healthy',
+                'log_lines': self.reports.total, 'simulated': self.settings.simulated,
+                'simulation_asked': self.settings.simulation_asked,
+                'realtime': [asdict(result) for result in self.process.results]}
 
-        :raises TopicError: a topic of the robot has one of the names.
-        """
-        self.taps.turn_on([module.name for module in self.modules])
+    def _watchdog(self) -> Watchdog | None:
+        if not self.settings.watchdog.timeout_s:
+            return None
+        watchdog = Watchdog(self.kernel, self.settings.watchdog, self.reports,
+                            self.guard.manager.watchdog_ns)
+        watchdog.on_fault = self._save_fault
+        return watchdog
+
+    # ---- how it runs -------------------------------------------------------------------------
 
     def prepare_process(self) -> None:
-        """Ask Linux for real time; what it refuses is reported, and kept in ``realtime``."""
-        wanted = self.settings.core
-        results = [realtime.set_timer_slack()]
-        if self._cpu != UNPINNED:
-            results.append(realtime.set_affinity(self._cpu))
-        if wanted.lock_memory:
-            results.append(realtime.lock_memory())
-        if wanted.cpu_latency_us >= 0:
-            result, self._cpu_latency = hold_cpu_latency(wanted.cpu_latency_us)
-            results.append(result)
-        results += self.guard.equip(self.watchdog)
-        results.append(realtime.freeze_garbage())
-        # Last, so that the slow steps before do not hold up others at this priority.
-        if wanted.scheduler_priority:
-            results.append(realtime.set_fifo(wanted.scheduler_priority, alone=True))
-        self.realtime = tuple(results)
-        self._tell_simulated()
-        for result in results:
-            self.note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
-
-    def _tell_simulated(self) -> None:
+        """Ask Linux for real time; what it refuses is reported."""
+        results = self.process.prepare(self.guard, self.watchdog)
         names = self.settings.simulated
         if names:
             asked = self.settings.simulation_asked
             self.note(Severity.INFO if asked else Severity.WARN, 'core', 'simulated: '
                       f'{", ".join(names)}{"" if asked else "; no parameter file was given"}')
+        for result in results:
+            self.note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
 
     def run(self, duration_ns: int | None = None) -> str:
         """
@@ -258,13 +267,15 @@ class Core:
         self.guard.leave()
         self._lifecycle.end()
         self.sensors.close(self._lifecycle.call)
+        while self._parts:
+            part = self._parts.pop()
+            self._lifecycle.call(type(part).__name__, part.close)
         self.guard.release()
-        self._watch()
+        self.watch.look()
         self.link.close()
         self.black_box.close()
-        self._write_reports()
-        if self._cpu_latency is not None:
-            self._cpu_latency.close()
+        self.watch.write_reports()
+        self.process.close()
         self.guard.close(stop=not self.tripped)
 
     @property
@@ -272,55 +283,12 @@ class Core:
         """Whether the watchdog ended it: its process ends with the exit code that is set."""
         return self.watchdog is not None and bool(self.watchdog.tripped)
 
-    def write_reports_to(self, fd: int) -> None:
-        """
-        Write reports to a file descriptor, for a core that is run by hand.
-
-        The lowest-priority task does it: a terminal that blocks holds up nothing else.
-        """
-        self._output = fd
-
-    def _watch(self) -> None:
-        """Tell people of failed jobs and save the black box, at the lowest priority."""
-        self._drain_taps()
-        self.kernel.guard_handlers()
-        self._failures.watch()
-        self.black_box.watch()
-        self.guard.ready()
-        for text in self.simulators.news() if self.simulators is not None else ():
-            self.note(Severity.WARN, 'simulator', text)
-        now_ns = self.kernel.now_ns()
-        for log in self.loggers.values():
-            log.sweep(now_ns)
-        self._looks += 1
-        if self._looks % _LOOKS_A_SECOND == 0 and self.kernel.clock.has_signals:
-            self.threads.look([*((m.name, m) for m in self.modules),
-                               *((d.device.name, d.device) for d in self.sensors.devices)])
-        self._write_reports()
-
-    def _drain_taps(self) -> None:
-        self.taps.drain()
-        if self.taps.dropped and not self._told_dropped:
-            self._told_dropped = True
-            self.note(Severity.WARN, 'core', f'{self.taps.dropped} records of what a replay needs '
-                      'were dropped: core/watch, the lowest task, does not run often enough to '
-                      'publish them; a replay of this recording may differ (tap_dropped counts '
-                      'them)')
-
     def _save_fault(self, reason: str) -> None:
         if self.tripped:
             # It may be over before the lowest task runs again. Nothing else matters any more.
             self.black_box.save(reason)
         else:
             self.black_box.fault(reason)
-
-    def _write_reports(self) -> None:
-        if self._output is not None:
-            self._written, dropped, reports = self.reports.since(self._written)
-            lines = [f'{dropped} reports dropped'] * bool(dropped) + [str(r) for r in reports]
-            if lines:
-                with suppress(OSError):  # nobody reads them any more
-                    os.write(self._output, ('\n'.join(lines) + '\n').encode())
 
     def note(self, severity: Severity, source: str, text: str) -> None:
         """Tell people something; safe in the real-time loop."""

@@ -30,10 +30,12 @@ from types import FrameType
 from typing import Any
 
 from rt_robot_os.core.app import Core
-from rt_robot_os.core.captures import Captures
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
+from rt_robot_os.core.part import installed_parts
 from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.simulators import Simulators
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.service import Services
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import StartError
@@ -49,6 +51,7 @@ from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import SIM_PORT
 from rt_robot_os.settings.command_line import add_simulate
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.command_line import tell
@@ -132,23 +135,24 @@ def run(argv: Sequence[str]) -> int:
 def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
          arguments: argparse.Namespace, by_hand: bool) -> int:
     duration_s: float | None = arguments.duration
-    simulators, captures = Simulators(), Captures()
+    simulators, services = Simulators(), Services()
     writer: BlackBoxWriter | None = None
     try:
         ports = simulators.start(settings, _device_folder(path))
-        host = captures.start(settings, path.with_suffix('.captures'))
+        offered = services.start([DRIVERS.load(device.type) for device in settings.devices
+                                  if device.port != SIM_PORT], path)
         signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
-                    captures=host, cpu=choose_cpu(settings.core.cpu, lock),
-                    life_fd=arguments.life)
-        core.simulators = simulators
+                    services=offered, parts=installed_parts(),
+                    cpu=choose_cpu(settings.core.cpu, lock), life_fd=arguments.life)
+        simulators.attach(core.host)
         previous = _handle_signals(core)
         core.prepare_process()
         if by_hand:
-            core.write_reports_to(sys.stderr.fileno())
+            core.watch.write_reports_to(sys.stderr.fileno())
         try:
             core.run(None if duration_s is None else round(duration_s * NS_PER_S))
         finally:
@@ -165,7 +169,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         if writer is not None:
             writer.close()
         simulators.stop()
-        captures.stop()
+        services.stop()
     return OK
 
 

@@ -26,10 +26,12 @@ import socket
 import subprocess
 import sys
 
+from rt_robot_os.core.part import Host
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
 from rt_robot_os.dumps.parts import live_parts
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.requests import reason_of
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
@@ -96,6 +98,13 @@ class BlackBoxKeeper:
         self._next_ns = 0
         self._waiting = 0
         self._numbers = itertools.count()
+
+    def attach(self, host: Host) -> None:
+        """Save it when somebody has asked, and give it to clients."""
+        host.watch.add(self.watch)
+        host.statistics.add_facts(lambda: {'black_box': self.statistics()})
+        host.requests.add_long('black_box', lambda session, arguments: live_parts(
+            self._kernel, reason_of(session, arguments), self.facts()))
 
     def ask(self, reason: str) -> None:
         """Save at the next look; safe in a signal handler and in the real-time loop."""

@@ -16,61 +16,85 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
-from typing import TYPE_CHECKING
 import zlib
 
-from rt_robot_os.devices.device import Device
+from rt_robot_os.core.part import Host
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules import Module
-from rt_robot_os.reports import Severity
-from rt_robot_os.schema import Field
-from rt_robot_os.settings import DeviceSettings
-from rt_robot_os.settings import ModuleSettings
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.link.requests import Arguments
+from rt_robot_os.link.requests import text_of
+from rt_robot_os.link.requests import value_of
+from rt_robot_os.link.session import Session
+from rt_robot_os.live_settings import LiveSettings
+from rt_robot_os.logger import Logger
+from rt_robot_os.settings import Kind
+from rt_robot_os.settings import ParameterDescription
 from rt_robot_os.settings import RobotSettings
-from rt_robot_os.settings.fields import DEVICE
-from rt_robot_os.settings.fields import MODULE
-from rt_robot_os.settings.fields import SLOWEST_HZ
+from rt_robot_os.settings import to_json
+from rt_robot_os.settings.parameters import live_parameters
 from rt_robot_os.settings.problems import did_you_mean
-from rt_robot_os.settings.tasks import contradictions
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
 
-if TYPE_CHECKING:
-    from rt_robot_os.core.app import Core
-
 RATE, LOG_LEVEL = 'rate_hz', 'log_level'
-Part = DeviceSettings | ModuleSettings
+_TEXT_A_PACKET = 16_384
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the value of a parameter is: in a task, a log, a device or a module."""
+
+    get: Callable[[], Any]
+    put: Callable[[Any], object]
 
 
 class LiveParameters:
     """
     What may change while a core runs; not for the real-time loop.
 
-    :param core: whose devices and modules they are.
-    :param loaded: what its configuration said in the beginning.
+    :param loaded: what the configuration said in the beginning.
+    :param kernel: has a task of the name of each device and module.
+    :param owners: the devices and modules by name.
+    :param loggers: those of them that have one, by name.
     """
 
-    def __init__(self, core: Core, loaded: RobotSettings) -> None:
-        self._core = core
-        parts: tuple[Part, ...] = (*loaded.devices, *loaded.modules)
-        self._loaded = {part.name: part for part in parts}
+    def __init__(self, settings: RobotSettings, loaded: RobotSettings, kernel: Kernel,
+                 owners: Mapping[str, LiveSettings], loggers: Mapping[str, Logger]) -> None:
+        self._settings = settings
+        tasks = {name: kernel.task(name) for name in owners}
+        kinds = {name: Kind(owner.fields(), is_coroutine=tasks[name].coroutine is not None)
+                 for name, owner in owners.items()}
+        self._places = {
+            each.name: (each, place) for each in live_parameters(settings, kinds)
+            if (place := _place(each.name, tasks, owners, loggers)) is not None}
+        self._loaded = {each.name: each.value for each in live_parameters(loaded, kinds)}
 
-    def facts(self) -> Iterator[dict[str, Any]]:
+    def attach(self, host: Host) -> None:
+        """Answer what is asked about parameters and settings."""
+        host.requests.add('change', self._change)
+        host.requests.add_long('parameters', self._parameters)
+        host.requests.add_long('settings', self._text)
+        host.statistics.add_facts(lambda: {'parameters': self.digest()})
+
+    def facts(self) -> Iterator[Arguments]:
         """Give each parameter: name, value, loaded value, and what it means."""
-        for part, owner, field in self._all():
-            yield {'name': f'{part.name}.{field.name}',
-                   'value': self._now(part, owner, field),
-                   'loaded': self._at_first(part.name, field),
-                   'unit': field.unit, 'description': field.description,
-                   'wanted': field.wanted()}
+        for name, (entry, place) in self._places.items():
+            loaded = self._loaded[name]
+            yield {'name': name, 'value': place.get(),
+                   # A rate is what its period makes of it.
+                   'loaded': _rate_of(period_from_rate(loaded)) if entry.task else loaded,
+                   'unit': entry.field.unit, 'description': entry.field.description,
+                   'wanted': entry.field.wanted()}
 
     def digest(self) -> int:
         """Give a number that is another one when a value is."""
-        values = [self._now(part, owner, field) for part, owner, field in self._all()]
-        return zlib.crc32(repr(values).encode())
+        return zlib.crc32(repr([place.get() for _, place in self._places.values()]).encode())
 
     def change(self, name: str, value: Any) -> Any:
         """
@@ -80,63 +104,41 @@ class LiveParameters:
         :return: the value in its declared type.
         :raises ConfigError: there is none of that name, or the value may not be used.
         """
-        known = {f'{part.name}.{field.name}': (part, owner, field)
-                 for part, owner, field in self._all()}
-        if name not in known:
+        if name not in self._places:
             raise ConfigError([f'{name}: no parameter that can be changed while the robot runs, '
-                               f'{did_you_mean(name, known)}'])
-        part, owner, field = known[name]
-        problem = field.problem(value)
-        if problem:
-            raise ConfigError([f'{name} = {value!r}: must be {problem}'])
-        value = field.coerce(value)
-        if field.name == LOG_LEVEL:
-            self._core.loggers[part.name].level = int(Severity[value.upper()])
-            return value
-        if field.name != RATE:
-            return owner.change(field.name, value)
-        for key, remedy in contradictions(value, part.task):
-            raise ConfigError([f'{name} = {value!r}: {part.name}.{key} = '
-                               f'{getattr(part.task, key)!r} would not fit: it {remedy}'])
-        self._core.kernel.task(part.name).set_rate_hz(value)
+                               f'{did_you_mean(name, self._places)}'])
+        entry, place = self._places[name]
+        reason = entry.refusal(value)
+        if reason:
+            raise ConfigError([reason])
+        value = entry.field.coerce(value)
+        place.put(value)
         return value
 
-    def _all(self) -> Iterator[tuple[Part, Device | Module, Field]]:
-        settings, core = self._core.settings, self._core
-        for device, managed in zip(settings.devices, core.sensors.devices):
-            yield device, managed.device, _field(DEVICE, RATE)
-            if device.name in core.loggers:
-                yield device, managed.device, _field(DEVICE, LOG_LEVEL)
-            for field in managed.device.SETTINGS:
-                if field.live:
-                    yield device, managed.device, field
-        for entry, module in zip(settings.modules, core.modules):
-            if module.task is not None and module.task.period_ns:
-                yield entry, module, replace(_field(MODULE, RATE), minimum=SLOWEST_HZ)
-            if entry.name in core.loggers:
-                yield entry, module, _field(MODULE, LOG_LEVEL)
-            for field in module.fields():
-                if field.live:
-                    yield entry, module, field
+    def _change(self, session: Session, arguments: Arguments) -> Arguments:
+        return {'value': self.change(text_of(arguments, 'name'), value_of(arguments))}
 
-    def _now(self, part: Part, owner: Device | Module, field: Field) -> Any:
-        if field.name == RATE:
-            return _rate_of(self._core.kernel.task(part.name).period_ns)
-        if field.name == LOG_LEVEL:
-            return Severity(self._core.loggers[part.name].level).name.lower()
-        return owner.value(field.name)
+    def _parameters(self, session: Session, arguments: Arguments) -> Iterator[Arguments]:
+        yield {'file': self._settings.parameters_file, 'files': self._settings.files}
+        yield from self.facts()
 
-    def _at_first(self, name: str, field: Field) -> Any:
-        part = self._loaded[name]
-        if field.name == RATE:
-            return _rate_of(period_from_rate(part.rate_hz)) if part.rate_hz else 0.0
-        if field.name == LOG_LEVEL:
-            return part.log_level
-        return part.settings[field.name]
+    def _text(self, session: Session, arguments: Arguments) -> Iterator[Arguments]:
+        text = to_json(self._settings)
+        for start in range(0, len(text), _TEXT_A_PACKET):
+            yield {'text': text[start:start + _TEXT_A_PACKET]}
 
 
-def _field(fields: tuple[Field, ...], name: str) -> Field:
-    return next(field for field in fields if field.name == name)
+def _place(name: str, tasks: Mapping[str, Task], owners: Mapping[str, LiveSettings],
+           loggers: Mapping[str, Logger]) -> _Place | None:
+    section, _, key = name.partition('.')
+    if key == RATE:
+        task = tasks[section]
+        return _Place(lambda: _rate_of(task.period_ns), task.set_rate_hz)
+    owner = owners[section]
+    if key != LOG_LEVEL:
+        return _Place(lambda: owner.value(key), lambda value: owner.change(key, value))
+    logger = loggers.get(section)
+    return None if logger is None else _Place(lambda: logger.level_name, logger.set_level)
 
 
 def _rate_of(period_ns: int) -> float:

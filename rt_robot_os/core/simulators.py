@@ -27,7 +27,9 @@ import time
 from typing import Any
 
 from rt_robot_os.core.keeper import RESTARTED
+from rt_robot_os.core.part import Host
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 
@@ -83,6 +85,15 @@ class Simulators:
                 raise DeviceError('the simulated devices did not start; see the message above')
             time.sleep(0.01)
         return {name: str(path) for name, path in ports.items()}
+
+    def attach(self, host: Host) -> None:
+        """Have a core look after them, and count them."""
+        def look() -> None:
+            for text in self.news():
+                host.note(Severity.WARN, 'simulator', text)
+
+        host.watch.add(look)
+        host.statistics.add_facts(lambda: {'simulators_restarted': self.restarts})
 
     def news(self) -> list[str]:
         """

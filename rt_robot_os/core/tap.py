@@ -25,9 +25,12 @@ those into the topic ``core/schedule`` ten times a second, at the lowest priorit
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
+from rt_robot_os.core.part import Host
 from rt_robot_os.core.tap_format import A_JOB
 from rt_robot_os.core.tap_format import array_cdr
 from rt_robot_os.core.tap_format import device_front
@@ -45,6 +48,9 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import PUBLISH
+from rt_robot_os.link.facts import topic_infos
+from rt_robot_os.link.requests import Arguments
+from rt_robot_os.link.session import Session
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 
@@ -171,28 +177,44 @@ class Taps:
     """
     All taps of a core.
 
+    :param modules: whose jobs are noted, besides those of devices.
+    :param warn: tells people, once, that some of it was lost.
     :ivar topics: their topics; empty while they are off.
     """
 
-    def __init__(self, kernel: Kernel, bus: Bus, sensors: SensorManager) -> None:
+    def __init__(self, kernel: Kernel, bus: Bus, sensors: SensorManager,
+                 modules: Sequence[str], warn: Callable[[str], object]) -> None:
         self.topics: tuple[str, ...] = ()
         self._kernel = kernel
         self._bus = bus
         self._sensors = sensors
+        self._modules = modules
+        self._warn = warn
+        self._told_dropped = False
         self._schedule: ScheduleTap | None = None
         self._devices: list[DeviceTap] = []
 
-    def turn_on(self, modules: Sequence[str]) -> None:
+    def attach(self, host: Host) -> None:
+        """Turn them on when a recorder asks, and publish what they note."""
+        host.requests.add('tap', self._tap)
+        host.watch.add(self.drain)
+        host.statistics.add_facts(lambda: {'tap_dropped': self.dropped})
+
+    def _tap(self, session: Session, arguments: Arguments) -> Arguments:
+        self.turn_on()
+        return {'taps': list(self.topics),
+                'topics': [asdict(each) for each in topic_infos(self._bus)]}
+
+    def turn_on(self) -> None:
         """
         Declare the topics and begin; not for the real-time loop. A second time does nothing.
 
-        :param modules: whose jobs are noted, besides those of devices.
         :raises TopicError: one of the names is taken.
         """
         if self._schedule is not None:
             return
         noted = {managed.device.name for managed in self._sensors.devices}
-        noted |= {f'{name}/arrival' for name in noted} | set(modules)
+        noted |= {f'{name}/arrival' for name in noted} | set(self._modules)
         tasks: dict[Task | None, int] = {
             task: number for number, task in enumerate(self._kernel.tasks) if task.name in noted}
         topics = {topic.name: number for number, topic in enumerate(self._bus.topics)}
@@ -224,3 +246,8 @@ class Taps:
             for tap in self._devices:
                 tap.flush()
             self._schedule.drain(now_ns)
+        if self.dropped and not self._told_dropped:
+            self._told_dropped = True
+            self._warn(f'{self.dropped} records of what a replay needs were dropped: core/watch, '
+                       'the lowest task, does not run often enough to publish them; a replay of '
+                       'this recording may differ (tap_dropped counts them)')

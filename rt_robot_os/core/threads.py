@@ -23,12 +23,14 @@ are, and no alarm is served meanwhile.
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 import sys
 import threading
 from types import FrameType
 
+from rt_robot_os.core.part import Host
+from rt_robot_os.core.watch import LOOKS_A_SECOND
 from rt_robot_os.text import safe_line
 from rt_robot_os.units import NS_PER_MS
 
@@ -38,21 +40,25 @@ class ThreadWatch:
     Look for Python threads that were started since this was made.
 
     :param note: reports, once for each thread.
+    :param owners: modules and devices, which may have started one, by name.
     :ivar found: the names of those that live.
     """
 
-    def __init__(self, note: Callable[[str], object]) -> None:
+    def __init__(self, note: Callable[[str], object], owners: Mapping[str, object]) -> None:
         self.found: list[str] = []
         self._note = note
+        self._owners = owners
         self._known = set(sys._current_frames())
         self._told: set[int] = set()
 
-    def look(self, owners: Iterable[tuple[str, object]]) -> None:
-        """
-        Look for them; some 10 us, for the lowest task.
+    def attach(self, host: Host) -> None:
+        """Look for them once a second, and tell which there are."""
+        if host.kernel.clock.has_signals:
+            host.watch.add(self.look, every=LOOKS_A_SECOND)
+        host.statistics.add_facts(lambda: {'threads': list(self.found)})
 
-        :param owners: names of modules and devices, with the object that may have started one.
-        """
+    def look(self) -> None:
+        """Look for them; some 10 us, for the lowest task."""
         frames = sys._current_frames()
         strange = [ident for ident in frames
                    if ident not in self._known and ident != threading.get_ident()]
@@ -67,12 +73,12 @@ class ThreadWatch:
             self.found.append(name)
             if ident not in self._told:
                 self._told.add(ident)
-                self._note(_text(name, thread, frames[ident], owners))
+                self._note(_text(name, thread, frames[ident], self._owners))
 
 
 def _text(name: str, thread: threading.Thread | None, frame: FrameType | None,
-          owners: Iterable[tuple[str, object]]) -> str:
-    files = {_file_of(owner): owned for owned, owner in owners}
+          owners: Mapping[str, object]) -> str:
+    files = {_file_of(owner): owned for owned, owner in owners.items()}
     place, owned = '', 'unknown'
     while frame is not None:  # from what it does now to where it began
         found = files.get(frame.f_code.co_filename)

@@ -134,6 +134,8 @@ class Device(LiveSettings, ABC):
     :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
     :cvar ANSWERS: it asks and reads the answers when they come, so it is read on interrupt
         whatever its section says.
+    :cvar SERVICES: services of the process that it asks for, by name, see
+        :mod:`rt_robot_os.devices.service`.
     :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
         ``timeout_s``.
     :cvar IF_SILENT: what to check when nothing comes.
@@ -144,6 +146,7 @@ class Device(LiveSettings, ABC):
     :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
     :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
+    :ivar services: what there is of the services that it asks for, by name.
 
     A driver with outputs may have a method ``safe_state()``: it brings them to rest, without
     blocking, when the task's failure policy or the watchdog says so. The port is open then.
@@ -153,6 +156,7 @@ class Device(LiveSettings, ABC):
     TAPPED: ClassVar[bool] = False
     SHARES_PORT: ClassVar[bool] = False
     ANSWERS: ClassVar[bool] = False
+    SERVICES: ClassVar[tuple[str, ...]] = ()
     OPENING_S: ClassVar[float] = 0.0
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
     IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
@@ -160,6 +164,7 @@ class Device(LiveSettings, ABC):
     IF_UNUSED: ClassVar[str] = ('check what the device is set to send, and the settings of its '
                                 'section')
     resources: Mapping[str, AbstractContextManager[object]] = MappingProxyType({})
+    services: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """

@@ -49,13 +49,16 @@ class SensorManager:
     All devices of a robot; add them, then run the kernel.
 
     :param recovery_priority: of the task that opens and closes ports; below all that matters.
+    :param services: what is offered to devices that ask for it, by name.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, reports: Reports,
-                 recovery_priority: int = 3) -> None:
+                 recovery_priority: int = 3,
+                 services: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._kernel = kernel
         self._bus = bus
         self._reports = reports
+        self._services = services
         self._devices: dict[str, ManagedDevice] = {}
         kernel.add_task('sensors/recovery', self._recover, priority=recovery_priority,
                         rate_hz=RECOVERY_RATE_HZ)
@@ -80,6 +83,8 @@ class SensorManager:
         for spec in publications:
             self._bus.add(spec, max_subscribers)
         managed = ManagedDevice(device, self._kernel, recovery, self._reports)
+        device.services = {name: self._services[name] for name in device.SERVICES
+                           if name in self._services}
         device.resources = {each.name: each for each in declared.get('resources', ())}
         managed.task = self._kernel.add_task(
             device.name, managed.poll, priority=priority, rate_hz=rate_hz,

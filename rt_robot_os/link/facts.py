@@ -32,6 +32,7 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.records import decode_counts
 from rt_robot_os.link.records import decode_task
 from rt_robot_os.link.records import TaskCounts
+from rt_robot_os.topics import Bus
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,14 @@ class TopicInfo:
     stamp_offset: int | None
     depth: int
     rate_hz: float
+
+
+def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
+    """List the topics of a core; the channel of each is its place in the list."""
+    return tuple(TopicInfo(
+        topic.name, channel, topic.layout.type_name, topic.layout.size, topic.layout.max_size,
+        topic.layout.stamp_offset, topic.depth, topic.rate_hz)
+        for channel, topic in enumerate(bus.topics))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ accepts clients, and ``link/beat`` runs 50 times a second for heartbeats and lef
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import functools
 import os
 from pathlib import Path
@@ -37,22 +36,18 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.fairness import Lines
 from rt_robot_os.link.fairness import Shares
 from rt_robot_os.link.gather import Gather
-from rt_robot_os.link.large import LargeMirror
-from rt_robot_os.link.large import memory_bytes
 from rt_robot_os.link.life import LifePage
-from rt_robot_os.link.mirror import Mirror
-from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
-from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
+from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
+from rt_robot_os.link.topic_requests import TopicRequests
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
-from rt_robot_os.text import safe_line
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -72,9 +67,6 @@ _STARVED_NS = 500 * NS_PER_MS
 HELLO_NS = 5 * NS_PER_S
 _ACCEPTED_AT_ONCE = 4
 _FIRST_SHARE = 16
-NAME_MAXIMUM = 64
-
-Answer = Callable[[Session, bytes], None]
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -90,26 +82,24 @@ class LinkServer:
     Serve clients on a Unix socket; the tasks are added to the kernel at once.
 
     :param path: of the socket; a leftover of a core that died is replaced.
-    :param answer: called for each request, at low priority.
+    :param requests: what clients may ask; the link adds what is asked about topics.
     :param service_priority: of mirroring; below everything that matters.
     :param command_priority: of samples that clients publish.
     :param gather_ns: what is published within this time goes out together.
     :param life_fd: the page for the sign of life, where somebody reads it already; -1 for none.
-    :ivar occupied_by: whose code an answer is waiting for, such as a module's; empty otherwise.
     """
 
-    def __init__(self, kernel: Kernel, bus: Bus, path: Path, answer: Answer, reports: Reports, *,
-                 service_priority: int = 2, command_priority: int = 50,
+    def __init__(self, kernel: Kernel, bus: Bus, path: Path, requests: Requests,
+                 reports: Reports, *, service_priority: int = 2, command_priority: int = 50,
                  gather_ns: int = 0, life_fd: int = -1) -> None:
         self.path = path
         self.accepted = self.refused = 0
         self._kernel = kernel
         self._bus = bus
-        self._answer = answer
+        self._requests = requests
         self._reports = reports
         self._sessions: tuple[Session, ...] = ()
         self._listener: socket.socket | None = None
-        self.occupied_by = ''
         self._beats = 0
         self._served_ns = 0
         self._page = LifePage(life_fd)
@@ -121,6 +111,7 @@ class LinkServer:
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
         self._gather = Gather(kernel, self._service, gather_ns)
+        TopicRequests(kernel, bus, self._service, self._gather, self._page).serve(requests)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         self._listening = kernel.timer(self._commands)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
@@ -221,7 +212,7 @@ class LinkServer:
             # One request of each client a round: a client that asks much delays itself alone.
             if session.requests and not session.gone:
                 try:
-                    self._answer(session, session.requests.popleft())
+                    self._requests.answer(session, session.requests.popleft())
                 except Exception as error:
                     # The answer may run a module's code: an error costs this client alone.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
@@ -246,9 +237,8 @@ class LinkServer:
         if not busy:
             return ''
         task = max(busy, key=lambda task: task.priority)
-        if task is self._service and self.occupied_by:
-            return self.occupied_by
-        return task.name
+        occupied_by = self._requests.occupied_by if task is self._service else ''
+        return occupied_by or task.name
 
     def _beat(self) -> None:
         self._beats += 1
@@ -320,55 +310,16 @@ class LinkServer:
         self._kernel.remove_interrupt(session.connection.fileno())
         session.close()
 
-    # ---- for answers -------------------------------------------------------------------------
+    # ---- reports and statistics --------------------------------------------------------------
 
-    def mirror(self, session: Session, topic: str, policy: Policy, max_rate_hz: float,
-               initial: bool, oldest: bool = False, patient: bool = False) -> int:
-        """
-        Begin to carry a topic to a client, or change how.
-
-        :param initial: begin with the last sample that is there already.
-        :param oldest: begin with the oldest that is kept.
-        :param patient: what does not fit the client's socket now is tried again.
-
-        :return: the channel of its samples.
-        :raises TopicError: there is no such topic, or it has all its subscribers.
-        :raises LinkError: there is not so much memory.
-        """
-        channel = session.channel(topic)
-        known = session.mirrors.get(topic)
-        if known is not None:
-            known.set_policy(policy, max_rate_hz)
-            return channel
-        arguments = (self._bus, topic, session.name, session.batch, channel, policy,
-                     max_rate_hz, initial, self._gather)
-        size = self._bus.topic(topic).layout.max_size
-        if size <= SAMPLE_BYTES_MAXIMUM:
-            session.mirrors[topic] = Mirror(*arguments)
-        else:
-            session.add_large(topic, lambda number: LargeMirror(
-                *arguments, number=number, connection=session.connection),
-                              memory_bytes(size))
-        session.mirrors[topic].patient = patient
-        if oldest:
-            session.mirrors[topic].begin_with_oldest()
-            self._kernel.release(self._service)
-        return channel
-
-    def greet(self, session: Session, name: str) -> None:
-        """Welcome a client by its name."""
-        session.greet(safe_line(name, NAME_MAXIMUM), self._page.fd)
-
-    def unmirror(self, session: Session, topic: str) -> None:
-        """Stop carrying a topic to a client; unknown ones are fine."""
-        session.remove_mirror(topic)
+    def facts(self) -> dict[str, int]:
+        """Count the clients that were accepted, and those that were refused."""
+        return {'accepted': self.accepted, 'refused': self.refused}
 
     def statistics(self) -> tuple[ClientStatistics, ...]:
         """Take the statistics of all clients."""
         now_ns = self._kernel.now_ns()
         return tuple(session.statistics(now_ns) for session in self._sessions)
-
-    # ---- reports -----------------------------------------------------------------------------
 
     def _note(self, severity: Severity, text: str) -> None:
         """Log a line about a client; a flood of them is summed up."""

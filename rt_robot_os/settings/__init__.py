@@ -38,13 +38,14 @@ from rt_robot_os.settings.parameters import changed
 from rt_robot_os.settings.parameters import check_change
 from rt_robot_os.settings.parameters import ParameterDescription
 from rt_robot_os.settings.parameters import parameters
+from rt_robot_os.settings.parameters import RobotParameters
 from rt_robot_os.settings.paths import default_path
 from rt_robot_os.settings.ros_args import parse_ros_args
 from rt_robot_os.settings.ros_args import RosArguments
 
 __all__ = [
     'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'LogSettings', 'MirrorSettings',
-    'ModuleSettings', 'ParameterDescription', 'RobotSettings', 'RosArguments', 'SIM_PORT',
-    'TaskSettings', 'TopicSettings', 'WatchdogSettings', 'changed', 'check_change',
+    'ModuleSettings', 'ParameterDescription', 'RobotParameters', 'RobotSettings', 'RosArguments',
+    'SIM_PORT', 'TaskSettings', 'TopicSettings', 'WatchdogSettings', 'changed', 'check_change',
     'default_path', 'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
 ]

@@ -32,6 +32,7 @@ from typing import Any
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.fields import CORE
 from rt_robot_os.settings.fields import DEVICE
 from rt_robot_os.settings.fields import LISTS
@@ -47,12 +48,16 @@ from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.parts import common
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import problem_of
 from rt_robot_os.settings.tasks import contradictions
 from rt_robot_os.settings.tree import show
+
+
+Part = DeviceSettings | ModuleSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +69,74 @@ class ParameterDescription:
     :ivar value: of the declared type; lists are lists.
     :ivar field: its type, range and description.
     :ivar live: may be changed while the robot runs.
+    :ivar in_core: its change is made in the core, whose device or module it belongs to; that of a
+        mirror in the process that mirrors.
+    :ivar task: what else is declared of the task whose rate it is; None for any other.
     """
 
     name: str
     value: Any
     field: Field
     live: bool
+    in_core: bool = False
+    task: TaskSettings | None = None
 
     @property
     def read_only(self) -> bool:
         """Whether a change takes a new start."""
         return not self.live
+
+    def refusal(self, value: Any) -> str | None:
+        """Say what is against a new value; None when it may be used."""
+        remedy = problem_of(self.field, value)
+        if not remedy and self.task is not None:
+            section = self.name.partition('.')[0]
+            for key, wrong in contradictions(self.field.coerce(value), self.task):
+                remedy = (f'{section}.{key} = {show(getattr(self.task, key))} would not fit: it '
+                          f'{wrong}')
+                break
+        return f'{self.name} = {show(value)}: {remedy}' if remedy else None
+
+
+class RobotParameters:
+    """
+    Every parameter of a robot, and its settings with what was changed since they were loaded.
+
+    :param catalogue: the one the settings were loaded with; what is installed when None.
+    :ivar settings: as they are now.
+    """
+
+    def __init__(self, settings: RobotSettings, catalogue: Catalogue | None = None) -> None:
+        self.settings = settings
+        self.known = {each.name: each for each in parameters(settings, catalogue)}
+        self._live = {each.name: each.value for each in self.known.values() if each.live}
+
+    def refusal(self, name: str, value: Any) -> str | None:
+        """
+        Judge a change while the robot runs.
+
+        :return: None when it may be made, else the reason against it, for ``ros2 param set``.
+        """
+        found = self.known.get(name)
+        if found is None:
+            return f'{name}: unknown parameter, {did_you_mean(name, self.known)}'
+        if not found.live:
+            changeable = f"; while it runs: {', '.join(sorted(self._live))}" if self._live else ''
+            return f'{name} is read at the start only: change the file and start again{changeable}'
+        return found.refusal(value)
+
+    def live_values(self) -> dict[str, Any]:
+        """Give the parameters that may change while the robot runs, by dotted name."""
+        return dict(self._live)
+
+    def set(self, name: str, value: Any) -> None:  # noqa: A003
+        """Note a change that :meth:`refusal` had nothing against."""
+        section, _, key = name.partition('.')
+        self._live[name] = value = self.known[name].field.coerce(value)
+        updates: dict[str, Any] = {
+            kind: tuple(_with(part, key, value) if part.name == section else part
+                        for part in getattr(self.settings, kind)) for kind in LISTS}
+        self.settings = replace(self.settings, **updates)
 
 
 def parameters(
@@ -85,63 +147,48 @@ def parameters(
 
     :param catalogue: the one the settings were loaded with; what is installed when None.
     """
-    known = catalogue or installed()
-    return tuple(ParameterDescription(name, _thawed(value), field, field.live)
-                 for name, value, field in _leaves(settings, known))
+    return tuple(_all(settings, catalogue or installed()))
+
+
+def live_parameters(settings: RobotSettings, kinds: Mapping[str, Kind]
+                    ) -> tuple[ParameterDescription, ...]:
+    """
+    List what may change of devices and modules while they run, as :func:`parameters` does.
+
+    :param kinds: of those that run, by the name of their section; nothing is imported.
+    """
+    found = (*(each for device in settings.devices
+               for each in _of_device(device, kinds[device.name])),
+             *(each for module in settings.modules
+               for each in _of_module(module, kinds[module.name])))
+    return tuple(each for each in found if each.live)
 
 
 def check_change(
     settings: RobotSettings, name: str, value: Any, catalogue: Catalogue | None = None,
 ) -> str | None:
     """
-    Judge a change while the robot runs.
+    Judge a change of a robot, see :meth:`RobotParameters.refusal`.
 
-    :return: None when it may be made, else the reason against it, for ``ros2 param set``.
+    :return: None when it may be made, else the reason against it.
     """
-    known = {each.name: each for each in parameters(settings, catalogue)}
-    found = known.get(name)
-    if found is None:
-        return f'{name}: unknown parameter, {did_you_mean(name, known)}'
-    if not found.live:
-        live = sorted(each.name for each in known.values() if each.live)
-        changeable = f"; while it runs: {', '.join(live)}" if live else ''
-        return f'{name} is read at the start only: change the file and start again{changeable}'
-    remedy = problem_of(found.field, value)
-    if not remedy and name.endswith('.rate_hz'):
-        remedy = _rate_remedy(settings, name.partition('.')[0], found.field.coerce(value))
-    return f'{name} = {show(value)}: {remedy}' if remedy else None
-
-
-def _rate_remedy(settings: RobotSettings, section: str, rate_hz: float) -> str | None:
-    """Say what a new rate of a device or a module would contradict."""
-    parts: tuple[DeviceSettings | ModuleSettings, ...] = (*settings.devices, *settings.modules)
-    for part in parts:
-        if part.name == section:
-            for key, remedy in contradictions(rate_hz, part.task):
-                value = show(getattr(part.task, key))
-                return f'{section}.{key} = {value} would not fit: it {remedy}'
-    return None
+    return RobotParameters(settings, catalogue).refusal(name, value)
 
 
 def changed(
     settings: RobotSettings, name: str, value: Any, catalogue: Catalogue | None = None,
 ) -> RobotSettings:
     """
-    Make a change, so that a core that is started again begins with it.
+    Give the settings with one change; :class:`RobotParameters` takes many.
 
     :raises ConfigError: :func:`check_change` has something against it.
     """
-    reason = check_change(settings, name, value, catalogue)
+    found = RobotParameters(settings, catalogue)
+    reason = found.refusal(name, value)
     if reason:
         raise ConfigError([reason])
-    field = next(each.field for each in parameters(settings, catalogue) if each.name == name)
-    section, _, key = name.partition('.')
-    for list_name in LISTS:
-        parts = tuple(_with(part, key, field.coerce(value)) if part.name == section else part
-                      for part in getattr(settings, list_name))
-        updates: dict[str, Any] = {list_name: parts}
-        settings = replace(settings, **updates)
-    return settings
+    found.set(name, value)
+    return found.settings
 
 
 def _with(part: Any, key: str, value: Any) -> Any:
@@ -154,64 +201,69 @@ def _with(part: Any, key: str, value: Any) -> Any:
     return replace(part, **updates)
 
 
-def _leaves(
-    settings: RobotSettings, catalogue: Catalogue,
-) -> Iterator[tuple[str, Any, Field]]:
+def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDescription]:
     for field in ROBOT:
         value = getattr(settings, field.name)
         if field.name in LISTS:
             value = [part.name for part in value]
-        yield field.name, value, field
+        yield _entry(field.name, value, field)
     yield from _attributes('core', settings.core, CORE)
     yield from _attributes('watchdog', settings.watchdog, WATCHDOG)
     yield from _attributes('log', settings.log, LOG)
     for device in settings.devices:
-        yield from _device(device, catalogue)
+        yield from _of_device(device, catalogue.drivers.find(device.type))
+        if device.sim is not None:
+            for field in catalogue.simulators.find(device.type).fields:
+                yield _entry(f'{device.name}.sim.{field.name}', device.sim[field.name],
+                             replace(field, live=False))
     for module in settings.modules:
-        fields = common(MODULE, catalogue.modules.find(module.type))
-        yield from _part(module, [_rate_of(module, field) for field in fields])
+        yield from _of_module(module, catalogue.modules.find(module.type))
     for topic in settings.topics:
-        yield from _topic(topic)
+        yield from _of_topic(topic)
     for mirror in settings.mirrors:
         yield from _attributes(mirror.name, mirror, MIRROR)
 
 
-def _rate_of(module: ModuleSettings, field: Field) -> Field:
-    """Narrow the rate: a module has one or its inputs release it, which does not change."""
-    if field.name != 'rate_hz' or field.minimum:
-        return field
-    return replace(field, minimum=SLOWEST_HZ) if module.rate_hz else replace(field, live=False)
+def _entry(name: str, value: Any, field: Field) -> ParameterDescription:
+    return ParameterDescription(name, _thawed(value), field, field.live)
 
 
-def _attributes(section: str, holder: Any, fields: Iterable[Field]) -> Iterator[
-        tuple[str, Any, Field]]:
+def _attributes(section: str, holder: Any, fields: Iterable[Field]
+                ) -> Iterator[ParameterDescription]:
     for field in fields:
-        yield f'{section}.{field.name}', getattr(holder, field.name), field
+        yield _entry(f'{section}.{field.name}', getattr(holder, field.name), field)
 
 
-def _part(
-    part: DeviceSettings | ModuleSettings, fields: Sequence[Field],
-) -> Iterator[tuple[str, Any, Field]]:
+def _of_device(device: DeviceSettings, kind: Kind) -> Iterator[ParameterDescription]:
+    return _of_part(device, common(DEVICE, kind))
+
+
+def _of_module(module: ModuleSettings, kind: Kind) -> Iterator[ParameterDescription]:
+    for each in _of_part(module, common(MODULE, kind)):
+        if each.task is not None:
+            # It has a rate, or its inputs release it, or a coroutine awaits what it likes: that
+            # does not change.
+            live = each.live and bool(module.rate_hz) and not kind.is_coroutine
+            lowest = (each.field.minimum or SLOWEST_HZ) if live else each.field.minimum
+            each = replace(each, live=live, field=replace(each.field, live=live, minimum=lowest))
+        yield each
+
+
+def _of_part(part: Part, fields: Sequence[Field]) -> Iterator[ParameterDescription]:
     for field in fields:
         holder = part if hasattr(part, field.name) else part.task
         value = part.settings.get(field.name, getattr(holder, field.name, field.default))
-        yield f'{part.name}.{field.name}', value, field
+        yield ParameterDescription(
+            f'{part.name}.{field.name}', _thawed(value), field, field.live, in_core=True,
+            task=part.task if field.name == 'rate_hz' else None)
 
 
-def _device(device: DeviceSettings, catalogue: Catalogue) -> Iterator[tuple[str, Any, Field]]:
-    yield from _part(device, common(DEVICE, catalogue.drivers.find(device.type)))
-    if device.sim is not None:
-        for field in catalogue.simulators.find(device.type).fields:
-            yield f'{device.name}.sim.{field.name}', device.sim[field.name], replace(
-                field, live=False)
-
-
-def _topic(topic: TopicSettings) -> Iterator[tuple[str, Any, Field]]:
+def _of_topic(topic: TopicSettings) -> Iterator[ParameterDescription]:
     for field in TOPIC:
         value = topic.tail or 0 if field.name == 'tail' else getattr(topic, field.name)
-        yield f'{topic.name}.{field.name}', value, field
+        yield _entry(f'{topic.name}.{field.name}', value, field)
     for key, value in topic.fixed.items():
-        yield f'{topic.name}.fixed.{key}', value, _fixed_field(key, value)
+        yield _entry(f'{topic.name}.fixed.{key}', value, _fixed_field(key, value))
 
 
 def _fixed_field(key: str, value: Any) -> Field:

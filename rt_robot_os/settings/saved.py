@@ -35,8 +35,6 @@ from rt_robot_os.link.paths import node_of
 from rt_robot_os.linux.files import read_file
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.settings.files import read_files
-from rt_robot_os.settings.model import RobotSettings
-from rt_robot_os.settings.parameters import parameters
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.tree import flatten
 import yaml
@@ -62,11 +60,6 @@ def saved_path(file: str, robot: str) -> Path:
             return Path(file).expanduser()
         return Path(file)
     return ros_home() / f'{robot}.saved.yaml'
-
-
-def live_values(settings: RobotSettings) -> dict[str, Any]:
-    """Give the parameters that may change while the robot runs, by dotted name."""
-    return {each.name: each.value for each in parameters(settings) if each.live}
 
 
 def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, Any], *,

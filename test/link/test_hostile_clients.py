@@ -38,6 +38,7 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.server import CLIENTS_MAXIMUM
 from rt_robot_os.link.server import HELLO_NS
+from rt_robot_os.link.session import Session
 from rt_robot_os.settings import load
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -209,16 +210,15 @@ def test_nested_requests_are_refused_unread(world: World, body: bytes) -> None:
 def test_who_asks_much_waits_for_itself(world: World) -> None:
     greedy, honest = world.client('greedy'), world.client('honest')
     order: list[str] = []
-    answers = world.core.link._answer
 
-    def noted(session: Any, packet: bytes) -> None:
+    def noted(session: Session, arguments: dict[str, Any]) -> dict[str, Any]:
         order.append(session.name)
-        answers(session, packet)
+        return {}
 
-    world.core.link._answer = noted
+    world.core.requests.add('noted', noted)
     for _ in range(60):
-        greedy.ask('reset_statistics')
-    honest.ask('reset_statistics')
+        greedy.ask('noted')
+    honest.ask('noted')
     world.run()
     assert order.index('honest') <= 2 and len(order) == 61
 
@@ -251,9 +251,9 @@ def test_a_name_is_made_safe_where_it_enters(world: World, name: str, shown: str
 
 
 @pytest.mark.parametrize('request_', [
-    {'do': 'set_parameter', 'owner': 'guard', 'name': 'frame\ud800', 'value': 1},
+    {'do': 'change', 'name': 'guard.frame\ud800', 'value': 1},
     {'do': 'change', 'name': 'guard.timeout_s', 'value': '\ud800'},
-    {'do': 'set_parameter', 'owner': 'guard', 'name': 'timeout_s', 'value': ['a', '\udfff']}])
+    {'do': 'change', 'name': 'guard.timeout_s', 'value': ['a', '\udfff']}])
 def test_text_that_cannot_be_encoded_is_refused(world: World, request_: dict[str, Any]) -> None:
     client = world.client('asking')
     client.ask(**request_)

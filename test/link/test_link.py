@@ -166,10 +166,10 @@ def test_a_client_that_does_not_read_loses_and_every_sample_is_accounted_for(
     reader = Collector(core.client('reader'))
     reader.client.mirror('cmd_vel_safe')
     watch = core.client('watch')
-    watch.request('set_rate', task='guard', rate_hz=2000.0)
+    watch.request('change', name='guard.rate_hz', value=2000.0)
     until(lambda: (m := mirror_of(watch, 'reader', 'cmd_vel_safe'))['full'] and m['lost'],
           'losses')
-    watch.request('set_rate', task='guard', rate_hz=10.0)
+    watch.request('change', name='guard.rate_hz', value=10.0)
     mirror = mirror_of(watch, 'reader', 'cmd_vel_safe')
     assert mirror['published'] == sum(mirror[key] for key in PARTS)
     # What the client sees agrees: the gaps in the numbers are the samples it is told it missed.
@@ -213,12 +213,15 @@ def test_statistics_are_those_of_the_core(core: Any, until: Until) -> None:
     ('mirror', {'topic': 7}, 'topic = 7: must be a text'),
     ('mirror', {'topic': 'cmd_vel', 'policy': 'all'}, "policy = 'all': must be drain or latest"),
     ('mirror', {'topic': 'cmd_vel', 'max_rate_hz': -1}, 'max_rate_hz = -1: must be a number'),
-    ('set_rate', {'task': 'guard', 'rate_hz': 0}, 'rate_hz 0 must be above 0'),
-    ('set_rate', {'task': 'guard', 'rate_hz': 'x'}, "rate_hz 'x' must be above 0"),
-    ('set_rate', {'task': 'nobody', 'rate_hz': 1}, "no task 'nobody'; there are:"),
-    ('set_rate', {'task': 'link/service', 'rate_hz': 1}, 'has no period'),
-    ('set_parameter', {'owner': 'guard', 'name': 'timeout_s', 'value': -1}, 'guard.timeout_s'),
-    ('set_parameter', {'owner': 'nobody', 'name': 'x', 'value': 1}, "no module 'nobody'"),
+    ('change', {'name': 'guard.rate_hz', 'value': 0}, 'guard.rate_hz = 0: must be a number from'),
+    ('change', {'name': 'guard.rate_hz', 'value': 'x'}, "guard.rate_hz = 'x': must be a number"),
+    ('change', {'name': 'link/beat.rate_hz', 'value': 1}, 'link/beat.rate_hz: no parameter that'),
+    ('change', {'name': 'guard.timeout_s', 'value': -1}, 'guard.timeout_s'),
+    ('change', {'name': 'guard.safe_topic', 'value': 'x'}, 'no parameter that can be changed'),
+    ('change', {'name': 'nobody.x', 'value': 1}, 'nobody.x: no parameter that can be changed'),
+    ('change', {'value': 1}, 'name = None: must be a text'),
+    ('set_rate', {'task': 'guard', 'rate_hz': 10.0}, "unknown request 'set_rate'"),
+    ('set_parameter', {'owner': 'guard', 'name': 'timeout_s', 'value': 1.0}, 'unknown request'),
 ])
 def test_a_request_that_cannot_be_met_is_refused_with_the_reason(
         core: Any, do: str, arguments: dict[str, Any], reason: str) -> None:

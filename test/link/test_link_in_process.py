@@ -170,17 +170,18 @@ def world() -> Iterator[World]:
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.integers().map(lambda n: n ** 40) | st.floats()
     | st.text(max_size=8) | st.sampled_from(
-        ['cmd_vel', 'text', 'drain', 'latest', 'guard', 'link/beat', 'timeout_s', '\ud800']),
+        ['cmd_vel', 'text', 'drain', 'latest', 'guard', 'link/beat', 'guard.timeout_s',
+         'guard.rate_hz', '\ud800']),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner,
                                                                 max_size=3), max_leaves=4)
 REQUESTS = st.builds(
     lambda known, more: {'id': 1, **known, **more},
     st.fixed_dictionaries({'do': st.sampled_from(
-        ['hello', 'mirror', 'unmirror', 'advertise', 'set_rate', 'set_parameter', 'statistics',
-         'reset_statistics'])}),
+        ['hello', 'mirror', 'unmirror', 'advertise', 'change', 'parameters', 'settings', 'tap',
+         'rearm', 'black_box', 'statistics', 'reset_statistics'])}),
     st.dictionaries(st.sampled_from(
-        ['id', 'name', 'topic', 'policy', 'max_rate_hz', 'initial', 'task', 'rate_hz', 'owner',
-         'value']), VALUES, max_size=5))
+        ['id', 'name', 'topic', 'policy', 'max_rate_hz', 'initial', 'task', 'reason', 'value']),
+        VALUES, max_size=5))
 HEADS = st.builds(
     HEADER.pack, st.integers(0, 10), st.sampled_from([VERSION] * 7 + [0, VERSION + 1, 255]),
     st.integers(0, 4), st.integers(0, (1 << 32) - 1), st.integers(-(1 << 63), (1 << 63) - 1),
@@ -249,7 +250,7 @@ def test_a_request_whose_answer_raises_costs_only_the_connection_of_its_client(
     monkeypatch.setattr(world.core.modules[0], 'change', defective)
     asking, other = world.client('asking'), world.client('other')
     other.send(encode_json(Kind.REQUEST, {'id': 99, 'do': 'reset_statistics'}))
-    assert asking.ask('set_parameter', owner='guard', name='timeout_s', value=1.0) == {}
+    assert asking.ask('change', name='guard.timeout_s', value=1.0) == {}
     assert asking.ended
     assert [head.seq for head, _ in other.receive()] == [99]
     assert 'a request raised ZeroDivisionError: in a module' in world.warnings()[-1]

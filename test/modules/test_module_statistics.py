@@ -23,7 +23,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.core.answers import statistics_of
+from rt_robot_os.core.statistics import statistics_of
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.facts import CoreStatistics
 from rt_robot_os.link.stamps import StampMapper
@@ -63,9 +63,10 @@ def test_a_module_that_fails_to_say_it_is_told_of() -> None:
 def said_by(tmp_path: Path) -> list[dict[str, Any]]:
     """Give what a core with an attitude module answers to a request for statistics."""
     pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
-    from rt_robot_os.core.answers import Answers
     from rt_robot_os.core.app import Core
     from rt_robot_os.link.protocol import decode_json
+    from rt_robot_os.link.protocol import encode_json
+    from rt_robot_os.link.protocol import Kind
     from rt_robot_os.settings import load
     tmp_path.joinpath('robot.yaml').write_text("""
 robot:
@@ -83,7 +84,9 @@ robot:
     class Client:
         post_all = staticmethod(sent.extend)
 
-    Answers(core)._statistics(Client(), 5, {})  # type: ignore[arg-type]
+    core.requests.answer(
+        Client(),  # type: ignore[arg-type]
+        encode_json(Kind.REQUEST, {'id': 5, 'do': 'statistics'}))
     return [decode_json(packet) for packet in sent if b'"part":' in packet]
 
 

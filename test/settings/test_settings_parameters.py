@@ -26,6 +26,7 @@ from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import changed
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import parameters
+from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
 
 Loader = Callable[..., RobotSettings]
@@ -100,11 +101,14 @@ def test_what_is_read_at_the_start_cannot_change(
 
 
 def test_changes_are_kept(robot: RobotSettings, catalogue: Catalogue) -> None:
+    now = RobotParameters(robot, catalogue)
     for name, value in {'imu.rate_hz': 50, 'guard.timeout_s': 1.5, 'imu_data.policy': 'drain',
                         'guard.rate_hz': 10.0}.items():
-        assert check_change(robot, name, value, catalogue) is None
-        robot = changed(robot, name, value, catalogue)
+        assert now.refusal(name, value) is None
+        now.set(name, value)
+    robot = now.settings
     found = {each.name: each.value for each in parameters(robot, catalogue)}
+    assert {name: found[name] for name in now.live_values()} == now.live_values()
     assert found['imu.rate_hz'] == 50.0 and isinstance(found['imu.rate_hz'], float)
     assert (found['guard.timeout_s'], found['imu_data.policy']) == (1.5, 'drain')
     assert (robot.devices[0].rate_hz, robot.modules[0].rate_hz) == (50.0, 10.0)

@@ -25,9 +25,8 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.settings import changed
 from rt_robot_os.settings import load
-from rt_robot_os.settings.saved import live_values
+from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings.saved import MARK
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
@@ -53,11 +52,15 @@ def base(tmp_path: Path) -> Path:
     return path
 
 
+def live_values(settings: Any) -> dict[str, Any]:
+    return RobotParameters(settings).live_values()
+
+
 def save_with(path: Path, loaded: Any, robot: str = 'robot', **values: Any) -> dict[str, Any]:
-    now = loaded
+    now = RobotParameters(loaded)
     for name, value in values.items():
-        now = changed(now, name.replace('__', '.'), value)
-    return save(path, robot, live_values(loaded), live_values(now))
+        now.set(name.replace('__', '.'), value)
+    return save(path, robot, live_values(loaded), now.live_values())
 
 
 def test_what_was_changed_is_there_when_both_files_are_loaded(base: Path, tmp_path: Path) -> None:

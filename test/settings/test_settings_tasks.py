@@ -29,10 +29,10 @@ from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import TopicRead
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
-from rt_robot_os.settings import changed
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import Kind
 from rt_robot_os.settings import parameters
+from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.installed import installed
 
@@ -272,7 +272,9 @@ def test_a_rate_that_would_contradict_is_refused_while_it_runs(
         'smaller')
     assert check_change(robot, 'guard.rate_hz', 0, catalogue) == (
         'guard.rate_hz = 0: must be a number from 0.1 to 10000 (Hz)')
-    assert changed(robot, 'guard.rate_hz', 150, catalogue).modules[0].rate_hz == 150.0
+    now = RobotParameters(robot, catalogue)
+    now.set('guard.rate_hz', 150)
+    assert now.settings.modules[0].rate_hz == 150.0
 
 
 def test_a_task_without_rate_gets_none_while_it_runs(

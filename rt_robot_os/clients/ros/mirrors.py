@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterable
 import struct
 import time
 from typing import Any
@@ -225,15 +226,18 @@ class Mirrors:
             for out in self.outward:
                 self._client.request('unmirror', topic=out.settings.topic)
 
-    def change(self, name: str, policy: str, max_rate_hz: float) -> None:
+    def follow(self, settings: Iterable[MirrorSettings]) -> None:
         """
-        Change how an outward topic is carried.
+        Carry outward topics as these settings of the same mirrors say, from now on.
 
         :raises LinkError: the core refuses.
         """
+        wanted = {mirror.name: mirror for mirror in settings}
         for out in self.outward:
-            if out.settings.name == name and self._client is not None and self.active:
-                self._client.mirror(out.settings.topic, policy, max_rate_hz)
+            new = wanted[out.settings.name]
+            if new != out.settings and self._client is not None and self.active:
+                self._client.mirror(new.topic, new.policy, new.max_rate_hz)
+            out.settings = new
 
     def destroy(self) -> None:
         """Remove the publishers and subscriptions from the node."""

@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,7 @@ from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.clients.ros.parameters import NodeParameters
 from rt_robot_os.clients.ros.ros_time import RosTime
 from rt_robot_os.clients.ros.supervisor import Supervisor
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link import LinkClient
@@ -46,12 +49,9 @@ from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamps import StampMapper
 from rt_robot_os.reports import Severity
-from rt_robot_os.settings import changed
-from rt_robot_os.settings import check_change
-from rt_robot_os.settings import parameters
+from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
-from rt_robot_os.settings.saved import live_values
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
 from rt_robot_os.settings.saved import told_saved
@@ -79,8 +79,9 @@ class RobotNode(LifecycleNode):
                  console: Console | None = None,
                  stopping: Callable[[], bool] = lambda: False) -> None:
         super().__init__(name)
-        self.settings = settings
         self._loaded = settings
+        self._robot_parameters = RobotParameters(settings)
+        self._loaded_values = self._robot_parameters.live_values()
         self._stopping = stopping
         self._adopting = False
         self._digest: int | None = None
@@ -101,8 +102,13 @@ class RobotNode(LifecycleNode):
         self._status_timer = self.create_timer(
             1.0 / settings.diagnostics_rate_hz, self._diagnose,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._robot_parameters = NodeParameters(
-            self, parameters(settings), self._check, self._apply)
+        self._ros_parameters = NodeParameters(
+            self, self._robot_parameters.known.values(), self._change)
+
+    @property
+    def settings(self) -> RobotSettings:
+        """As they are now, with what was changed while the robot runs."""
+        return self._robot_parameters.settings
 
     # ---- lifecycle ---------------------------------------------------------------------------
 
@@ -235,27 +241,45 @@ class RobotNode(LifecycleNode):
 
     # ---- parameters --------------------------------------------------------------------------
 
-    def _check(self, name: str, value: Any) -> str | None:
-        return check_change(self.settings, name, value)
+    def _change(self, values: Mapping[str, Any]) -> None:
+        """
+        Make changes, all of them or none.
 
-    def _apply(self, name: str, value: Any) -> None:
-        """Make a change in the core, and remember it for a core that is started again."""
-        settings = changed(self.settings, name, value)
+        :raises RtRobotError: one of them cannot be made.
+        """
+        parameters = self._robot_parameters
+        reasons = [reason for name, value in values.items()
+                   if (reason := parameters.refusal(name, value))]
+        if reasons:
+            raise ConfigError(['; '.join(reasons)])
+        before = parameters.live_values()
+        done: list[str] = []
+        try:
+            for name, value in values.items():
+                self._put(name, value)
+                done.append(name)
+        except RtRobotError:
+            for name in reversed(done):
+                with suppress(LinkError):  # the core is gone: the next one begins with this
+                    self._put(name, before[name])
+            raise
+
+    def _put(self, name: str, value: Any) -> None:
+        """Change a value where it is used, and remember it for a core that is started again."""
         client = None if self._adopting else self._client()
-        section, _, key = name.partition('.')
-        if client is not None:
-            if key == 'rate_hz':
-                client.request('set_rate', task=section, rate_hz=value)
-            elif any(m.name == section for m in settings.mirrors):
-                mirror = next(m for m in settings.mirrors if m.name == section)
-                if self._mirrors is not None:
-                    self._mirrors.change(section, mirror.policy, mirror.max_rate_hz)
-            else:
-                client.request('set_parameter', owner=section, name=key, value=value)
-        self.settings = settings
+        if client is not None and self._robot_parameters.known[name].in_core:
+            client.request('change', name=name, value=value)
+        before = self._robot_parameters.live_values()[name]
+        self._robot_parameters.set(name, value)
+        try:
+            if self._mirrors is not None:
+                self._mirrors.follow(self.settings.mirrors)
+        except LinkError:
+            self._robot_parameters.set(name, before)
+            raise
         if self._supervisor is not None and self._supervisor.process is not None:
             self._supervisor.process.set_settings(
-                self._for_core(settings), self._for_core(self._loaded))
+                self._for_core(self.settings), self._for_core(self._loaded))
 
     def _for_core(self, settings: RobotSettings) -> str:
         """Write settings with the names that mirrors have in ROS: recorders ask the core."""
@@ -272,7 +296,7 @@ class RobotNode(LifecycleNode):
             facts = {each['name']: each['value'] for each in client.request_all('parameters')[1:]}
         except LinkError:
             return  # it will be asked again when it is back
-        known = live_values(self.settings)
+        known = self._robot_parameters.live_values()
         self._adopting = True
         try:
             for name, value in facts.items():
@@ -298,8 +322,8 @@ class RobotNode(LifecycleNode):
         self._adopt()
         try:
             path = saved_path(self.settings.parameters_file, self.robot)
-            values = save(path, self.robot, live_values(self._loaded), live_values(self.settings),
-                          files=self.settings.files)
+            values = save(path, self.robot, self._loaded_values,
+                          self._robot_parameters.live_values(), files=self.settings.files)
         except RtRobotError as error:
             response.message = str(error)
             return response

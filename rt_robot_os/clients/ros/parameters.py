@@ -18,20 +18,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange
 from rcl_interfaces.msg import IntegerRange
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from rt_robot_os.errors import RtRobotError
 from rt_robot_os.settings import ParameterDescription
-
-Check = Callable[[str, Any], 'str | None']
-Apply = Callable[[str, Any], None]
 
 _LISTS = {str: Parameter.Type.STRING_ARRAY, int: Parameter.Type.INTEGER_ARRAY,
           float: Parameter.Type.DOUBLE_ARRAY, bool: Parameter.Type.BOOL_ARRAY}
@@ -59,15 +57,13 @@ class NodeParameters:
     """
     Declare the settings on a node and pass changes on.
 
-    :param check: returns why a change is refused, or None.
-    :param apply: makes the change; an error that it raises refuses it as well.
+    :param change: makes changes, by name: all of them, or it raises why none of them.
     """
 
-    def __init__(self, node: Node, entries: Iterable[ParameterDescription], check: Check,
-                 apply: Apply) -> None:
+    def __init__(self, node: Node, entries: Iterable[ParameterDescription],
+                 change: Callable[[Mapping[str, Any]], None]) -> None:
         self._node = node
-        self._check = check
-        self._apply = apply
+        self._change = change
         self._kinds: dict[str, type] = {}
         self._lists: dict[str, Parameter.Type] = {}
         for entry in entries:
@@ -110,17 +106,8 @@ class NodeParameters:
         return p
 
     def _set(self, parameters: list[Parameter]) -> SetParametersResult:
-        ours = [p for p in parameters if p.name in self._kinds]
-        reasons = [reason for p in ours if (reason := self._check(p.name, p.value))]
-        if reasons:
-            return SetParametersResult(successful=False, reason='; '.join(reasons))
-        done: list[tuple[str, Any]] = []
         try:
-            for p in ours:
-                done.append((p.name, self._node.get_parameter(p.name).value))
-                self._apply(p.name, p.value)
-        except (OSError, ValueError, ParameterNotDeclaredException) as error:
-            for name, value in reversed(done[:-1]):
-                self._apply(name, value)
+            self._change({p.name: p.value for p in parameters if p.name in self._kinds})
+        except RtRobotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

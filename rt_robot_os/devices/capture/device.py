@@ -81,17 +81,19 @@ class CaptureDevice(Device):
     A device that is captured in a process of its own.
 
     :cvar SOURCE: what the worker has to capture, ``camera`` or ``sound``.
-    :ivar host: path of the socket of a :class:`~rt_robot_os.devices.capture.host.CaptureHost`;
-        without one ``open`` starts the process itself, which takes a native call of up to 1 ms.
+
+    It asks for a service, the path of the socket of a
+    :class:`~rt_robot_os.devices.capture.host.CaptureHost`; without that ``open`` starts the
+    process itself, which takes a native call of up to 1 ms.
     """
 
     SOURCE: ClassVar[str] = ''
+    SERVICES: ClassVar[tuple[str, ...]] = ('captures',)
     OPENING_S: ClassVar[float] = 10.0
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """Keep the settings; nothing is opened."""
         super().__init__(name, settings)
-        self.host: Path | None = None
         self._connection: socket.socket | None = None
         self._stop: Callable[[], object] | None = None
         self._memory: MemoryFile | None = None
@@ -135,7 +137,8 @@ class CaptureDevice(Device):
             if not synthetic:
                 self.check()
             self._memory = MemoryFile.create(f'rt_robot_os {self.name}', SLOTS, self.slot_bytes())
-            self._connection = self._start(port if synthetic else self.host)
+            self._connection = self._start(
+                port if synthetic else self.services.get('captures'))
             allowed = os.sched_getaffinity(0)
             send_with_fd(self._connection, packets.encode_json(Kind.OPEN, {
                 'source': self.SOURCE, 'name': self.name, 'slots': SLOTS,

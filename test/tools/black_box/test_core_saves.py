@@ -192,7 +192,7 @@ def test_clients_that_ask_again_and_again_get_whole_dumps(start: Callable[..., C
             parts = client.request_all('black_box')
             assert parts[0]['reason'] == 'asked by test'
             assert parts[-1]['end'] == sum(len(p.get('records', ())) for p in parts)
-        assert client.request('set_rate', task='walker', rate_hz=50.0) == {'rate_hz': 50.0}
+        assert client.request('change', name='walker.rate_hz', value=50.0) == {'value': 50.0}
 
 
 def test_a_folder_that_cannot_be_written_is_reported_and_nothing_else_happens(

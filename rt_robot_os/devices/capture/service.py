@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start the host of the capture processes (cameras, microphones) before the core runs."""
+"""What starts the host of the capture processes (cameras, microphones), as a service."""
 
 from __future__ import annotations
 
@@ -22,33 +22,27 @@ import subprocess
 import sys
 import time
 
-from rt_robot_os.devices.capture.device import CaptureDevice
-from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.service import Service
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.settings import RobotSettings
-from rt_robot_os.settings import SIM_PORT
 
 _READY_TIMEOUT_S = 10.0
 _STOP_TIMEOUT_S = 3.0
 
 
-class Captures:
+class CaptureService(Service):
     """The child process that starts capture processes; it ends with this process."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
 
-    def start(self, settings: RobotSettings, path: Path) -> Path | None:
+    def start(self, path: Path) -> Path:
         """
-        Start it if a device of the robot needs it, and wait until it listens.
+        Start it, and wait until it listens.
 
         :param path: of its socket.
-        :return: the path, None when no device needs it.
+        :return: the path.
         :raises DeviceError: it ended or hangs.
         """
-        if not any(issubclass(DRIVERS.load(device.type), CaptureDevice)
-                   for device in settings.devices if device.port != SIM_PORT):
-            return None
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'rt_robot_os.devices.capture.host', str(os.getpid()),

@@ -1,0 +1,84 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What clients may do to the kernel: let tasks run again, reset statistics, stop it all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+from typing import Any
+
+from rt_robot_os.core.part import Host
+from rt_robot_os.core.part import Note
+from rt_robot_os.core.tasks import held
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import TaskState
+from rt_robot_os.link.requests import Arguments
+from rt_robot_os.link.requests import reason_of
+from rt_robot_os.link.requests import text_of
+from rt_robot_os.link.session import Session
+from rt_robot_os.reports import Severity
+
+
+class KernelRequests:
+    """
+    Answer what is asked of the kernel itself.
+
+    :param stop: ends the core for a reason.
+    """
+
+    def __init__(self, kernel: Kernel, stop: Callable[[str], object], note: Note) -> None:
+        self._kernel = kernel
+        self._stop = stop
+        self._note = note
+
+    def attach(self, host: Host) -> None:
+        """Answer it, and tell what the kernel counts."""
+        host.requests.add('rearm', self._rearm)
+        host.requests.add('reset_statistics', self._reset_statistics)
+        host.requests.add('stop', self._end)
+        host.watch.add(self._kernel.guard_handlers)
+        host.statistics.add_facts(self._facts)
+
+    def _facts(self) -> dict[str, Any]:
+        """Tell what the kernel counts that belongs to no task."""
+        kernel, now_ns = self._kernel, self._kernel.now_ns()
+        return {'pid': os.getpid(), 'now_ns': now_ns, 'elapsed_ns': now_ns - kernel.start_ns,
+                'wakeups': kernel.wakeups, 'overhead_ns': kernel.overhead_ns,
+                'failures_total': kernel.failures_total, 'stolen': kernel.stolen.events,
+                'stolen_total_ns': kernel.stolen.total_ns,
+                'stolen_maximum_ns': kernel.stolen.times.maximum_ns}
+
+    def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
+        """Let a task that is held make jobs again, or all of them."""
+        kernel = self._kernel
+        name = arguments.get('task', '')
+        tasks = [kernel.task(text_of(arguments, 'task'))] if name else held(kernel)
+        names = [task.name for task in tasks if task.state is not TaskState.ACTIVE]
+        for task in tasks:
+            kernel.rearm(task)
+        if names:
+            self._note(Severity.INFO, 'core', f'{session.name} re-armed {", ".join(names)}')
+        return {'tasks': names}
+
+    def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
+        for task in self._kernel.tasks:
+            task.reset_statistics()
+        self._kernel.stolen.reset()
+        return {}
+
+    def _end(self, session: Session, arguments: Arguments) -> Arguments:
+        self._stop(reason_of(session, arguments))
+        return {}

@@ -1,0 +1,116 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The statistics of a core: whoever owns a matter adds what is to be told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+import itertools
+from typing import Any
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.records import encode_task
+from rt_robot_os.link.requests import Arguments
+from rt_robot_os.link.requests import Part
+from rt_robot_os.link.requests import Requests
+from rt_robot_os.link.session import Session
+from rt_robot_os.modules import Module
+from rt_robot_os.text import safe_line
+from rt_robot_os.text import safe_text
+
+# Of what a module tells of itself; more would hold up whoever else reads the statistics.
+_VALUES_MAXIMUM = 256
+_VALUE_TEXT_MAXIMUM = 500
+
+Rows = Callable[[], Iterable[Arguments]]
+Facts = Callable[[], Mapping[str, Any]]
+
+
+class Statistics:
+    """What is told of the tasks, of all that was added, and of the core itself, in this order."""
+
+    def __init__(self, kernel: Kernel, requests: Requests) -> None:
+        """Answer who asks for all of them."""
+        self._kernel = kernel
+        self._rows: list[tuple[str, Rows]] = []
+        self._facts: list[Facts] = []
+        requests.add_long('statistics', self._answer)
+
+    def add_rows(self, part: str, rows: Rows) -> None:
+        """
+        Tell of many things of a kind, each in a packet of its own.
+
+        :param part: which kind, see :func:`rt_robot_os.link.facts.collect`.
+        """
+        self._rows.append((part, rows))
+
+    def add_facts(self, facts: Facts) -> None:
+        """
+        Tell something of the core itself.
+
+        :param facts: gives plain values by name; asked by the lowest tasks.
+        """
+        self._facts.append(facts)
+
+    def _answer(self, session: Session, arguments: Arguments) -> Iterator[Part]:
+        for task in self._kernel.tasks:
+            yield Kind.TASK, encode_task(task)
+        for part, rows in self._rows:
+            for row in rows():
+                yield {'part': part, **row}
+        told: Arguments = {'part': 'core'}
+        for facts in self._facts:
+            told.update(facts())
+        yield told
+
+
+def module_rows(modules: Sequence[Module], requests: Requests) -> Iterator[Arguments]:
+    """
+    Ask each module for its statistics.
+
+    :param requests: who waits for them is told whose code that is.
+    """
+    for module in modules:
+        requests.occupied_by = f'statistics() of {module.name}'
+        try:
+            values = statistics_of(module)
+        finally:
+            requests.occupied_by = ''
+        yield {'name': module.name, 'values': values}
+
+
+def statistics_of(module: Module) -> dict[str, str | int | float]:
+    """Ask a module, which may be anybody's, for its statistics; bounded, and fit to be sent."""
+    try:
+        told = module.statistics()
+        kept = {safe_line(str(name)): _plain_value(value)
+                for name, value in itertools.islice(told.items(), _VALUES_MAXIMUM)}
+        if len(told) > _VALUES_MAXIMUM:
+            kept['warning'] = kept.get('warning') or (
+                f'statistics() gives {len(told)} values; {_VALUES_MAXIMUM} are shown')
+        return kept
+    except Exception as error:
+        return {'warning': safe_line(f'statistics() failed: {type(error).__name__}: {error}')}
+
+
+def _plain_value(value: Any) -> str | int | float:
+    if isinstance(value, int | float):
+        return value
+    return safe_text(str(value)[:_VALUE_TEXT_MAXIMUM])

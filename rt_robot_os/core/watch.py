@@ -1,0 +1,75 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the lowest task of a core looks after, ten times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+import os
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.reports import Reports
+
+LOOKS_A_SECOND = 10
+
+
+class Watch:
+    """
+    The task ``core/watch``: below all others, so that whatever it does holds up nobody.
+
+    What was added is called in order; reports are written last, so that what is told on the way
+    is among them.
+    """
+
+    def __init__(self, kernel: Kernel, reports: Reports) -> None:
+        self._reports = reports
+        self._calls: list[tuple[Callable[[], object], int]] = []
+        self._looks = 0
+        self._output: int | None = None
+        self._written = 0
+        kernel.add_task('core/watch', self.look, priority=1, rate_hz=float(LOOKS_A_SECOND))
+
+    def add(self, call: Callable[[], object], every: int = 1) -> None:
+        """
+        Have something called with each look, or with one of ``every`` looks.
+
+        :param call: must not wait; what it raises counts as a failure of ``core/watch``.
+        """
+        self._calls.append((call, every))
+
+    def look(self) -> None:
+        """Call what is due; the function of the task."""
+        self._looks += 1
+        try:
+            for call, every in self._calls:
+                if self._looks % every == 0:
+                    call()
+        finally:
+            self.write_reports()
+
+    def write_reports_to(self, fd: int) -> None:
+        """Write reports to a file descriptor; a terminal that blocks holds up nothing else."""
+        self._output = fd
+
+    def write_reports(self) -> None:
+        """Write what is new among the reports, if somebody wants it."""
+        if self._output is None:
+            return
+        self._written, dropped, reports = self._reports.since(self._written)
+        lines = [f'{dropped} reports dropped'] * bool(dropped) + [str(r) for r in reports]
+        if lines:
+            with suppress(OSError):  # nobody reads them any more
+                os.write(self._output, ('\n'.join(lines) + '\n').encode())

@@ -1,0 +1,110 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What clients ask about topics: which there are, what is mirrored, who publishes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+import os
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
+from rt_robot_os.link.facts import topic_infos
+from rt_robot_os.link.gather import Gather
+from rt_robot_os.link.large import LargeMirror
+from rt_robot_os.link.large import memory_bytes
+from rt_robot_os.link.life import LifePage
+from rt_robot_os.link.mirror import Mirror
+from rt_robot_os.link.mirror import Policy
+from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
+from rt_robot_os.link.requests import Arguments
+from rt_robot_os.link.requests import number_of
+from rt_robot_os.link.requests import Requests
+from rt_robot_os.link.requests import shown
+from rt_robot_os.link.requests import text_of
+from rt_robot_os.link.session import Session
+from rt_robot_os.text import safe_line
+from rt_robot_os.topics import Bus
+
+NAME_MAXIMUM = 64
+
+
+class TopicRequests:
+    """
+    Answer what a link can answer by itself.
+
+    :param service: the task that carries mirrored topics out.
+    :param page: with the sign of life, which a client gets when it says hello.
+    """
+
+    def __init__(self, kernel: Kernel, bus: Bus, service: Task, gather: Gather, page: LifePage
+                 ) -> None:
+        self._kernel = kernel
+        self._bus = bus
+        self._service = service
+        self._gather = gather
+        self._page = page
+
+    def serve(self, requests: Requests) -> None:
+        """Answer them from now on."""
+        requests.add('hello', self._hello)
+        requests.add('mirror', self._mirror)
+        requests.add('unmirror', self._unmirror)
+        requests.add('advertise', self._advertise)
+
+    def _hello(self, session: Session, arguments: Arguments) -> Arguments:
+        name = arguments.get('name')
+        if not isinstance(name, str):
+            raise LinkError(f'name = {shown(name)}: must be a text')
+        session.greet(safe_line(name, NAME_MAXIMUM), self._page.fd)
+        return {'pid': os.getpid(), 'start_ns': self._kernel.start_ns,
+                'tasks': [task.name for task in self._kernel.tasks],
+                'topics': [asdict(each) for each in topic_infos(self._bus)]}
+
+    def _mirror(self, session: Session, arguments: Arguments) -> Arguments:
+        """Begin to carry a topic to a client, or change how; see ``LinkClient.mirror``."""
+        topic = text_of(arguments, 'topic')
+        wanted = arguments.get('policy', 'drain')
+        try:
+            policy = Policy(wanted)
+        except ValueError:
+            raise LinkError(f'policy = {shown(wanted)}: must be drain or latest') from None
+        max_rate_hz = number_of(arguments, 'max_rate_hz', 0.0)
+        channel = session.channel(topic)
+        known = session.mirrors.get(topic)
+        if known is not None:
+            known.set_policy(policy, max_rate_hz)
+            return {'channel': channel}
+        shape = (self._bus, topic, session.name, session.batch, channel, policy, max_rate_hz,
+                 bool(arguments.get('initial', False)), self._gather)
+        size = self._bus.topic(topic).layout.max_size
+        if size <= SAMPLE_BYTES_MAXIMUM:
+            session.mirrors[topic] = Mirror(*shape)
+        else:
+            session.add_large(topic, lambda number: LargeMirror(
+                *shape, number=number, connection=session.connection), memory_bytes(size))
+        session.mirrors[topic].patient = bool(arguments.get('patient', False))
+        if arguments.get('oldest', False):
+            session.mirrors[topic].begin_with_oldest()
+            self._kernel.release(self._service)
+        return {'channel': channel}
+
+    def _unmirror(self, session: Session, arguments: Arguments) -> Arguments:
+        session.remove_mirror(text_of(arguments, 'topic'))
+        return {}
+
+    def _advertise(self, session: Session, arguments: Arguments) -> Arguments:
+        return {'channel': session.advertise(text_of(arguments, 'topic'))}

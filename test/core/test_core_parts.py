@@ -1,0 +1,152 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parts of the core that come from elsewhere, and the table of requests that they add to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+import tempfile
+from typing import Any
+
+import pytest
+
+from rt_robot_os import plugins
+from rt_robot_os.core.app import Core
+from rt_robot_os.core.part import CorePart
+from rt_robot_os.core.part import Host
+from rt_robot_os.core.part import installed_parts
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import LinkError
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.protocol import decode_json
+from rt_robot_os.link.protocol import encode_json
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.requests import Requests
+from rt_robot_os.settings import load
+
+pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
+
+S = 1_000_000_000
+YAML = """\
+robot:
+  ros__parameters:
+    modules: [guard]
+    guard: {type: twist_guard, rate_hz: 100.0}
+    topics: [cmd_vel]
+    cmd_vel: {message: geometry_msgs/msg/Twist}
+"""
+
+
+class Odometer(CorePart):
+    """A task, a topic that it reads, requests, a counter, and an end."""
+
+    def __init__(self, host: Host) -> None:
+        self.updates = self.looks = self.taken = 0
+        self.closed = False
+        self.commands = host.bus.subscribe('cmd_vel_safe', 'odometer')
+        host.kernel.add_task('odometer', self.update, priority=5, rate_hz=10.0)
+        host.watch.add(self.look)
+        host.statistics.add_facts(lambda: {'odometer_updates': self.updates})
+        host.requests.add('odometer', lambda session, arguments: {
+            'updates': self.updates, 'by': session.name})
+        host.requests.add_long('odometers', lambda session, arguments: (
+            {'number': number} for number in range(int(arguments['count']))))
+        host.requests.add_long('odometer_fails', lambda session, arguments: self.fail())
+
+    def update(self) -> None:
+        self.updates += 1
+        while self.commands.take():
+            self.taken += 1
+
+    def look(self) -> None:
+        self.looks += 1
+
+    def fail(self) -> Iterator[dict[str, Any]]:
+        yield {'number': 0}
+        raise ZeroDivisionError('half way')
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Client:
+    """A session that keeps what it is sent."""
+
+    name = 'tester'
+
+    def __init__(self, requests: Requests) -> None:
+        self.requests = requests
+        self.gone = ''
+        self.sent: list[bytes] = []
+        self.post = self.sent.append
+        self.post_all = self.sent.extend
+
+    def ask(self, do: str, **arguments: Any) -> list[dict[str, Any]]:
+        self.sent.clear()
+        self.requests.answer(self, encode_json(  # type: ignore[arg-type]
+            Kind.REQUEST, {'id': 1, 'do': do, **arguments}))
+        return [decode_json(packet) for packet in self.sent if packet[0] == Kind.REPLY]
+
+
+@pytest.fixture
+def core() -> Iterator[Core]:
+    with tempfile.TemporaryDirectory(prefix='rtx') as folder:
+        path = Path(folder) / 'robot.yaml'
+        path.write_text(YAML)
+        made = Core(load([path]), Path(folder) / 'robot.sock', clock=VirtualClock(start_ns=S),
+                    parts=[Odometer])
+        yield made
+        made.close()
+
+
+def part_of(core: Core) -> Odometer:
+    part, = core._parts
+    assert isinstance(part, Odometer)
+    return part
+
+
+def test_a_part_from_elsewhere_has_a_task_a_request_and_a_counter(core: Core) -> None:
+    client, part = Client(core.requests), part_of(core)
+    core.kernel.run(S)
+    assert client.ask('odometer') == [{'updates': part.updates, 'by': 'tester'}]
+    assert part.updates == part.looks == 10 and part.taken > 50
+    assert client.ask('statistics')[-2]['odometer_updates'] == 10
+    core.close()
+    assert part.closed
+
+
+def test_an_answer_of_many_packets_ends_with_an_empty_one_or_a_reason(core: Core) -> None:
+    client = Client(core.requests)
+    assert client.ask('odometers', count=2) == [{'number': 0}, {'number': 1}, {}]
+    assert client.ask('odometer_fails') == [
+        {'number': 0}, {'error': 'the answer ends early: ZeroDivisionError: half way'}]
+
+
+def test_a_request_belongs_to_one(core: Core) -> None:
+    for do in ('statistics', 'rearm'):
+        with pytest.raises(LinkError, match=f"request '{do}' is answered by somebody else"):
+            core.requests.add(do, lambda session, arguments: {})
+
+
+def test_installed_parts_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [EntryPoint('odometer', f'{__name__}:Odometer', 'rt_robot_os.core_parts')]
+    monkeypatch.setattr(plugins, 'entry_points', lambda group: [
+        point for point in points if point.group == group])
+    assert [part.__name__ for part in installed_parts()] == ['Odometer']
+    points.append(EntryPoint('broken', 'no_such_package:Part', 'rt_robot_os.core_parts'))
+    with pytest.raises(ConfigError, match=r"part of the core 'broken' \(no_such_package:Part\)"):
+        installed_parts()
