@@ -34,7 +34,6 @@ from rt_robot_os.link.session import Session
 from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
 from rt_robot_os.settings import Kind
-from rt_robot_os.settings import ParameterDescription
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.parameters import live_parameters
