@@ -32,8 +32,8 @@ import itertools
 from operator import itemgetter
 from typing import Any
 
-from rt_robot_os.text import safe_line
-from rt_robot_os.text import safe_text
+from rt_robot_os.safe_text import safe_line
+from rt_robot_os.safe_text import safe_text
 
 # What is logged and not formatted yet: at_ns, severity, source, text, arguments.
 RawLine = tuple[int, int, str, str, tuple[Any, ...]]

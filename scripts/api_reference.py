@@ -45,7 +45,7 @@ PAGES = {
     'testing': ('Testing', ['rt_robot_os.testing']),
     'topics': ('Topics', ['rt_robot_os.topics']),
     'kernel': ('Kernel', ['rt_robot_os.kernel']),
-    'link': ('Clients of the core', ['rt_robot_os.link', 'rt_robot_os.link.facts']),
+    'link': ('Clients of the core', ['rt_robot_os.link', 'rt_robot_os.link.client']),
     'settings': ('Settings', ['rt_robot_os.settings', 'rt_robot_os.settings.model']),
     'common': ('Errors, reports, units', ['rt_robot_os.errors', 'rt_robot_os.reports',
                                           'rt_robot_os.units']),

@@ -43,8 +43,8 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.facts import CoreStatistics
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import I2C_FAULTS
 import yaml

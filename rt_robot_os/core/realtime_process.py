@@ -19,8 +19,8 @@ from __future__ import annotations
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.linux import realtime
-from rt_robot_os.linux.cpu_latency import HeldCpuLatency
-from rt_robot_os.linux.cpu_latency import hold_cpu_latency
+from rt_robot_os.linux.realtime import HeldCpuLatency
+from rt_robot_os.linux.realtime import hold_cpu_latency
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.settings import CoreSettings
 

@@ -26,14 +26,14 @@ from typing import Any
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.records import encode_task
 from rt_robot_os.link.requests import Arguments
 from rt_robot_os.link.requests import Part
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.session import Session
+from rt_robot_os.link.task_records import encode_task
 from rt_robot_os.modules import Module
-from rt_robot_os.text import safe_line
-from rt_robot_os.text import safe_text
+from rt_robot_os.safe_text import safe_line
+from rt_robot_os.safe_text import safe_text
 
 # Of what a module tells of itself; more would hold up whoever else reads the statistics.
 _VALUES_MAXIMUM = 256
@@ -57,7 +57,7 @@ class Statistics:
         """
         Tell of many things of a kind, each in a packet of its own.
 
-        :param part: which kind, see :func:`rt_robot_os.link.facts.collect`.
+        :param part: which kind, see :func:`rt_robot_os.link.client.collect`.
         """
         self._rows.append((part, rows))
 

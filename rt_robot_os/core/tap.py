@@ -48,7 +48,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import PUBLISH
-from rt_robot_os.link.facts import topic_infos
+from rt_robot_os.link.client import topic_infos
 from rt_robot_os.link.requests import Arguments
 from rt_robot_os.link.session import Session
 from rt_robot_os.topics import Bus

@@ -31,7 +31,7 @@ from types import FrameType
 
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.watch import LOOKS_A_SECOND
-from rt_robot_os.text import safe_line
+from rt_robot_os.safe_text import safe_line
 from rt_robot_os.units import NS_PER_MS
 
 

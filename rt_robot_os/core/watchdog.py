@@ -29,7 +29,6 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from typing import Protocol
 
-from rt_robot_os.core.pulse import Pulse
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
@@ -40,6 +39,48 @@ from rt_robot_os.reports import Severity
 from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+
+class Pulse:
+    """
+    The judgement of one task, from look to look.
+
+    A job that keeps its deadline ends at most a deadline after its release, and the one before
+    ended no earlier than at its own release, a period before. So between the ends of two jobs lie
+    at most a period and a deadline; nothing else is allowed for. Of a task that events release, a
+    job may be outstanding for a deadline. Jobs that failed or were aborted do not count.
+
+    :param start_ns: before that nothing is expected of the task.
+    """
+
+    def __init__(self, task: Task, start_ns: int = 0) -> None:
+        self.task = task
+        self._good = 0
+        self._bad = 0
+        self._alive_ns = start_ns + task.spec.phase_ns
+
+    def look(self, now_ns: int) -> str:
+        """Say why the task is not healthy; empty when it is. Safe in the real-time loop."""
+        task = self.task
+        task.account()
+        if task.state is not TaskState.ACTIVE:
+            self._alive_ns = now_ns  # it begins anew when it is active again
+            return f'task {task.name!r} is held ({task.state.value})'
+        bad = task.failures + task.aborted
+        good = task.runs - bad
+        idle = not (task.period_ns or task.pending or task.busy)
+        if good != self._good or (idle and bad == self._bad):
+            self._alive_ns = max(self._alive_ns, now_ns)
+        self._good, self._bad = good, bad
+        # A changed rate is in force from the next release on.
+        allowed_ns = max(task.period_ns, task.interval_ns) + task.deadline_ns
+        silent_ns = now_ns - self._alive_ns
+        if silent_ns <= allowed_ns:
+            return ''
+        what = 'its period and deadline are' if task.period_ns else 'its deadline is'
+        return (f'task {task.name!r} has ended no job well for {silent_ns / NS_PER_S:.3f} s; '
+                f'{what} {allowed_ns / NS_PER_S:.3f} s')
+
 
 PRIORITY = 99
 CHECKS_PER_TIMEOUT = 8

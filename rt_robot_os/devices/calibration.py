@@ -31,7 +31,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.files import read_file
+from rt_robot_os.linux.folders import read_file
 from rt_robot_os.schema import Field
 
 Vector = tuple[float, float, float]

@@ -34,8 +34,8 @@ from typing import Any
 from typing import ClassVar
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.linux.process import WaitingTime
 from rt_robot_os.linux.recursion import with_room
-from rt_robot_os.linux.schedule import WaitingTime
 from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer

@@ -20,7 +20,7 @@ alone, and counted (docs/architecture.md).
 """
 
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.facts import TopicInfo
+from rt_robot_os.link.client import TopicInfo
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.server import LinkServer
 

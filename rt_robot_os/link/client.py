@@ -15,11 +15,16 @@
 """
 The other side of the link: what the ROS node, a recorder, a monitor or a test uses.
 
-Not for the real-time loop: calls here may wait.
+It learns the topics of a core when it connects, and its statistics when it asks. Calls here
+may wait: not for the real-time loop.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
 import itertools
 import os
 from pathlib import Path
@@ -28,22 +33,95 @@ import select
 import socket
 import struct
 import time
+from types import MappingProxyType
 from typing import Any
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.link.facts import collect
-from rt_robot_os.link.facts import CoreStatistics as CoreStatistics
-from rt_robot_os.link.facts import TopicInfo as TopicInfo
+from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
+from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.reader import connection_error
 from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.robots import others_than
-from rt_robot_os.text import safe_line
+from rt_robot_os.link.task_records import decode_counts
+from rt_robot_os.link.task_records import decode_task
+from rt_robot_os.link.task_records import TaskCounts
+from rt_robot_os.safe_text import safe_line
+from rt_robot_os.topics import Bus
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of the core as a client sees it."""
+
+    name: str
+    channel: int
+    type_name: str
+    size: int
+    max_size: int
+    stamp_offset: int | None
+    depth: int
+    rate_hz: float
+
+
+def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
+    """List the topics of a core; the channel of each is its place in the list."""
+    return tuple(TopicInfo(
+        topic.name, channel, topic.layout.type_name, topic.layout.size, topic.layout.max_size,
+        topic.layout.stamp_offset, topic.depth, topic.rate_hz)
+        for channel, topic in enumerate(bus.topics))
+
+
+@dataclass(frozen=True)
+class CoreStatistics:
+    """
+    What a core says of itself, as :meth:`LinkClient.statistics` gives it.
+
+    :ivar resources: what tasks share, each as in ``kernel.ResourceStatistics``.
+    :ivar counts: the histograms of each task by its name, to be subtracted from later ones.
+    """
+
+    core: dict[str, Any]
+    tasks: tuple[TaskStatistics, ...]
+    topics: tuple[dict[str, Any], ...]
+    devices: tuple[dict[str, Any], ...]
+    clients: tuple[dict[str, Any], ...]
+    resources: tuple[dict[str, Any], ...] = ()
+    modules: tuple[dict[str, Any], ...] = ()
+    # A read-only mapping has no hash before Python 3.12, so it is no default by itself.
+    counts: Mapping[str, TaskCounts] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
+    """
+    Put the packets of an answer to ``statistics`` together.
+
+    :raises LinkError: one of them is no packet of the link.
+    """
+    tasks: list[TaskStatistics] = []
+    counts: dict[str, TaskCounts] = {}
+    parts: dict[str, list[dict[str, Any]]] = {
+        'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
+    for head, packet in packets:
+        if head.kind == Kind.TASK:
+            record = memoryview(packet)[HEADER_BYTES:]
+            tasks.append(decode_task(record))
+            counts[tasks[-1].name] = decode_counts(record)
+            continue
+        content = decode_json(packet)
+        part = content.pop('part', None)
+        if part in parts:
+            parts[part].append(content)
+    core = parts['core'][0] if parts['core'] else {}
+    return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
+                          tuple(parts['client']), tuple(parts['resource']),
+                          tuple(parts['module']), counts)
+
 
 RECEIVE_BUFFER_BYTES = 1 << 20
 Answers = dict[int, queue.SimpleQueue[tuple[Header, bytes]]]

@@ -52,7 +52,7 @@ GIVE_BACK number of the memory, of the slot                       client
 ========= ======================================================= =========
 
 After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a record of
-:mod:`rt_robot_os.link.records` for ``TASK``, nothing for ``BEAT``.
+:mod:`rt_robot_os.link.task_records` for ``TASK``, nothing for ``BEAT``.
 """
 
 from __future__ import annotations

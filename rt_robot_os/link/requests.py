@@ -30,8 +30,8 @@ from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MORE
 from rt_robot_os.link.session import Session
-from rt_robot_os.text import encodable
-from rt_robot_os.text import safe_line
+from rt_robot_os.safe_text import encodable
+from rt_robot_os.safe_text import safe_line
 
 Arguments = dict[str, Any]
 Answer = Callable[[Session, Arguments], Arguments]

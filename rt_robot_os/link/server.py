@@ -36,7 +36,6 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.fairness import Lines
 from rt_robot_os.link.fairness import Shares
 from rt_robot_os.link.gather import Gather
-from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
@@ -44,6 +43,7 @@ from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
+from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.topic_requests import TopicRequests
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports

@@ -22,11 +22,10 @@ import os
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
-from rt_robot_os.link.facts import topic_infos
+from rt_robot_os.link.client import topic_infos
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.large import memory_bytes
-from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
@@ -36,7 +35,8 @@ from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.requests import shown
 from rt_robot_os.link.requests import text_of
 from rt_robot_os.link.session import Session
-from rt_robot_os.text import safe_line
+from rt_robot_os.link.sign_of_life import LifePage
+from rt_robot_os.safe_text import safe_line
 from rt_robot_os.topics import Bus
 
 NAME_MAXIMUM = 64

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the files of a running robot belong."""
+"""Where the files of a running robot belong, and how a file that a user names is read."""
 
 from __future__ import annotations
 
@@ -93,3 +93,26 @@ def open_to_append(path: Path) -> int:
         os.close(fd)
         raise OSError(errno.EPERM, 'it is no file of this user')
     return fd
+
+
+LARGEST_BYTES = 1 << 20
+
+
+def read_file(path: Path, most_bytes: int = LARGEST_BYTES) -> bytes:
+    """
+    Read a whole file; never waits for the writer of a pipe, never reads more than is sensible.
+
+    :raises OSError: it cannot be read, is no file, or is longer.
+    """
+    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
+    try:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EINVAL, 'it is no file')
+    except OSError:
+        os.close(fd)
+        raise
+    with open(fd, 'rb') as file:
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise OSError(errno.EFBIG, f'it is longer than {most_bytes} bytes')
+    return data

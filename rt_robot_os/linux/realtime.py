@@ -16,7 +16,9 @@
 Real-time set-up of a process: each step may be refused, says so, and the process runs on.
 
 The idea of a result with a reason instead of an exception follows ros2_control's realtime_tools:
-a robot on a laptop without privileges must run, and must tell what it lacks.
+a robot on a laptop without privileges must run, and must tell what it lacks. One step limits how
+deeply an idle CPU may sleep: Linux keeps to it as long as ``/dev/cpu_dma_latency`` is open
+(Documentation/power/pm_qos_interface.rst of Linux).
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 import gc
 import os
+from pathlib import Path
+import struct
 
 from rt_robot_os.linux import _libc
 
@@ -122,3 +126,50 @@ def freeze_garbage() -> RtResult:
     gc.freeze()
     gc.disable()
     return RtResult(True, 'garbage collector frozen')
+
+
+DEVICE = Path('/dev/cpu_dma_latency')
+
+
+class HeldCpuLatency:
+    """A request that holds until it is closed, or the process ends."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+
+    def close(self) -> None:
+        """Take the request back; may be called twice."""
+        if self._fd >= 0:
+            fd, self._fd = self._fd, -1
+            os.close(fd)
+
+
+def hold_cpu_latency(
+    microseconds: int, path: Path = DEVICE,
+) -> tuple[RtResult, HeldCpuLatency | None]:
+    """
+    Ask that a sleeping CPU wakes within a time: what takes longer than that is not entered.
+
+    0 keeps the CPUs out of every sleep state, and costs the power that they would save.
+
+    :param microseconds: from 0.
+    :return: what became of it, and the request to keep; None when it was refused.
+    """
+    step = f'CPU latency {microseconds} us'
+    try:
+        fd = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return RtResult(False, step, f'there is no {path}: this Linux was built without power '
+                        'management, or a container hides it'), None
+    except PermissionError:
+        return RtResult(False, step, 'not permitted; waking may take longer. Remedy: write '
+                        'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660" into '
+                        '/etc/udev/rules.d/99-realtime.rules and start the machine again'), None
+    except OSError as error:
+        return RtResult(False, step, f'{path}: {error.strerror}'), None
+    try:
+        os.write(fd, struct.pack('=i', microseconds))
+    except OSError as error:
+        os.close(fd)
+        return RtResult(False, step, f'{path}: {error.strerror}'), None
+    return RtResult(True, step), HeldCpuLatency(fd)

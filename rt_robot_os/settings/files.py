@@ -23,7 +23,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.linux.files import read_file
+from rt_robot_os.linux.folders import read_file
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.nodes import expand
 from rt_robot_os.settings.nodes import NodeParameters

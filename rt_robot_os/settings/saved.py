@@ -32,7 +32,7 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.paths import node_of
-from rt_robot_os.linux.files import read_file
+from rt_robot_os.linux.folders import read_file
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.problems import Problems

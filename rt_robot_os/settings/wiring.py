@@ -25,8 +25,8 @@ from dataclasses import field
 import os
 
 from rt_robot_os.errors import LayoutError
-from rt_robot_os.link.stamped import FRAME_ID_BYTES_MAXIMUM
-from rt_robot_os.link.stamped import STAMPED_BYTES
+from rt_robot_os.link.stamped_messages import FRAME_ID_BYTES_MAXIMUM
+from rt_robot_os.link.stamped_messages import STAMPED_BYTES
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.schema import TopicRead
 from rt_robot_os.schema import TopicSpec

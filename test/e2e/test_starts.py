@@ -33,7 +33,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from rt_robot_os.clients.ros.supervisor import Supervisor  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
-from rt_robot_os.link.stamps import StampMapper  # noqa: E402
+from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 
 Until = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]

@@ -27,10 +27,10 @@ import pytest
 from rt_robot_os.core.app import Core
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.life import Life
-from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.sign_of_life import Life
+from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.settings import load
 
 MS = 1_000_000

@@ -43,8 +43,8 @@ from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import VERSION
-from rt_robot_os.link.records import decode_task
-from rt_robot_os.link.records import encode_task
+from rt_robot_os.link.task_records import decode_task
+from rt_robot_os.link.task_records import encode_task
 
 COUNTS = st.integers(0, (1 << 62) - 1)
 DURATIONS = st.lists(st.integers(0, 1 << 44), max_size=50)

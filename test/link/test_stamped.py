@@ -26,10 +26,10 @@ pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 from rclpy.serialization import deserialize_message  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
-from rt_robot_os.link.stamped import Header  # noqa: E402
-from rt_robot_os.link.stamped import STAMPED_BYTES  # noqa: E402
-from rt_robot_os.link.stamped import stamped_type  # noqa: E402
-from rt_robot_os.link.stamped import take_off  # noqa: E402
+from rt_robot_os.link.stamped_messages import Header  # noqa: E402
+from rt_robot_os.link.stamped_messages import STAMPED_BYTES  # noqa: E402
+from rt_robot_os.link.stamped_messages import stamped_type  # noqa: E402
+from rt_robot_os.link.stamped_messages import take_off  # noqa: E402
 from rt_robot_os.topics import Layout  # noqa: E402
 from rt_robot_os.topics.resolve import message_class  # noqa: E402
 

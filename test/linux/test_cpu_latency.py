@@ -23,8 +23,8 @@ import struct
 
 import pytest
 
-from rt_robot_os.linux.cpu_latency import DEVICE
-from rt_robot_os.linux.cpu_latency import hold_cpu_latency
+from rt_robot_os.linux.realtime import DEVICE
+from rt_robot_os.linux.realtime import hold_cpu_latency
 
 
 def _open_files(path: Path) -> int:

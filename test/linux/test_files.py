@@ -23,8 +23,8 @@ import pytest
 from rt_robot_os.devices.calibration import load as load_calibration
 from rt_robot_os.devices.camera.camera_info import load_calibration as load_camera_info
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.files import read_file
 from rt_robot_os.linux.folders import open_to_append
+from rt_robot_os.linux.folders import read_file
 
 
 def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules.attitude import Attitude
-from rt_robot_os.modules.attitude import choose
+from rt_robot_os.modules.attitude.module import chosen
 from rt_robot_os.modules.attitude.quaternion import from_rotation
 from rt_robot_os.modules.attitude.quaternion import IDENTITY
 from rt_robot_os.modules.registry import module_class
@@ -379,7 +379,7 @@ def test_without_vqf_the_name_is_refused_with_the_command(monkeypatch: pytest.Mo
     monkeypatch.setattr(importlib.util, 'find_spec', lambda name: None)
     with pytest.raises(ConfigError, match='python3 -m pip install vqf, or choose auto or mahony'):
         Attitude('attitude', {**DEFAULTS, 'filter': 'vqf'})
-    assert choose.chosen('auto') == 'mahony'
+    assert chosen('auto') == 'mahony'
     robot = Robot(filter='auto')
     robot.say()
     assert robot.module.statistics()['filter'] == 'mahony'

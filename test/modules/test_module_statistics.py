@@ -25,8 +25,8 @@ import pytest
 
 from rt_robot_os.core.statistics import statistics_of
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.facts import CoreStatistics
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.modules import Module
 
 

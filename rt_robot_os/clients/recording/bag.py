@@ -39,8 +39,8 @@ from rt_robot_os.clients.recording.session import Session
 from rt_robot_os.clients.recording.session import SETTINGS
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.stamps import StampLine
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampLine
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 

@@ -81,9 +81,9 @@ def _settings(arguments: argparse.Namespace, recording: Recording) -> RobotSetti
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from rt_robot_os.clients.recording.output import ReplayOutput
     from rt_robot_os.clients.recording.reading import Recording
     from rt_robot_os.clients.recording.replay import Replay
+    from rt_robot_os.clients.recording.replay_output import ReplayOutput
     recording = Recording(arguments.recording, arguments.session)
     settings = _settings(arguments, recording)
     begin = time.perf_counter()

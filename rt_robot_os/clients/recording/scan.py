@@ -45,15 +45,15 @@ from mcap.records import MetadataIndex
 from mcap.records import Schema
 
 from rt_robot_os.clients.recording.chunk import message_indices
-from rt_robot_os.clients.recording.records import chunk_records
-from rt_robot_os.clients.recording.records import DamagedRecordError
-from rt_robot_os.clients.recording.records import MESSAGE
-from rt_robot_os.clients.recording.records import Message
-from rt_robot_os.clients.recording.records import parsed
-from rt_robot_os.clients.recording.records import RECORD
-from rt_robot_os.clients.recording.records import RECORD_BYTES_MAXIMUM
-from rt_robot_os.clients.recording.records import summary_definitions
-from rt_robot_os.clients.recording.records import unpacked
+from rt_robot_os.clients.recording.mcap_records import chunk_records
+from rt_robot_os.clients.recording.mcap_records import DamagedRecordError
+from rt_robot_os.clients.recording.mcap_records import MESSAGE
+from rt_robot_os.clients.recording.mcap_records import Message
+from rt_robot_os.clients.recording.mcap_records import parsed
+from rt_robot_os.clients.recording.mcap_records import RECORD
+from rt_robot_os.clients.recording.mcap_records import RECORD_BYTES_MAXIMUM
+from rt_robot_os.clients.recording.mcap_records import summary_definitions
+from rt_robot_os.clients.recording.mcap_records import unpacked
 from rt_robot_os.clients.recording.summary import Contents
 from rt_robot_os.clients.recording.summary import FOOTER_BYTES
 from rt_robot_os.clients.recording.summary import MAGIC

@@ -27,9 +27,9 @@ import time
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link.life import Life
-from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.robots import remove_leftovers
+from rt_robot_os.link.sign_of_life import Life
+from rt_robot_os.link.sign_of_life import LifePage
 
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3

@@ -37,11 +37,11 @@ from rt_robot_os.clients.ros.log_file import line_of
 from rt_robot_os.clients.ros.log_file import LogFile
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity
+from rt_robot_os.safe_text import safe_line
+from rt_robot_os.safe_text import safe_text
 from rt_robot_os.settings import LogSettings
-from rt_robot_os.text import safe_line
-from rt_robot_os.text import safe_text
 from rt_robot_os.units import NS_PER_S
 
 _BYTES_PER_MB = 1_000_000

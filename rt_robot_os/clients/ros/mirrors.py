@@ -32,11 +32,11 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.stamped import Header as StampedHeader
-from rt_robot_os.link.stamped import STAMPED_BYTES
-from rt_robot_os.link.stamped import stamped_type
-from rt_robot_os.link.stamped import take_off
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.link.stamped_messages import Header as StampedHeader
+from rt_robot_os.link.stamped_messages import STAMPED_BYTES
+from rt_robot_os.link.stamped_messages import stamped_type
+from rt_robot_os.link.stamped_messages import take_off
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_MS

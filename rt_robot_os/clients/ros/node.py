@@ -47,7 +47,7 @@ from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
 from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from rt_robot_os.link.life import Signs
-from rt_robot_os.linux.schedule import computing
+from rt_robot_os.link.sign_of_life import Signs
+from rt_robot_os.linux.process import computing
 from rt_robot_os.units import NS_PER_S
 
 DEAD_AFTER_BEATS = 3

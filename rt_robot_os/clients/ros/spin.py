@@ -17,9 +17,11 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import re
 import signal
 import sys
+import tempfile
 from types import FrameType
 
 import rclpy
@@ -29,14 +31,43 @@ from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.clients.ros.announcements import frequent_announcements
 from rt_robot_os.clients.ros.console import Console
-from rt_robot_os.clients.ros.logging_set_up import logging_arguments
 from rt_robot_os.clients.ros.node import RobotNode
+from rt_robot_os.dumps.folder import default_folder
+from rt_robot_os.dumps.folder import expanded
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import StartError
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
 from rt_robot_os.settings import RobotSettings
+
+
+def logging_arguments() -> list[str]:
+    """
+    Check the folder of ROS 2's own log files, without which rclpy does not start.
+
+    :return: arguments to add to the command line; standard error says what is lost.
+    """
+    try:
+        folder = default_folder()
+        if not os.environ.get('ROS_LOG_DIR') and not os.environ.get('HOME'):
+            os.environ['ROS_LOG_DIR'] = str(folder)  # rcl asks for nothing but $HOME
+        # rcl takes ROS_LOG_DIR with a ~ as well.
+        _try(expanded(str(folder)))
+    except (OSError, StartError) as error:
+        reason = str(error) if isinstance(error, StartError) else (
+            f'the log folder {folder} cannot be written: {error.strerror}')
+        print(f'robot: {reason}; ROS 2 writes no log file. Set ROS_LOG_DIR to a folder that can '
+              'be written', file=sys.stderr)
+        return ['--ros-args', '--disable-external-lib-logs']
+    return []
+
+
+def _try(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
 
 # A signal is noticed between two waits.
 _WAIT_S = 0.1

@@ -33,12 +33,12 @@ from rt_robot_os.clients.ros.silence import Starvation
 from rt_robot_os.clients.ros.silence import trouble
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
+from rt_robot_os.link.client import collect
 from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import Question
-from rt_robot_os.link.facts import collect
-from rt_robot_os.link.life import Life
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.sign_of_life import Life
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity
 
 _PUMP_S = 0.05

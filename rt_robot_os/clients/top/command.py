@@ -26,8 +26,6 @@ import time
 
 from rt_robot_os.clients.top.columns import check_sort
 from rt_robot_os.clients.top.columns import TABLES
-from rt_robot_os.clients.top.compare import compare
-from rt_robot_os.clients.top.compare import Sample
 from rt_robot_os.clients.top.controls import Controls
 from rt_robot_os.clients.top.controls import INTERVALS_S
 from rt_robot_os.clients.top.layout import body
@@ -37,6 +35,8 @@ from rt_robot_os.clients.top.layout import PARTS
 from rt_robot_os.clients.top.layout import plain
 from rt_robot_os.clients.top.layout import rows_of
 from rt_robot_os.clients.top.rows import Snapshot
+from rt_robot_os.clients.top.snapshot import compare
+from rt_robot_os.clients.top.snapshot import Sample
 from rt_robot_os.clients.top.source import Source
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError

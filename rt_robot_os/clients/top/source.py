@@ -23,7 +23,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.clients.top.compare import Sample
+from rt_robot_os.clients.top.snapshot import Sample
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 

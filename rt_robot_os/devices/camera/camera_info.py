@@ -24,7 +24,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.files import read_file
+from rt_robot_os.linux.folders import read_file
 
 _REMEDY: Final = 'use a file of camera_calibration, or delete camera_info'
 _LARGEST: Final = 1e12  # also an integer may be too large for a float; NaN is not below it

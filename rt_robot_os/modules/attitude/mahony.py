@@ -40,8 +40,8 @@ from typing import Final
 from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter
 from rt_robot_os.modules.attitude.base import Tuning
-from rt_robot_os.modules.attitude.field_guard import FieldGuard
-from rt_robot_os.modules.attitude.gravity_guard import GravityGuard
+from rt_robot_os.modules.attitude.guards import FieldGuard
+from rt_robot_os.modules.attitude.guards import GravityGuard
 from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.quaternion import Vector
 from rt_robot_os.modules.attitude.rest import RestDetector

@@ -23,8 +23,10 @@ A sensor that is silent is followed by silence: nothing old is published as new.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Mapping
 from dataclasses import replace
+import importlib.util
 import math
 from typing import Any
 from typing import Final
@@ -33,17 +35,57 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter
 from rt_robot_os.modules.attitude.base import Tuning
-from rt_robot_os.modules.attitude.choose import chosen
-from rt_robot_os.modules.attitude.choose import make_filter
-from rt_robot_os.modules.attitude.choose import NAMES
 from rt_robot_os.modules.attitude.intake import Intake
+from rt_robot_os.modules.attitude.mahony import MahonyFilter
 from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.uncertainty import Uncertainty
+from rt_robot_os.modules.attitude.vqf_filter import INSTALL
+from rt_robot_os.modules.attitude.vqf_filter import VqfFilter
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.ports import Input
 from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
+
+NAMES: Final = ('auto', 'vqf', 'mahony')
+
+
+def chosen(name: str) -> str:
+    """
+    Return which filter a name means here; not for the real-time loop.
+
+    :param name: one of :data:`NAMES`; ``auto`` is vqf where it is installed.
+    :raises ConfigError: that filter is not installed.
+    """
+    if name == 'mahony':
+        return name
+    # Looked for, not imported: this is asked of every configuration that is only checked.
+    installed = importlib.util.find_spec('vqf') is not None
+    if name == 'vqf' and not installed:
+        raise ConfigError([f"filter = 'vqf': the package vqf is not installed: {INSTALL}, or "
+                           'choose auto or mahony'])
+    return 'vqf' if installed else 'mahony'
+
+
+def make_filter(name: str, tuning: Tuning, sample_s: float, field_s: float) -> AttitudeFilter:
+    """
+    Make a filter; not for the real-time loop.
+
+    :param name: one of :data:`NAMES`. With ``auto`` a vqf that cannot be imported is passed over.
+    :param sample_s: usual time from sample to sample.
+    :param field_s: the same of the magnetic field.
+    :raises ConfigError: the filter named is not installed, or cannot be imported.
+    """
+    makers: dict[str, Callable[[], AttitudeFilter]] = {
+        'vqf': lambda: VqfFilter(tuning, sample_s, field_s),
+        'mahony': lambda: MahonyFilter(tuning)}
+    try:
+        return makers[chosen(name)]()
+    except ConfigError:
+        if name != 'auto':
+            raise
+        return makers['mahony']()
+
 
 _IMU: Final = 'sensor_msgs/msg/Imu'
 _FIELD: Final = 'sensor_msgs/msg/MagneticField'

@@ -26,8 +26,8 @@ from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.text import number
-from rt_robot_os.tools.bench.text import SYSTEMS
+from rt_robot_os.tools.bench.text_report import number
+from rt_robot_os.tools.bench.text_report import SYSTEMS
 
 INTRODUCTION = (
     'rt_robot_os runs the tasks of a robot in one Python process, the core: a more important task '

@@ -25,7 +25,7 @@ from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import INTERRUPTED
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
-from rt_robot_os.tools.bench import drawing
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.options import goes_on
 from rt_robot_os.tools.bench.options import parse
@@ -36,9 +36,9 @@ from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.runner import Measure
 from rt_robot_os.tools.bench.session import Session
-from rt_robot_os.tools.bench.text import case_lines
-from rt_robot_os.tools.bench.text import closing_lines
-from rt_robot_os.tools.bench.text import terminal_width
+from rt_robot_os.tools.bench.text_report import case_lines
+from rt_robot_os.tools.bench.text_report import closing_lines
+from rt_robot_os.tools.bench.text_report import terminal_width
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:
@@ -97,6 +97,6 @@ def _again(request: Request, cases: Mapping[str, Case]) -> int:
         print('\n' + '\n'.join(closing_lines(earlier.results, terminal_width())))
     earlier.write()
     print(f'written: {request.page / PAGE_FILE}')
-    if not drawing.available():
-        print(drawing.REMEDY)
+    if not plot_drawing.available():
+        print(plot_drawing.REMEDY)
     return OK

@@ -23,15 +23,15 @@ from pathlib import Path
 from typing import Any
 
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.tools.bench import drawing
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.blocks import Picture
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
-from rt_robot_os.tools.bench.document import read_samples
-from rt_robot_os.tools.bench.document import write_json
-from rt_robot_os.tools.bench.markdown import markdown
-from rt_robot_os.tools.bench.page import page
+from rt_robot_os.tools.bench.html_report import page
+from rt_robot_os.tools.bench.json_report import read_samples
+from rt_robot_os.tools.bench.json_report import write_json
+from rt_robot_os.tools.bench.markdown_report import markdown
 from rt_robot_os.tools.bench.report import report
 from rt_robot_os.tools.bench.result import CaseResult
 
@@ -55,7 +55,7 @@ def write_results(folder: Path, content: Mapping[str, Any], results: Sequence[Ca
     if pictures:
         (folder / IMAGES).mkdir(parents=True, exist_ok=True)
     for picture in pictures:
-        drawing.save(picture.plot, folder / IMAGES / f'{picture.unique}.svg')
+        plot_drawing.save(picture.plot, folder / IMAGES / f'{picture.unique}.svg')
 
 
 class EarlierRun:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a picture shows, in plain values; :mod:`rt_robot_os.tools.bench.drawing` draws it."""
+"""What a picture shows, in plain values; :mod:`rt_robot_os.tools.bench.plot_drawing` draws it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
 
-from rt_robot_os.tools.bench import drawing
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.advice import INTRODUCTION
 from rt_robot_os.tools.bench.advice import needs
 from rt_robot_os.tools.bench.advice import WORDS
@@ -42,8 +42,8 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.tools.bench.text import cell
-from rt_robot_os.tools.bench.text import spread
+from rt_robot_os.tools.bench.text_report import cell
+from rt_robot_os.tools.bench.text_report import spread
 from rt_robot_os.tools.bench.verdicts import verdicts
 
 OURS = 'rt_robot_os'
@@ -58,7 +58,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     """
     Put the report together.
 
-    :param content: from :func:`rt_robot_os.tools.bench.document.document`.
+    :param content: from :func:`rt_robot_os.tools.bench.json_report.document`.
     """
     yield Heading('Benchmarks of rt_robot_os', 1)
     yield Paragraph(INTRODUCTION)
@@ -73,8 +73,8 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield Heading('Words', 2)
     yield Bullets(WORDS)
     yield Heading('Cases', 2)
-    if not drawing.available():
-        yield Paragraph(drawing.REMEDY + '; then `bench --page FOLDER` draws them.')
+    if not plot_drawing.available():
+        yield Paragraph(plot_drawing.REMEDY + '; then `bench --page FOLDER` draws them.')
     for result in results:
         yield from _case(result)
     yield Heading('Method', 2)
@@ -97,7 +97,7 @@ def _case(result: CaseResult) -> Iterator[Block]:
     explained = result.tables[:1] if result.tables and not result.tables[0].title else ()
     for table in explained:
         yield from _notes(table)
-    if drawing.available():
+    if plot_drawing.available():
         for plot in result.plots:
             flat = plot.flat()
             if flat is not None:

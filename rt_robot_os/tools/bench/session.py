@@ -26,15 +26,15 @@ import sys
 import textwrap
 from typing import Any
 
-from rt_robot_os.tools.bench import drawing
 from rt_robot_os.tools.bench import machine
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
-from rt_robot_os.tools.bench.document import document
-from rt_robot_os.tools.bench.document import write_json
-from rt_robot_os.tools.bench.document import write_samples
+from rt_robot_os.tools.bench.json_report import document
+from rt_robot_os.tools.bench.json_report import write_json
+from rt_robot_os.tools.bench.json_report import write_samples
 from rt_robot_os.tools.bench.options import Request
 from rt_robot_os.tools.bench.output import DOCUMENT_FILE
 from rt_robot_os.tools.bench.output import PAGE_FILE
@@ -50,11 +50,11 @@ from rt_robot_os.tools.bench.runner import Measure
 from rt_robot_os.tools.bench.runner import run_case
 from rt_robot_os.tools.bench.stamps import cost_ns
 from rt_robot_os.tools.bench.surroundings import LOOP
-from rt_robot_os.tools.bench.text import case_lines
-from rt_robot_os.tools.bench.text import terminal_width
+from rt_robot_os.tools.bench.text_report import case_lines
+from rt_robot_os.tools.bench.text_report import terminal_width
 
 _PATHS = ('--json', '--out')
-_PROBE = Run('probe', 'privileges', 'rt_robot_os.tools.bench.workers.probe:prepare', {}, 1.0)
+_PROBE = Run('probe', 'privileges', 'rt_robot_os.tools.bench.harness:prepare', {}, 1.0)
 
 
 class Session:
@@ -160,8 +160,8 @@ class Session:
             return
         write_results(self._request.out, content, self.results)
         print(f'written: {self._request.out / PAGE_FILE}')
-        if not drawing.available():
-            print(drawing.REMEDY)
+        if not plot_drawing.available():
+            print(plot_drawing.REMEDY)
 
 
 def command(argv: Sequence[str]) -> str:

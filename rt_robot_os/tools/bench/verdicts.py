@@ -28,9 +28,9 @@ from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.surroundings import NOTHING
-from rt_robot_os.tools.bench.text import aim_cells
-from rt_robot_os.tools.bench.text import spread
-from rt_robot_os.tools.bench.text import verdict_line
+from rt_robot_os.tools.bench.text_report import aim_cells
+from rt_robot_os.tools.bench.text_report import spread
+from rt_robot_os.tools.bench.text_report import verdict_line
 
 _KINDS = {Verdict.REACHED: 'reached', Verdict.MISSED: 'missed', Verdict.UNKNOWN: 'absent'}
 

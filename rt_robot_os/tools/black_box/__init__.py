@@ -31,13 +31,13 @@ from rt_robot_os.dumps.parts import parts
 from rt_robot_os.tools.black_box.chart import Chart
 from rt_robot_os.tools.black_box.chart import chart_of
 from rt_robot_os.tools.black_box.chart import window
-from rt_robot_os.tools.black_box.drawing import save as save_chart
+from rt_robot_os.tools.black_box.chart_drawing import save as save_chart
 from rt_robot_os.tools.black_box.history import History
 from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
 from rt_robot_os.tools.black_box.history import understand
 from rt_robot_os.tools.black_box.perfetto import perfetto_document
-from rt_robot_os.tools.black_box.text import show
+from rt_robot_os.tools.black_box.text_report import show
 
 __all__ = [
     'Chart', 'chart_of', 'default_folder', 'DumpFile', 'dumps', 'file_name', 'History', 'Job',

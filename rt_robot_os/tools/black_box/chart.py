@@ -29,8 +29,8 @@ from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.tools.black_box.history import History
 from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
-from rt_robot_os.tools.black_box.text import duration
-from rt_robot_os.tools.black_box.text import fault_ns
+from rt_robot_os.tools.black_box.text_report import duration
+from rt_robot_os.tools.black_box.text_report import fault_ns
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 

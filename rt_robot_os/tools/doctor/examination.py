@@ -21,15 +21,13 @@ from collections.abc import Sequence
 import os
 import sys
 
-from rt_robot_os.tools.doctor import text
 from rt_robot_os.tools.doctor import wakeup
 from rt_robot_os.tools.doctor.facts import asked_cpu
 from rt_robot_os.tools.doctor.facts import key_values
 from rt_robot_os.tools.doctor.facts import online_cpus
 from rt_robot_os.tools.doctor.finding import Line
 from rt_robot_os.tools.doctor.finding import unknown
-from rt_robot_os.tools.doctor.histogram_text import histogram_lines
-from rt_robot_os.tools.doctor.json_text import as_json
+from rt_robot_os.tools.doctor.json_report import as_json
 from rt_robot_os.tools.doctor.options import Options
 from rt_robot_os.tools.doctor.registry import examine
 from rt_robot_os.tools.doctor.registry import GROUPS
@@ -38,6 +36,10 @@ from rt_robot_os.tools.doctor.style import Progress
 from rt_robot_os.tools.doctor.style import style_for
 from rt_robot_os.tools.doctor.system import ProbeError
 from rt_robot_os.tools.doctor.system import System
+from rt_robot_os.tools.doctor.text_report import head_lines
+from rt_robot_os.tools.doctor.text_report import histogram_lines
+from rt_robot_os.tools.doctor.text_report import summary_lines
+from rt_robot_os.tools.doctor.text_report import Writer
 
 MEASURED = 'measured now'
 
@@ -63,8 +65,7 @@ class Doctor:
         self._system = system
         self._options = options
         self._style = style_for(sys.stdout, os.environ)
-        self._writer = text.Writer(self._style, everything=options.everything,
-                                   quiet=options.quiet)
+        self._writer = Writer(self._style, everything=options.everything, quiet=options.quiet)
         self._lines: list[Line] = []
         self._result: wakeup.Wakeup | None = None
         self._watch = wakeup.StepWatch()
@@ -75,7 +76,7 @@ class Doctor:
 
     def run(self) -> Report:
         """Ask, measure, and write the report as it comes."""
-        self._say(text.head_lines(self.report(), self._style))
+        self._say(head_lines(self.report(), self._style))
         for group in GROUPS:
             self._add(group.title, examine(group, self._system))
         title, lines = self._measure() if self._options.seconds else (MEASURED, [])
@@ -83,7 +84,7 @@ class Doctor:
         if self._result and not self._options.quiet:
             self._say(histogram_lines(self._result, self._style))
         report = self.report()
-        self._say(text.summary_lines(report, self._style))
+        self._say(summary_lines(report, self._style))
         if self._options.json:
             print(as_json(report))
         return report

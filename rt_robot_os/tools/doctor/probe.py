@@ -56,7 +56,7 @@ def scheduler(priority: str, cpu: str) -> dict[str, Any]:
 
 def clock() -> dict[str, Any]:
     """Measure the clock, and ask Linux who disciplines it."""
-    from rt_robot_os.linux.clock import clock_state
+    from rt_robot_os.linux.clock_discipline import clock_state
     now_ns = time.monotonic_ns
     loops_ns, reads_ns = [], []
     # The best of several rounds: what disturbs one makes it longer, never shorter.

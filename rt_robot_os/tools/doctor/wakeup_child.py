@@ -30,9 +30,9 @@ from typing import Any
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime
-from rt_robot_os.linux.cpu_latency import HeldCpuLatency
-from rt_robot_os.linux.cpu_latency import hold_cpu_latency
 from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.realtime import HeldCpuLatency
+from rt_robot_os.linux.realtime import hold_cpu_latency
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.doctor.lateness import Lateness
 from rt_robot_os.units import NS_PER_MS

@@ -31,7 +31,7 @@ from rt_robot_os.programs import tell
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.arguments import load_from_arguments
-from rt_robot_os.tools.plan.document import document
+from rt_robot_os.tools.plan.json_report import document
 from rt_robot_os.tools.plan.measure import CoreRunner
 from rt_robot_os.tools.plan.measure import measure
 from rt_robot_os.tools.plan.measured import Measured
@@ -40,7 +40,7 @@ from rt_robot_os.tools.plan.options import given
 from rt_robot_os.tools.plan.options import parse
 from rt_robot_os.tools.plan.report import make_report
 from rt_robot_os.tools.plan.robot import robot_tasks
-from rt_robot_os.tools.plan.text import report_lines
+from rt_robot_os.tools.plan.text_report import report_lines
 
 # Makes what runs a core, from its settings as JSON and the path of its socket.
 MakeCore = Callable[[str, Path], CoreRunner]

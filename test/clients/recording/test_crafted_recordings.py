@@ -37,10 +37,10 @@ from mcap.records import Schema
 import pytest
 from rt_robot_os.clients.recording.bag_file import BagFile
 from rt_robot_os.clients.recording.bag_info import TopicFacts
+from rt_robot_os.clients.recording.mcap_records import CHUNK_BYTES_MAXIMUM
+from rt_robot_os.clients.recording.mcap_records import DamagedRecordError
+from rt_robot_os.clients.recording.mcap_records import unpacked
 from rt_robot_os.clients.recording.reading import Recorded
-from rt_robot_os.clients.recording.records import CHUNK_BYTES_MAXIMUM
-from rt_robot_os.clients.recording.records import DamagedRecordError
-from rt_robot_os.clients.recording.records import unpacked
 from rt_robot_os.clients.recording.repair import mend
 from rt_robot_os.clients.recording.replay_program import main
 from rt_robot_os.clients.recording.summary import MAGIC

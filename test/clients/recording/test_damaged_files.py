@@ -27,9 +27,9 @@ from mcap.stream_reader import StreamReader
 import pytest
 from rt_robot_os.clients.recording.bag_file import REPLAY
 from rt_robot_os.clients.recording.chunk import COMPRESSIONS
+from rt_robot_os.clients.recording.mcap_records import file_records
 from rt_robot_os.clients.recording.reading import Recording
 from rt_robot_os.clients.recording.record_program import main
-from rt_robot_os.clients.recording.records import file_records
 from rt_robot_os.clients.recording.repair import mend
 from rt_robot_os.clients.recording.repair import mend_all
 from rt_robot_os.clients.recording.summary import MAGIC

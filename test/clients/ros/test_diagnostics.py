@@ -24,12 +24,12 @@ import pytest
 pytest.importorskip('diagnostic_msgs', reason='ROS 2 messages are not installed')
 
 from rt_robot_os.clients.ros.diagnostics import Diagnostics  # noqa: E402
-from rt_robot_os.clients.ros.recent import Recent  # noqa: E402
+from rt_robot_os.clients.ros.diagnostics import Recent  # noqa: E402
 from rt_robot_os.kernel import Kernel  # noqa: E402, I100
 from rt_robot_os.kernel import TaskStatistics  # noqa: E402
 from rt_robot_os.kernel import VirtualClock  # noqa: E402
 from rt_robot_os.link.client import CoreStatistics  # noqa: E402
-from rt_robot_os.link.stamps import StampMapper  # noqa: E402
+from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 
 S = 1_000_000_000
 OK, WARN = b'\x00', b'\x01'

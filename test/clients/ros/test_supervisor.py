@@ -37,13 +37,13 @@ from rt_robot_os.clients.ros import supervisor as under_test
 from rt_robot_os.clients.ros.silence import Silence
 from rt_robot_os.clients.ros.silence import Starvation
 from rt_robot_os.clients.ros.supervisor import Supervisor
-from rt_robot_os.link.life import Life
-from rt_robot_os.link.life import LifePage
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.stamps import StampMapper
-from rt_robot_os.linux.schedule import computing
+from rt_robot_os.link.sign_of_life import Life
+from rt_robot_os.link.sign_of_life import LifePage
+from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.linux.process import computing
 
 TIMEOUT_S = 60.0
 

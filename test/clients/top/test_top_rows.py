@@ -30,8 +30,6 @@ import pytest
 from rt_robot_os.clients.top.columns import check_sort
 from rt_robot_os.clients.top.columns import microseconds
 from rt_robot_os.clients.top.columns import seconds
-from rt_robot_os.clients.top.compare import compare
-from rt_robot_os.clients.top.compare import Sample
 from rt_robot_os.clients.top.controls import Controls
 from rt_robot_os.clients.top.controls import INTERVALS_S
 from rt_robot_os.clients.top.controls import split_keys
@@ -42,13 +40,15 @@ from rt_robot_os.clients.top.layout import PARTS
 from rt_robot_os.clients.top.layout import plain
 from rt_robot_os.clients.top.layout import rows_of
 from rt_robot_os.clients.top.rows import Snapshot
+from rt_robot_os.clients.top.snapshot import compare
+from rt_robot_os.clients.top.snapshot import Sample
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import DeadlineMiss
 from rt_robot_os.kernel import Summary
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.link.facts import CoreStatistics
-from rt_robot_os.link.records import TaskCounts
+from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.task_records import TaskCounts
 
 S = 1_000_000_000
 AT = '2026-01-02T03:04:05.000+00:00'

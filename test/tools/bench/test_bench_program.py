@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 
 from rt_robot_os.programs import run_program
-from rt_robot_os.tools.bench import drawing
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
@@ -43,8 +43,8 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.runner import run_case
-from rt_robot_os.tools.bench.text import case_lines
-from rt_robot_os.tools.bench.text import WIDTH
+from rt_robot_os.tools.bench.text_report import case_lines
+from rt_robot_os.tools.bench.text_report import WIDTH
 
 PREEMPTION = {'preemption': CASES['preemption']}
 MISSING = Outcome(Status.MISSING, 'rclpy is not installed (No module named rclpy)')
@@ -144,7 +144,7 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
 def test_without_matplotlib_there_are_tables_and_the_remedy(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(drawing, 'available', lambda: False)
+    monkeypatch.setattr(plot_drawing, 'available', lambda: False)
     out = tmp_path / 'out'
     assert _run('--quick', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()

@@ -27,16 +27,16 @@ from rt_robot_os.tools.bench.advice import needs
 from rt_robot_os.tools.bench.blocks import Bullets
 from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Paragraph
-from rt_robot_os.tools.bench.drawing import styles
-from rt_robot_os.tools.bench.drawing import svg
+from rt_robot_os.tools.bench.html_report import page
 from rt_robot_os.tools.bench.machine import describe
 from rt_robot_os.tools.bench.machine import warnings
-from rt_robot_os.tools.bench.markdown import markdown
-from rt_robot_os.tools.bench.page import page
+from rt_robot_os.tools.bench.markdown_report import markdown
 from rt_robot_os.tools.bench.plot import histogram
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.plot import tail
+from rt_robot_os.tools.bench.plot_drawing import styles
+from rt_robot_os.tools.bench.plot_drawing import svg
 from rt_robot_os.tools.bench.progress import duration
 from rt_robot_os.tools.bench.progress import Progress
 from rt_robot_os.tools.bench.report import _case
@@ -46,7 +46,7 @@ from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.session import command
 from rt_robot_os.tools.bench.surroundings import NOTHING
-from rt_robot_os.tools.bench.text import need_lines
+from rt_robot_os.tools.bench.text_report import need_lines
 from rt_robot_os.tools.bench.verdicts import verdicts
 
 

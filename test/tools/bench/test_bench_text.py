@@ -26,11 +26,11 @@ from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.surroundings import NOTHING
-from rt_robot_os.tools.bench.text import aim_cells
-from rt_robot_os.tools.bench.text import case_lines
-from rt_robot_os.tools.bench.text import number
-from rt_robot_os.tools.bench.text import verdict_line
-from rt_robot_os.tools.bench.text import WIDTH
+from rt_robot_os.tools.bench.text_report import aim_cells
+from rt_robot_os.tools.bench.text_report import case_lines
+from rt_robot_os.tools.bench.text_report import number
+from rt_robot_os.tools.bench.text_report import verdict_line
+from rt_robot_os.tools.bench.text_report import WIDTH
 
 COLUMNS = (Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'latency'),
            Column('p99', 'range', 'us', 'latency', spread=True),

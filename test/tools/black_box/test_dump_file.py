@@ -34,7 +34,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.dumps.kinds import KINDS
+from rt_robot_os.dumps.parts import KINDS
 from rt_robot_os.dumps.parts import parts
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.kernel import black_box

@@ -23,7 +23,7 @@ from recorded import CHECKS
 from recorded import found
 from recorded import NAMES
 
-from rt_robot_os.tools.doctor import text
+from rt_robot_os.tools.doctor import text_report
 from rt_robot_os.tools.doctor.examination import describe
 from rt_robot_os.tools.doctor.finding import Finding
 from rt_robot_os.tools.doctor.finding import Line
@@ -203,12 +203,12 @@ def test_the_text_fits_a_terminal_and_can_be_pasted(name, everything, machine) -
     system = machine(name)
     style = Style()
     report = Report(describe(system), system.wanted, _lines(system))
-    writer = text.Writer(style, everything=everything)
-    written = [*text.head_lines(report, style),
+    writer = text_report.Writer(style, everything=everything)
+    written = [*text_report.head_lines(report, style),
                *(line for group in GROUPS for line in writer.group(
                    group.title, [one for one in report.lines if one.group == group.key])),
-               *text.summary_lines(report, style)]
-    assert [line for line in written if len(line) > text.WIDTH] == []
+               *text_report.summary_lines(report, style)]
+    assert [line for line in written if len(line) > text_report.WIDTH] == []
     # Remedies are what is indented furthest on the left edge: comments and commands alone.
     indent = ' ' * 13
     script = '\n'.join(line for line in written

@@ -26,7 +26,7 @@ import sys
 import pytest
 from recorded import CHECKS
 
-from rt_robot_os.linux.clock import clock_state
+from rt_robot_os.linux.clock_discipline import clock_state
 from rt_robot_os.tools.doctor import examination
 from rt_robot_os.tools.doctor.command import run
 from rt_robot_os.tools.doctor.finding import Check

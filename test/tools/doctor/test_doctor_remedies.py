@@ -22,7 +22,7 @@ import subprocess
 import pytest
 from recorded import found
 
-from rt_robot_os.tools.doctor import text
+from rt_robot_os.tools.doctor import text_report
 from rt_robot_os.tools.doctor.style import Style
 
 # sudo tee FILE writes to FILE below $OUT; everything else is noted and not done.
@@ -46,7 +46,7 @@ sudo() {
 def _paste(finding, folder: Path) -> Path:
     """Paste a remedy as it stands on the terminal, indented and with its comments."""
     folder.mkdir()
-    script = SUDO + '\n'.join(text.remedy_lines(finding.remedy, Style()))
+    script = SUDO + '\n'.join(text_report.remedy_lines(finding.remedy, Style()))
     done = subprocess.run(['bash', '-c', script], capture_output=True, text=True,
                           env={'PATH': '/usr/bin:/bin', 'OUT': str(folder), 'USER': 'ada'})
     assert (done.returncode, done.stderr) == (0, '')

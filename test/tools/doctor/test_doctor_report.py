@@ -24,11 +24,11 @@ import pytest
 from recorded import CHECKS
 
 from rt_robot_os.tools.doctor import finding as make
-from rt_robot_os.tools.doctor import text
+from rt_robot_os.tools.doctor import text_report
 from rt_robot_os.tools.doctor.finding import Check
 from rt_robot_os.tools.doctor.finding import Line
 from rt_robot_os.tools.doctor.finding import Remedy
-from rt_robot_os.tools.doctor.json_text import as_json
+from rt_robot_os.tools.doctor.json_report import as_json
 from rt_robot_os.tools.doctor.report import Report
 from rt_robot_os.tools.doctor.report import Verdict
 from rt_robot_os.tools.doctor.style import Progress
@@ -65,7 +65,7 @@ def test_the_worst_line_decides() -> None:
 def test_the_summary_begins_with_what_is_worth_most() -> None:
     report = _report(make.warn('w', MEND, weight=10), make.warn('w', MEND, weight=90),
                      make.bad('b', MEND, weight=5), make.unknown('dark'))
-    told = ' '.join(text.summary_lines(report, Style()))
+    told = ' '.join(text_report.summary_lines(report, Style()))
     assert 'not usable: 3 things to mend, the most worthwhile first: thing 2, thing 1, thing 0' \
         in told
     assert '1 could not be found out' in told
@@ -75,17 +75,17 @@ def test_late_wakeups_are_told_before_what_may_cause_them() -> None:
     late = make.warn('late', MEND, weight=1)
     report = Report(FACTS, Wanted(), [Line('measured', KERNEL, late)])
     assert 'usable: wake-ups are late; look at what else runs' in ' '.join(
-        text.summary_lines(report, Style()))
+        text_report.summary_lines(report, Style()))
 
 
 def test_a_long_list_is_cut() -> None:
     report = _report(*[make.warn('w', MEND, weight=1)] * 12)
-    assert 'thing 7 and 4 more' in ' '.join(text.summary_lines(report, Style()))
+    assert 'thing 7 and 4 more' in ' '.join(text_report.summary_lines(report, Style()))
 
 
 def _written(*findings, **options) -> list[str]:
     lines = [_line(one, f'a.{n}', f'thing {n}') for n, one in enumerate(findings)]
-    return list(text.Writer(Style(), **options).group('group', lines))
+    return list(text_report.Writer(Style(), **options).group('group', lines))
 
 
 def test_a_finding_is_followed_by_why_and_what_mends_it() -> None:
@@ -120,10 +120,10 @@ def test_names_that_others_chose_cannot_steer_the_terminal() -> None:
 
 def test_a_long_command_is_broken_where_the_shell_allows_it() -> None:
     command = "echo 'a && b | c' | sudo tee /x && sudo udevadm control --reload"
-    assert text.shell_lines(command, 40) == [
+    assert text_report.shell_lines(command, 40) == [
         "echo 'a && b | c' | sudo tee /x &&", '  sudo udevadm control --reload']
     unbreakable = 'x' * 60
-    assert text.shell_lines(unbreakable, 40) == [unbreakable]
+    assert text_report.shell_lines(unbreakable, 40) == [unbreakable]
 
 
 class _Terminal(io.StringIO):

@@ -22,14 +22,14 @@ import pytest
 
 from rt_robot_os.tools.doctor import wakeup
 from rt_robot_os.tools.doctor.finding import State
-from rt_robot_os.tools.doctor.histogram_text import histogram_lines
-from rt_robot_os.tools.doctor.histogram_text import octaves
 from rt_robot_os.tools.doctor.lateness import Lateness
 from rt_robot_os.tools.doctor.lateness import measured
 from rt_robot_os.tools.doctor.style import Style
 from rt_robot_os.tools.doctor.system import ProbeError
 from rt_robot_os.tools.doctor.system import System
 from rt_robot_os.tools.doctor.system import Wanted
+from rt_robot_os.tools.doctor.text_report import histogram_lines
+from rt_robot_os.tools.doctor.text_report import octaves
 
 PERIOD = 1_000_000
 US = 1_000

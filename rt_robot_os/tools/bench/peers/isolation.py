@@ -33,7 +33,7 @@ from rclpy.signals import SignalHandlerOptions
 from rt_robot_os.clients.ros.mirrors import OutwardMirror
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.workers.isolation import topic
 from rt_robot_os.tools.bench.workers.micro import IMU

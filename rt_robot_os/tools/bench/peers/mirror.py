@@ -33,7 +33,7 @@ from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import VERSION
-from rt_robot_os.link.stamps import StampMapper
+from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness

@@ -21,7 +21,7 @@ from html import escape
 from itertools import groupby
 import re
 
-from rt_robot_os.tools.bench import drawing
+from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
 from rt_robot_os.tools.bench.blocks import Code
@@ -104,7 +104,7 @@ def _html(block: Block) -> str:
         return f'<pre>{escape(block.text)}</pre>'
     if isinstance(block, Grid):
         return _table(block)
-    return (f'<figure>{drawing.svg(block.plot, block.unique)}'
+    return (f'<figure>{plot_drawing.svg(block.plot, block.unique)}'
             f'<figcaption>{_inline(block.plot.caption)}</figcaption></figure>')
 
 

@@ -28,10 +28,47 @@ from rt_robot_os.tools.plan.result import TaskResult
 from rt_robot_os.tools.plan.result import Verdict
 from rt_robot_os.tools.plan.sensitivity import FACTOR_MAXIMUM
 from rt_robot_os.tools.plan.sensitivity import Sensitivity
-from rt_robot_os.tools.plan.table import ms
-from rt_robot_os.tools.plan.table import percent
-from rt_robot_os.tools.plan.table import table
-from rt_robot_os.tools.plan.table import WIDTH
+
+WIDTH = 100
+
+
+def ms(time_ns: int) -> str:
+    """Write a time in milliseconds, with as many decimals as six digits allow."""
+    value = time_ns / 1e6
+    decimals = 3 if value < 100 else 2 if value < 1000 else 1 if value < 10_000 else 0
+    return f'{value:.{decimals}f}'
+
+
+def percent(part: float) -> str:
+    """Write a part as a percentage without its sign."""
+    value = part * 100
+    return f'{value:.1f}' if abs(value) < 999.95 else f'{value:.0f}'
+
+
+def _short(name: str, width: int) -> str:
+    return name if len(name) <= width else f'{name[:max(0, width - 2)]}..'
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
+          ) -> Iterator[str]:
+    """
+    Write a table; a heading may have a second line, its unit, after a line break.
+
+    :param left: columns that are aligned to the left; the others to the right.
+    """
+    heads = [list(line) for line in zip(*(f'{h}\n'.split('\n')[:2] for h in headings))]
+    heads = [line for line in heads if any(line)]
+    columns = range(len(headings))
+    widths = [max(len(row[i]) for row in [*heads, *rows]) for i in columns]
+    over = sum(widths) + len(widths) - 1 - WIDTH
+    if over > 0:
+        widths[0] = max(1, widths[0] - over)
+        rows = [(_short(row[0], widths[0]), *row[1:]) for row in rows]
+    gap = ' ' * (2 if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else 1)
+    for row in [*heads, *rows]:
+        yield gap.join(cell.ljust(width) if i in left else cell.rjust(width)
+                       for i, cell, width in zip(columns, row, widths)).rstrip()
+
 
 THROTTLED = 0.95
 _MARKS = {'declared': 'd', 'measured': 'm', 'budget': 'b', 'option': 'o',

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from rt_robot_os.tools.plan.report import Report
 from rt_robot_os.tools.plan.result import TaskResult
-from rt_robot_os.tools.plan.text import verdict_lines
+from rt_robot_os.tools.plan.text_report import verdict_lines
 
 FORMAT: Final = 1
 
