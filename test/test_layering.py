@@ -197,6 +197,19 @@ def test_every_program_is_the_thin_main_of_its_part() -> None:
         assert {one for one in early if one.startswith(PACKAGE)} == {f'{PACKAGE}.programs'}, target
 
 
+def test_an_import_is_of_one_name_and_of_a_module_by_its_package() -> None:
+    files = [path for folder in (PACKAGE, 'test', 'scripts') for path in
+             sorted((ROOT / folder).rglob('*.py'))]
+    odd = []
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and len(node.names) > 1 or isinstance(
+                    node, ast.Import) and any(name.name.startswith(f'{PACKAGE}.')
+                                              for name in node.names):
+                odd.append(f'{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}')
+    assert odd == []
+
+
 def test_imports_are_absolute() -> None:
     assert [str(one) for one in IMPORTS if one.imported.startswith('.')] == []
 

@@ -28,7 +28,8 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.tap_format import A_JOB

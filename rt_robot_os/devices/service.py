@@ -26,7 +26,8 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.devices.device import Device
 from rt_robot_os.plugins import PluginRegistry

@@ -29,7 +29,8 @@ from datetime import datetime
 import os
 from pathlib import Path
 import time
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.link.paths import node_of

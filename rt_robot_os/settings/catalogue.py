@@ -26,7 +26,8 @@ from collections.abc import Hashable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
+from typing import Protocol
 
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import PartTopics

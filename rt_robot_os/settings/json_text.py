@@ -26,7 +26,12 @@ from collections.abc import Mapping
 from dataclasses import fields
 from dataclasses import is_dataclass
 import json
-from typing import Any, Final, get_args, get_origin, get_type_hints, TypeVar
+from typing import Any
+from typing import Final
+from typing import get_args
+from typing import get_origin
+from typing import get_type_hints
+from typing import TypeVar
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings.model import frozen

@@ -27,7 +27,11 @@ from dataclasses import field
 from dataclasses import is_dataclass
 from enum import Enum
 from types import MappingProxyType
-from typing import Any, ClassVar, Final, get_args, get_type_hints
+from typing import Any
+from typing import ClassVar
+from typing import Final
+from typing import get_args
+from typing import get_type_hints
 
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.kernel import SPIN_MAXIMUM_NS

@@ -20,7 +20,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
+from typing import TypeVar
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError

@@ -22,7 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.names import is_token

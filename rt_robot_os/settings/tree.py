@@ -21,7 +21,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 import math
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 COMMAND_LINE: Final = 'command line'
 NO_VALUE: Final = 'has no value: write one or leave the key out'

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 import struct
 import sys
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import LayoutError
 

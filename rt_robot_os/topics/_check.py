@@ -19,7 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from rt_robot_os.topics._cdr import ENCAPSULATION, HEADER_BYTES, PRIMITIVES
+from rt_robot_os.topics._cdr import ENCAPSULATION
+from rt_robot_os.topics._cdr import HEADER_BYTES
+from rt_robot_os.topics._cdr import PRIMITIVES
 from rt_robot_os.topics._nodes import LayoutField
 from rt_robot_os.topics._shape import brief
 

@@ -16,17 +16,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NoReturn
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.topics import _nodes as nodes
-from rt_robot_os.topics._cdr import align, BYTES_MAXIMUM, COUNT, ELEMENTS_MAXIMUM
-from rt_robot_os.topics._cdr import encode_string, HEADER_BYTES, Primitive
-from rt_robot_os.topics._shape import brief, dotted, nest, suggest
-from rt_robot_os.topics.resolve import FieldSpec, MessageSpec
+from rt_robot_os.topics._cdr import align
+from rt_robot_os.topics._cdr import BYTES_MAXIMUM
+from rt_robot_os.topics._cdr import COUNT
+from rt_robot_os.topics._cdr import ELEMENTS_MAXIMUM
+from rt_robot_os.topics._cdr import encode_string
+from rt_robot_os.topics._cdr import HEADER_BYTES
+from rt_robot_os.topics._cdr import Primitive
+from rt_robot_os.topics._shape import brief
+from rt_robot_os.topics._shape import dotted
+from rt_robot_os.topics._shape import nest
+from rt_robot_os.topics._shape import suggest
+from rt_robot_os.topics.resolve import FieldSpec
+from rt_robot_os.topics.resolve import MessageSpec
 
 _TEXTS = (str, bytes, bytearray)
 

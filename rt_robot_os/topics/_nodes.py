@@ -24,7 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Union
 
-from rt_robot_os.topics._cdr import HEADER_BYTES, Primitive
+from rt_robot_os.topics._cdr import HEADER_BYTES
+from rt_robot_os.topics._cdr import Primitive
 from rt_robot_os.topics.resolve import MessageSpec
 
 

@@ -16,16 +16,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Sequence
 from itertools import chain
 import re
 import struct
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.topics._cdr import PRIMITIVES
 from rt_robot_os.topics._nodes import LayoutField
-from rt_robot_os.topics._shape import brief, suggest
+from rt_robot_os.topics._shape import brief
+from rt_robot_os.topics._shape import suggest
 
 # More parameters than this make a call slower than one tuple.
 _NAMED_MAXIMUM: Final = 64

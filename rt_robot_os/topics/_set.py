@@ -21,7 +21,9 @@ The fast paths are generated, field by field, in :mod:`rt_robot_os.topics._view_
 from __future__ import annotations
 
 from array import array
-from typing import Any, Final, NoReturn
+from typing import Any
+from typing import Final
+from typing import NoReturn
 
 import numpy as np
 

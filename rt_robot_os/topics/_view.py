@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from collections.abc import Mapping
 from itertools import chain
 from typing import Any
 
@@ -24,7 +25,8 @@ import numpy as np
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.topics._set import refuse_text
-from rt_robot_os.topics._shape import brief, suggest
+from rt_robot_os.topics._shape import brief
+from rt_robot_os.topics._shape import suggest
 
 
 class View:

@@ -23,7 +23,9 @@ message whose leaves are all numbers is assigned by one statement in its owner.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, cast, Final
+from typing import Any
+from typing import cast
+from typing import Final
 
 import numpy as np
 

@@ -23,19 +23,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import struct
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 import numpy as np
 
 from rt_robot_os.errors import LayoutError
-from rt_robot_os.topics._cdr import ENCAPSULATION, HEADER_BYTES, PRIMITIVES
+from rt_robot_os.topics._cdr import ENCAPSULATION
+from rt_robot_os.topics._cdr import HEADER_BYTES
+from rt_robot_os.topics._cdr import PRIMITIVES
 from rt_robot_os.topics._cdr import require_little_endian
 from rt_robot_os.topics._check import Checker
 from rt_robot_os.topics._compile import compile_message
-from rt_robot_os.topics._nodes import LayoutField, MessageNode, walk, write
+from rt_robot_os.topics._nodes import LayoutField
+from rt_robot_os.topics._nodes import MessageNode
+from rt_robot_os.topics._nodes import walk
+from rt_robot_os.topics._nodes import write
 from rt_robot_os.topics._packer import Packer
 from rt_robot_os.topics._shape import brief
-from rt_robot_os.topics._view import assign, to_plain, View
+from rt_robot_os.topics._view import assign
+from rt_robot_os.topics._view import to_plain
+from rt_robot_os.topics._view import View
 from rt_robot_os.topics._view_class import ViewFactory
 from rt_robot_os.topics.resolve import resolve
 

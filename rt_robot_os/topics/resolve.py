@@ -29,7 +29,8 @@ import re
 from typing import Any
 
 from rt_robot_os.errors import LayoutError
-from rt_robot_os.topics._cdr import Primitive, PRIMITIVES
+from rt_robot_os.topics._cdr import Primitive
+from rt_robot_os.topics._cdr import PRIMITIVES
 
 _TYPE_NAME = re.compile(r'([a-z][a-z0-9_]*)/(?:msg/)?([A-Za-z][A-Za-z0-9]*)')
 

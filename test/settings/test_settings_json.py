@@ -23,7 +23,10 @@ from dataclasses import fields
 from dataclasses import is_dataclass
 import json
 import pickle
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
+from typing import get_args
+from typing import get_origin
+from typing import get_type_hints
 
 from hypothesis import given
 from hypothesis import settings

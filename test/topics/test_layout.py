@@ -21,7 +21,9 @@ import sys
 from types import SimpleNamespace
 from typing import Any
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

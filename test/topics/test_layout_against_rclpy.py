@@ -28,7 +28,9 @@ import struct
 from typing import Any
 import warnings
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

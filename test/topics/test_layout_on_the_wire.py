@@ -33,7 +33,8 @@ with warnings.catch_warnings():
 
 
 def test_rclpy_publishes_our_bytes_and_both_kinds_of_subscription_receive_them() -> None:
-    from std_msgs.msg import Bool, String
+    from std_msgs.msg import Bool
+    from std_msgs.msg import String
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node('layout_test', context=context)

@@ -19,7 +19,9 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.errors import LayoutError

@@ -18,7 +18,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -90,7 +92,8 @@ def test_a_nested_message_is_assigned_by_leaves_or_by_fields() -> None:
 
 
 def test_a_ros_message_is_assigned_whole() -> None:
-    from geometry_msgs.msg import PoseStamped, PoseWithCovariance
+    from geometry_msgs.msg import PoseStamped
+    from geometry_msgs.msg import PoseWithCovariance
     message = PoseStamped()
     message.header.frame_id = 'map'
     message.header.stamp.sec = 4

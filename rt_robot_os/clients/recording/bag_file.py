@@ -27,7 +27,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 import os
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment

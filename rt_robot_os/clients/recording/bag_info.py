@@ -23,7 +23,8 @@ from dataclasses import field
 from dataclasses import replace
 import os
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 import yaml
 

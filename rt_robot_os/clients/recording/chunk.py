@@ -27,7 +27,8 @@ from collections.abc import Callable
 from collections.abc import Mapping
 import struct
 import sys
-from typing import Any, Final
+from typing import Any
+from typing import Final
 import zlib
 
 from mcap.data_stream import RecordBuilder

@@ -19,7 +19,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 import struct
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.clients.recording.reading import Recorded
 from rt_robot_os.topics import Layout

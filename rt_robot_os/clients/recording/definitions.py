@@ -27,7 +27,8 @@ import json
 import os
 from pathlib import Path
 import sys
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.topics.resolve import FieldSpec

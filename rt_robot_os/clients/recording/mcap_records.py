@@ -28,7 +28,9 @@ from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 import struct
-from typing import Final, NamedTuple, TypeVar
+from typing import Final
+from typing import NamedTuple
+from typing import TypeVar
 import zlib
 
 from mcap.data_stream import ReadDataStream

@@ -28,7 +28,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.clients.recording.compare import Comparison
 from rt_robot_os.clients.recording.compare import Produced

@@ -22,7 +22,8 @@ between interrupts it again. Numbers and moments come from the schedule that the
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task

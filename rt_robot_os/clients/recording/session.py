@@ -30,7 +30,8 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version
 import json
 import platform
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.clients.recording.bag_info import TopicFacts
 from rt_robot_os.clients.recording.definitions import type_hash

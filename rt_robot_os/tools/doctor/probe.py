@@ -126,7 +126,7 @@ def core() -> dict[str, Any]:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     try:
         import numpy
-        import rt_robot_os.core.app  # noqa: F401
+        from rt_robot_os.core import app  # noqa: F401
     except Exception as error:  # whatever is wrong with it is the answer
         return {'error': f'{type(error).__name__}: {error}'.splitlines()[0]}
     return {'numpy': numpy.__version__, 'threads': len(os.listdir('/proc/self/task'))}

@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.tools.plan.report import Report
 from rt_robot_os.tools.plan.result import TaskResult

@@ -23,7 +23,8 @@ from dataclasses import field
 from dataclasses import fields
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import ConfigError
 

@@ -27,7 +27,8 @@ from dataclasses import field
 import functools
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.wiring import Wiring
