@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # What users write code against: page -> title, modules.
 PAGES = {
-    'modules': ('Modules', ['rt_robot_os.modules', 'rt_robot_os.modules.ports',
+    'modules': ('Modules', ['rt_robot_os.modules', 'rt_robot_os.topics.ports',
                             'rt_robot_os.schema', 'rt_robot_os.logger']),
     'devices': ('Devices', [f'rt_robot_os.devices.{name}' for name in (
         'device', 'serial.device', 'framing', 'serial.handshake', 'imu', 'ranging', 'recognise',

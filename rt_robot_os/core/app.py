@@ -111,6 +111,7 @@ class Core:
         self._add_devices(ports)
         self._lifecycle = ModuleLifecycle(self.note)
         self._lifecycle.add(settings.modules, self.kernel, self.bus, self.logs.connect)
+        self.sensors.connect()
         owners: dict[str, LiveSettings] = {
             each.name: each for each in (*(m.device for m in self.sensors.devices), *self.modules)}
         self.parameters = LiveParameters(
@@ -265,6 +266,7 @@ class Core:
         if self.watchdog is not None:
             self.watchdog.leave()
         self.guard.leave()
+        self.sensors.rest(functools.partial(self._lifecycle.call, step='safe_state'))
         self._lifecycle.end()
         self.sensors.close(self._lifecycle.call)
         while self._parts:

@@ -107,11 +107,10 @@ class ModuleLifecycle:
         """
         while self._active:
             module = self._active.pop()
-            if not self.call(module.name, module.deactivate, 'deactivate'):
-                safe_state = getattr(module, 'safe_state', None)
-                if safe_state is not None:
-                    self.call(module.name, functools.partial(at_once, module.task, safe_state),
-                              'safe_state')
+            if not self.call(module.name, module.deactivate, 'deactivate') and (
+                    module.has_safe_state()):
+                self.call(module.name, functools.partial(at_once, module.task, module.safe_state),
+                          'safe_state')
 
     def call(self, name: str, function: Callable[[], object], step: str = 'close') -> bool:
         """

@@ -59,12 +59,11 @@ def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
     """
     declared = {**declaration(entry.task, kernel), 'on_restart': restart,
                 'on_safe_state': _safe_state_of(module), 'priority': entry.priority}
-    run = getattr(module, 'run', None)
-    if run is None:
+    if not module.is_coroutine():
         return kernel.add_task(entry.name, module.job, rate_hz=entry.rate_hz or None, **declared)
     if declared['failure'] is FailurePolicy.CONTINUE:
         declared['failure'] = FailurePolicy.RESTART
-    task = kernel.add_async_task(entry.name, run, **declared)
+    task = kernel.add_async_task(entry.name, module.run, **declared)
     segment = task.body
 
     def job() -> None:
@@ -76,8 +75,7 @@ def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
 
 
 def _safe_state_of(module: Module) -> Callable[[], object] | None:
-    method = getattr(module, 'safe_state', None)
-    return None if method is None else lambda: at_once(module.task, method)
+    return (lambda: at_once(module.task, module.safe_state)) if module.has_safe_state() else None
 
 
 def at_once(task: Task | None, function: Callable[[], object]) -> None:

@@ -17,7 +17,8 @@
 The device: ``open``, ``close``, ``read`` and ``write`` for whatever is connected to the robot.
 
 The SensorManager knows nothing else of a device. It asks for the publications, hands over one
-publisher for each, and then calls ``write`` and ``read`` when it sees fit.
+publisher for each, connects its inputs, and then calls ``receive``, ``write`` and ``read`` when it
+sees fit.
 """
 
 from __future__ import annotations
@@ -38,10 +39,9 @@ from typing import Protocol
 from typing import Union
 
 from rt_robot_os.errors import TopicError
-from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
-from rt_robot_os.schema import TopicSpec
-
+from rt_robot_os.topics.ports import Output
+from rt_robot_os.topics.ports import PortOwner
 
 Value = Union[str, int, float]
 
@@ -124,7 +124,7 @@ class Tap(Protocol):
         """Note that the port failed in this round."""
 
 
-class Device(LiveSettings, ABC):
+class Device(PortOwner, ABC):
     """
     One device.
 
@@ -148,9 +148,13 @@ class Device(LiveSettings, ABC):
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
     :ivar services: what there is of the services that it asks for, by name.
 
-    A driver with outputs may have a method ``safe_state()``: it brings them to rest, without
-    blocking, when the task's failure policy or the watchdog says so. The port is open then.
+    It may declare :class:`Input` and :class:`Output` at class level, as modules do; they can be
+    used from :meth:`open` on. One that moves something is an
+    :class:`rt_robot_os.devices.actuator.Actuator`.
     """
+
+    NOUN = 'device'
+    CONNECTED_FROM = 'open()'
 
     description: ClassVar[str] = ''
     TAPPED: ClassVar[bool] = False
@@ -201,6 +205,42 @@ class Device(LiveSettings, ABC):
         :raises DeviceError: the device is gone. No bytes whatever raise anything else.
         """
 
+    def receive(self, now_ns: int, polled: bool) -> int:
+        """
+        Take what its inputs have, without blocking: at the beginning of each round.
+
+        Only a device that overrides it is called; then publications on its inputs with ``wake``,
+        and the moment that it returns, make a round of their own, without :meth:`write`.
+
+        :param polled: the round is one at the rate of the device.
+        :return: the time at which it wants to be called at the latest; 0 when it need not be.
+        :raises DeviceError: the device is gone.
+        """
+        return 0
+
+    def safe_state(self) -> None:
+        """
+        Bring what the device moves to rest, without blocking; the port is open.
+
+        Called when the failure policy of its task or the watchdog says so, in any state of the
+        dialogue with the device. Only a driver that overrides it has a safe state.
+
+        :raises DeviceError: the device is gone.
+        """
+        raise NotImplementedError(f'{type(self).__name__} has no safe_state()')
+
+    def rest(self) -> None:
+        """
+        Go to the safe state, and stay there whatever had been commanded before.
+
+        :raises DeviceError: the device is gone.
+        """
+        self.safe_state()
+
+    def input_counters(self) -> Mapping[str, Value]:
+        """Return counters of what :meth:`receive` took, besides those of :meth:`statistics`."""
+        return {}
+
     def write(self, now_ns: int) -> None:
         """
         Send the periodic command of the device, if it has one, without blocking.
@@ -240,22 +280,44 @@ class Device(LiveSettings, ABC):
         """Say what to check when nothing comes; asked once each time the device is given up."""
         return self.IF_SILENT
 
-    @abstractmethod
-    def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what the device publishes; does not change while the device lives."""
+    @classmethod
+    def has_safe_state(cls) -> bool:
+        """Return whether it has a ``safe_state()`` of its own."""
+        return cls.safe_state is not Device.safe_state
+
+    @classmethod
+    def receives(cls) -> bool:
+        """Return whether it has a ``receive()`` of its own."""
+        return cls.receive is not Device.receive
+
+    @property
+    def is_released(self) -> bool:
+        """Return whether anything but its rate and its bytes releases it."""
+        return self.receives() or any(each.wake for each in self.reads())
+
+    def output_rate_hz(self) -> float:
+        """Return the setting ``output_rate_hz``, if it has that."""
+        return float(self.settings.get('output_rate_hz', 0.0))
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, in the order of :meth:`publications`.
+        Take the publishers, in the order of :meth:`publications`; outputs become theirs.
 
-        :raises TopicError: there are more or fewer of them than publications.
+        :raises TopicError: there are more or fewer of them than publications, or those leave out
+            one of the outputs.
         """
-        wanted = len(self.publications())
-        if len(publishers) != wanted:
+        topics = [spec.topic for spec in self.publications()]
+        if len(publishers) != len(topics):
             raise TopicError(
-                f'{self.name}: {len(publishers)} publishers for {wanted} publications: '
+                f'{self.name}: {len(publishers)} publishers for {len(topics)} publications: '
                 'bind one for each, in order')
         self._publishers = tuple(publishers)
+        for attribute in self.used(Output):
+            topic = self.topic_of(attribute)
+            if topic not in topics:
+                raise TopicError(f'{self.name}: its publications() leave out {topic!r}, its output'
+                                 f' {attribute}: add those of super().publications()')
+            self.__dict__[attribute] = publishers[topics.index(topic)]
 
     @abstractmethod
     def statistics(self) -> DeviceStatistics:

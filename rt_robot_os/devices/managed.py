@@ -22,16 +22,21 @@ the device is alive, but a warning that says what to do.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import reason_of
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.devices.state import SensorStatistics
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import OneShot
 from rt_robot_os.kernel import Task
+from rt_robot_os.kernel import TaskState
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
 _CHECKS_PER_TIMEOUT = 8
@@ -43,13 +48,23 @@ class ManagedDevice:
     """
     One device under the manager; its ``poll`` is the task that reads it.
 
-    :ivar arrival: the task that bytes release, None when the device is only polled.
+    :ivar arrival: the task that bytes and inputs release, None when the device is only polled.
+    :ivar guards: the device moves something as its inputs say, so it is brought to rest whenever
+        it is opened, given up or closed, and while one of its tasks is held.
+    :ivar by_schedule: each of its rounds is released from outside, by a replay; nothing else may.
     """
 
     def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
                  reports: Reports) -> None:
         self.device = device
         self.arrival: Task | None = None
+        self.by_schedule = False
+        self._receives = device.receives()
+        self.guards = self._receives and device.has_safe_state()
+        self._at_rest = False
+        self._interrupt = False
+        self._due: OneShot | None = None
+        self._due_ns = 0
         self.state = DeviceState.CLOSED
         self.reason = ''
         self.faults = self.opened = 0
@@ -76,9 +91,31 @@ class ManagedDevice:
         """Write the command, read and publish; safe in the real-time loop."""
         self._exchange(command=True)
 
+    def add_arrival(self, task: Task, interrupt: bool) -> None:
+        """
+        Take the task that runs :meth:`take`.
+
+        :param interrupt: bytes release it.
+        """
+        self.arrival = task
+        self._interrupt = interrupt
+        self._due = self._kernel.timer(task)
+
+    def connect(self, bus: Bus) -> None:
+        """
+        Connect the inputs of the device; outputs have been bound.
+
+        :raises TopicError: an input's topic is declared by nobody, or of another type.
+        """
+        if self.task is not None:
+            self.device.connect(bus, self.task, self.arrival)
+
     def take(self) -> None:
-        """Read and publish what has just arrived; safe in the real-time loop."""
-        self._exchange(command=False)
+        """Receive, read and publish what has just arrived; safe in the real-time loop."""
+        if self._receives and _is_held(self.task):
+            self._stay_at_rest()
+        else:
+            self._exchange(command=False)
 
     def _exchange(self, command: bool) -> None:
         if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
@@ -88,6 +125,8 @@ class ManagedDevice:
             tap.command = command
         try:
             self.device.take_changes()
+            if self._receives:
+                self._receive(now_ns, command)
             if command:
                 self.device.write(now_ns)
             samples = self.device.read(now_ns)
@@ -102,6 +141,32 @@ class ManagedDevice:
                 self._recovered()
         elif now_ns - self._checked_ns > self._recovery.timeout_ns // _CHECKS_PER_TIMEOUT:
             self._check(now_ns)
+
+    def _receive(self, now_ns: int, polled: bool) -> None:
+        """Let the device take its inputs; if it moves, not while its other task is held."""
+        if self.guards and _is_held(self.arrival):
+            self._stay_at_rest()
+            return
+        self._at_rest = False
+        due_ns = self.device.receive(now_ns, polled)
+        if due_ns and self._due is not None and not self.by_schedule and (
+                not self._due.started or due_ns < self._due_ns):
+            self._due_ns = due_ns
+            self._due.start_at(due_ns)
+
+    def _stay_at_rest(self) -> None:
+        if not self._at_rest and self._port_open:
+            self.rest()
+
+    def rest(self) -> None:
+        """Bring what moves to rest if its port is open; what is wrong with that is told."""
+        if not self.guards or not self._port_open or self._at_rest:
+            return
+        self._at_rest = True
+        try:
+            self.device.rest()
+        except Exception as error:
+            self._note(Severity.ERROR, f'could not be brought to rest: {reason_of(error)}')
 
     def _check(self, now_ns: int) -> None:
         """Look, now and then, whether valid frames come although nothing is published."""
@@ -168,10 +233,13 @@ class ManagedDevice:
             return
         try:
             self.device.open()
+            self._at_rest = True
+            self._port_open = True
+            if self.guards:
+                self.device.rest()
         except Exception as error:
             self._fault(reason_of(error))
             return
-        self._port_open = True
         self.opened += 1
         self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
         self._sample_ns = self._alive_ns
@@ -179,7 +247,7 @@ class ManagedDevice:
         self.state = DeviceState.OPENING
         if self.device.tap is not None:
             self.device.tap.opened(self._alive_ns)
-        if self.arrival is not None:
+        if self.arrival is not None and self._interrupt:
             self._watch(self.arrival)
 
     def _maintain(self) -> None:
@@ -214,16 +282,18 @@ class ManagedDevice:
     def safe_state(self) -> None:
         """Bring the device to its safe state, if its port is open; for the kernel."""
         if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
-            self.device.safe_state()  # type: ignore[attr-defined]
+            self._at_rest = True
+            self.device.rest()
 
     def close(self) -> None:
-        """Close the port for good; may be called twice."""
+        """Close the port for good, at rest; may be called twice."""
         if self._undiagnosed:
             self._diagnose()
         self.state = DeviceState.CLOSED
         self._close_port()
 
     def _close_port(self) -> None:
+        self.rest()
         self._port_open = False
         fd, self._interrupt_fd = self._interrupt_fd, None
         if fd is not None:
@@ -236,6 +306,8 @@ class ManagedDevice:
     def statistics(self) -> SensorStatistics:
         """Take the statistics."""
         counters = self.device.statistics()
+        if self._receives:
+            counters = replace(counters, more={**counters.more, **self.device.input_counters()})
         last_ns = counters.last_frame_ns
         return SensorStatistics(
             self.device.name, self.state, self.reason, self.faults, self.opened,
@@ -249,8 +321,10 @@ class ManagedDevice:
         self._retry_at_ns = self._kernel.now_ns() + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
         tells_now = not self._undiagnosed
-        # Last: a recovery task above this one acts upon it at once.
+        self.rest()
+        # After that: a recovery task above this one acts upon it at once.
         self.state = DeviceState.FAULT
+        self.rest()  # should a round have moved it in between
         if tells_now:
             self._tell(reason)
 
@@ -273,3 +347,7 @@ class ManagedDevice:
         text = f'active again after {self.reason!r}' if self.reason else 'active'
         self.reason = self._told = ''
         self._note(Severity.INFO, text)
+
+
+def _is_held(task: Task | None) -> bool:
+    return task is not None and task.state is not TaskState.ACTIVE

@@ -18,7 +18,9 @@ The SensorManager: opens every device in its list, polls each by its own priorit
 A device is polled by a task of its own: first its ``write``, then its ``read``, which publishes.
 It may also be read on interrupt: a second task of the same priority (so the two never preempt each
 other) reads as soon as bytes arrive. ``write`` stays on the grid of the first, which reads too, so
-that a device without interrupts, or an interrupt that was lost, costs time and nothing else.
+that a device without interrupts, or an interrupt that was lost, costs time and nothing else. The
+second task also serves publications on inputs that wake the device, and its deadlines: a device
+that moves something is brought to rest by it even when the first one is held.
 Whatever may take long (opening a port, closing one) happens in one task of low priority that all
 others preempt, so a dead device never delays another.
 """
@@ -86,19 +88,29 @@ class SensorManager:
         device.services = {name: self._services[name] for name in device.SERVICES
                            if name in self._services}
         device.resources = {each.name: each for each in declared.get('resources', ())}
+        on_safe_state = managed.safe_state if device.has_safe_state() else None
         managed.task = self._kernel.add_task(
             device.name, managed.poll, priority=priority, rate_hz=rate_hz,
-            on_restart=managed.restart,
-            on_safe_state=managed.safe_state if hasattr(device, 'safe_state') else None,
-            **declared)
+            on_restart=managed.restart, on_safe_state=on_safe_state, **declared)
         device.clock_ns = self._kernel.now_ns
         device.bind([self._bus.publisher(p.topic, managed.task) for p in publications])
-        if interrupt:
-            managed.arrival = self._kernel.add_task(
+        if interrupt or device.is_released:
+            managed.add_arrival(self._kernel.add_task(
                 f'{device.name}/arrival', managed.take, priority=priority,
-                on_restart=managed.restart, **of_arrival(declared))
+                on_restart=managed.restart,
+                on_safe_state=on_safe_state if managed.guards else None,
+                **of_arrival(declared, managed.guards)), interrupt)
         self._devices[device.name] = managed
         return managed
+
+    def connect(self) -> None:
+        """
+        Connect the inputs of all devices, once every topic of the robot is declared.
+
+        :raises TopicError: an input's topic is declared by nobody, or of another type.
+        """
+        for managed in self._devices.values():
+            managed.connect(self._bus)
 
     @property
     def devices(self) -> Sequence[ManagedDevice]:
@@ -116,6 +128,16 @@ class SensorManager:
                 managed.close()
             else:
                 call(name, managed.close)
+
+    def rest(self, call: Callable[[str, Callable[[], None]], object]) -> None:
+        """
+        Bring all that moves to rest, while the ports stay open; no task may run any more.
+
+        :param call: as for :meth:`close`.
+        """
+        for name, managed in self._devices.items():
+            if managed.guards:
+                call(name, managed.rest)
 
     def statistics(self) -> tuple[SensorStatistics, ...]:
         """Take the statistics of all devices."""

@@ -79,10 +79,16 @@ class RecoverySettings:
     retry_maximum_ns: int = 10 * NS_PER_S
 
 
-def of_arrival(declared: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what holds for the task that reads on interrupt as well; the grid is the other's."""
+def of_arrival(declared: Mapping[str, Any], guards: bool) -> dict[str, Any]:
+    """
+    Give what holds for the task that reads on arrival as well; the grid is the other's.
+
+    :param guards: it brings the device to rest when the other task does not: it must go on.
+    """
     found = {key: declared[key] for key in _SHARED if key in declared}
-    if found.get('failure') is FailurePolicy.SAFE_STATE:
+    if guards and found.get('failure') is not FailurePolicy.SAFE_STATE:
+        found['failure'] = FailurePolicy.CONTINUE
+    elif found.get('failure') is FailurePolicy.SAFE_STATE and not guards:
         # Bytes are read by the polling task too, which decides for the device.
         found['failure'] = FailurePolicy.STOP
     return found

@@ -15,8 +15,8 @@
 """Function modules: what a robot's author writes, and a few that come with the package."""
 
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.ports import Input
-from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
 
 __all__ = ['Field', 'Input', 'Module', 'Output']

@@ -32,7 +32,6 @@ in :meth:`Module.step`::
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
@@ -41,19 +40,13 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
-from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logger
-from rt_robot_os.modules.ports import connect
-from rt_robot_os.modules.ports import Input
-from rt_robot_os.modules.ports import Output
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicRead
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
+from rt_robot_os.topics.ports import PortOwner
 
 
-class Module(LiveSettings):
+class Module(PortOwner):
     """
     A function module.
 
@@ -62,6 +55,9 @@ class Module(LiveSettings):
     :cvar SETTINGS: what can be set, besides rate, priority and topics.
     :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
+
+    NOUN = 'module'
+    CONNECTED_FROM = 'configure()'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings)
@@ -82,9 +78,14 @@ class Module(LiveSettings):
         """Do one job, in the real-time loop."""
         raise NotImplementedError(f'{type(self).__name__} has no step()')
 
-    # Instead of step() a module may have ``async def run(self)``: each segment between two awaits
-    # is a job then. It can await ``self.<input>.next()``, ``self.kernel.sleep(ns)``, events, and
-    # ``self.ticks().next()`` for its rate.
+    async def run(self) -> None:
+        """
+        Do the work instead of :meth:`step`; each segment between two awaits is a job then.
+
+        It can await ``self.<input>.next()``, ``self.kernel.sleep(ns)``, events, and
+        ``self.ticks().next()`` for its rate. Only a module that overrides it is a coroutine.
+        """
+        raise NotImplementedError(f'{type(self).__name__} has no run()')
 
     def ticks(self) -> Ticks:
         """
@@ -104,8 +105,14 @@ class Module(LiveSettings):
         configure() does not.
         """
 
-    # A module may have a method safe_state(): it brings its outputs to rest, once, when the
-    # failure policy or the watchdog says so; no step follows until somebody re-arms the task.
+    def safe_state(self) -> None:
+        """
+        Bring the outputs to rest, once, when the failure policy or the watchdog says so.
+
+        No step follows until somebody re-arms the task. Only a module that overrides it has a
+        safe state; the others are left as they are.
+        """
+        raise NotImplementedError(f'{type(self).__name__} has no safe_state()')
 
     def resource(self, name: str) -> Resource:
         """
@@ -122,10 +129,6 @@ class Module(LiveSettings):
                                f'asks for: add it'])
         return found
 
-    def connected(self, attribute: str) -> bool:
-        """Return whether a port is used; one that the settings make needless is left alone."""
-        return True
-
     def statistics(self) -> Mapping[str, Any]:
         """
         Return counters and state for ``/diagnostics``; called by the lowest-priority task.
@@ -137,49 +140,18 @@ class Module(LiveSettings):
     # ---- declarations ------------------------------------------------------------------------
 
     @classmethod
-    def ports(cls) -> dict[str, Input | Output]:
-        """Return the inputs and outputs by attribute, those of base classes first."""
-        found: dict[str, Input | Output] = {}
-        for owner in reversed(cls.__mro__):
-            for attribute, value in vars(owner).items():
-                if isinstance(value, Input | Output):
-                    found[attribute] = value
-        return found
+    def is_coroutine(cls) -> bool:
+        """Return whether it has a ``run()`` of its own, which takes the place of ``step()``."""
+        return cls.run is not Module.run
 
     @classmethod
-    def fields(cls) -> tuple[Field, ...]:
-        """Return everything that can be set: SETTINGS and a topic name for each port."""
-        names = tuple(
-            Field(f'{attribute}_topic', str, port.topic,
-                  f'topic that {"is read" if isinstance(port, Input) else "is written"} '
-                  f'as {attribute}')
-            for attribute, port in cls.ports().items())
-        return cls.SETTINGS + names
+    def has_safe_state(cls) -> bool:
+        """Return whether it has a ``safe_state()`` of its own."""
+        return cls.safe_state is not Module.safe_state
 
-    def topic_of(self, attribute: str) -> str:
-        """Name the topic of a port as it is set."""
-        default = self.ports()[attribute].topic
-        return str(self.settings.get(f'{attribute}_topic', default))
-
-    def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the topics that the module writes."""
-        return tuple(
-            TopicSpec(self.topic_of(attribute), port.message, port.fixed, port.depth,
-                      port.rate_hz or self._rate_hz, port.tail)
-            for attribute, port in self._connected().items() if isinstance(port, Output))
-
-    def reads(self) -> tuple[TopicRead, ...]:
-        """Return what the module reads: each of its inputs, with its topic as it is set."""
-        return tuple(replace(port, topic=self.topic_of(attribute))
-                     for attribute, port in self._connected().items() if isinstance(port, Input))
-
-    def subscriptions(self) -> tuple[str, ...]:
-        """Return the names of the topics that the module reads."""
-        return tuple(each.topic for each in self.reads())
-
-    def _connected(self) -> dict[str, Input | Output]:
-        return {attribute: port for attribute, port in self.ports().items()
-                if self.connected(attribute)}
+    def output_rate_hz(self) -> float:
+        """Return the module's rate."""
+        return self._rate_hz
 
     # ---- used by the core --------------------------------------------------------------------
 
@@ -219,6 +191,4 @@ class Module(LiveSettings):
         """
         self.task = task
         self.kernel = bus.kernel
-        self.__dict__.update(connect(bus, task, {
-            attribute: (port, self.topic_of(attribute))
-            for attribute, port in self._connected().items()}))
+        self.connect(bus, task)

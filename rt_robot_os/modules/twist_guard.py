@@ -21,9 +21,9 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.ports import Input
-from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_S
 
 _TWIST: Final = 'geometry_msgs/msg/Twist'

@@ -79,10 +79,11 @@ def _driver(name: str) -> Kind:
     cls = DRIVERS.load(name)
 
     def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
-        return PartTopics(cls(section, values).publications())
+        device = cls(section, values)
+        return PartTopics(device.publications(), device.reads())
 
-    return Kind(tuple(cls.SETTINGS), topics, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
-                has_safe_state=hasattr(cls, 'safe_state'))
+    return Kind(cls.fields(), topics, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
+                has_safe_state=cls.has_safe_state())
 
 
 def _module_names() -> Sequence[str]:
@@ -98,8 +99,8 @@ def _module(name: str) -> Kind:
         module = cls(section, values)
         return PartTopics(module.publications(), module.reads())
 
-    return Kind(tuple(cls.fields()), topics, has_safe_state=hasattr(cls, 'safe_state'),
-                is_coroutine=hasattr(cls, 'run'))
+    return Kind(cls.fields(), topics, has_safe_state=cls.has_safe_state(),
+                is_coroutine=cls.is_coroutine())
 
 
 def _simulator_names() -> Sequence[str]:

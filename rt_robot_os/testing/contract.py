@@ -205,9 +205,9 @@ class DriverContract(SampleContract):
             device.bind(publishers[1:])
 
     def test_settings_have_names_descriptions_and_valid_defaults(self) -> None:
-        names = [f.name for f in self.driver.SETTINGS]
+        names = [f.name for f in self.driver.fields()]
         assert len(names) == len(set(names))
-        assert all(f.description for f in self.driver.SETTINGS)
+        assert all(f.description for f in self.driver.fields())
         settings_of(self.driver, port='x')
 
     # --- real ptys -----------------------------------------------------------------------------

@@ -27,7 +27,6 @@ import pytest
 from rt_robot_os.devices.device import Device
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.modules import Module
-from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Layout
@@ -117,7 +116,7 @@ def settings_of(kind: type[Device] | type[Module], **changes: Any) -> dict[str, 
 
     :raises AssertionError: there is no such setting, or a value may not be used.
     """
-    fields: Sequence[Field] = kind.fields() if issubclass(kind, Module) else kind.SETTINGS
+    fields = kind.fields()
     values: dict[str, Any] = {f.name: f.default for f in fields}
     unknown = set(changes) - set(values)
     assert not unknown, (f'{kind.__name__} has no setting {", ".join(sorted(unknown))}: it has '

@@ -242,6 +242,13 @@ class Bus:
         for topic in topics:
             topic.triggers.append(trigger)
 
+    def release_no_more(self, task: Task) -> None:
+        """Take a task from all topics that release it; what it reads is left as it is."""
+        for topic in self._topics.values():
+            while task in topic.wakes:
+                topic.wake_no_more(task)
+            topic.triggers[:] = [each for each in topic.triggers if each.task is not task]
+
     def statistics(self) -> tuple[TopicStatistics, ...]:
         """Take the statistics of all topics; not for the real-time loop."""
         return tuple(topic.statistics() for topic in self._topics.values())

@@ -35,6 +35,7 @@ from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.modules import Module
+from rt_robot_os.modules.twist_guard import TwistGuard
 
 MakeCore = Callable[[str], Core]
 MS = 1_000_000
@@ -285,7 +286,7 @@ def test_a_device_with_outputs_has_a_safe_state(make_core: MakeCore) -> None:
     core = make_core(IMU)
     device = core.sensors.devices[0].device
     calls: list[str] = []
-    device.safe_state = lambda: calls.append('safe')  # type: ignore[attr-defined]
+    device.safe_state = lambda: calls.append('safe')  # type: ignore[method-assign]
     device.open = lambda: None  # type: ignore[method-assign]
     managed = core.sensors.devices[0]
     managed.safe_state()
@@ -303,7 +304,8 @@ def test_the_dispatcher_is_chosen(make_core: MakeCore, tmp_path: Any) -> None:
 
 
 def test_modules_need_no_safe_state() -> None:
-    assert not hasattr(Module, 'safe_state')
+    assert not Module.has_safe_state()
+    assert TwistGuard.has_safe_state()
 
 
 @pytest.mark.filterwarnings('ignore:type old_imu')

@@ -165,6 +165,10 @@ class Replay:
             if isinstance(device, SerialDevice):
                 found[device.name] = managed
                 device.make_port = self._port_of(device.name)
+                # Each of its rounds was recorded, also those that its inputs made.
+                managed.by_schedule = True
+                if managed.arrival is not None:
+                    self.core.bus.release_no_more(managed.arrival)
         if from_bytes:
             left = [m.device.name for m in self.core.sensors.devices
                     if m.device.name not in found]

@@ -42,10 +42,10 @@ from rt_robot_os.modules.attitude.uncertainty import Uncertainty
 from rt_robot_os.modules.attitude.vqf_filter import INSTALL
 from rt_robot_os.modules.attitude.vqf_filter import VqfFilter
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.ports import Input
-from rt_robot_os.modules.ports import Output
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
 
 NAMES: Final = ('auto', 'vqf', 'mahony')
 

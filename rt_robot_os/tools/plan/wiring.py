@@ -23,12 +23,12 @@ from dataclasses import replace
 import math
 
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.modules.ports import WAKE_ON_ALL
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.settings import DeviceSettings
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.task import Event
+from rt_robot_os.topics.ports import WAKE_ON_ALL
 from rt_robot_os.units import period_from_rate
 
 COMMANDS = 'link/commands'
@@ -90,7 +90,7 @@ class Wiring:
         for each in module.publications():
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
         self._wakes[entry.name] = {each.topic: each.wake for each in module.reads() if each.wake}
-        if getattr(module, 'run', None) is not None:
+        if module.is_coroutine():
             self._coroutines.add(entry.name)
 
     def outputs(self) -> tuple[str, ...]:

@@ -1,0 +1,163 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The actuator: a device that moves something, as long as somebody commands it and no longer.
+
+A command is in force from when it is taken until it is ``command_timeout_s`` old. Then, and
+whenever the device is opened, given up, held or closed, it is brought to its safe state, and only
+a command that is published afterwards moves it again.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any
+from typing import ClassVar
+from typing import Final
+
+from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.device import Value
+from rt_robot_os.errors import TopicError
+from rt_robot_os.schema import Field
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.units import NS_PER_S
+
+TIMEOUT: Final = 'command_timeout_s'
+
+
+class Actuator(Device):
+    """
+    A device that moves something.
+
+    A driver names it before the base class of its port, declares the command and says how it is
+    carried out::
+
+        class Wheels(Actuator, SerialDevice[Reply]):
+            command = Input('cmd_vel_safe', wake=True, message='geometry_msgs/msg/Twist')
+
+            def actuate(self, now_ns):
+                self.send(speed_order(self.command.msg))
+
+            def safe_state(self):
+                self.send(STOP)
+
+    :cvar command: the input. The newest command counts; with ``wake`` it is carried out at once,
+        otherwise with the next poll.
+    :cvar COMMAND_TIMEOUT_S: default of the setting ``command_timeout_s``.
+    """
+
+    command: ClassVar[Input]
+    COMMAND_TIMEOUT_S: ClassVar[float] = 0.3
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Keep the settings; nothing is opened.
+
+        :raises TopicError: the class declares no input ``command``.
+        """
+        super().__init__(name, settings)
+        if not isinstance(self.ports().get('command'), Input):
+            raise TopicError(f'{name}: {type(self).__name__} has no command: an actuator declares '
+                             "command = Input('cmd_vel', ...)")
+        self._deadline_ns = 0
+        self._commands = self._late = self._timeouts = self._rests = 0
+
+    @abstractmethod
+    def actuate(self, now_ns: int) -> None:
+        """
+        Carry out ``self.command.msg``, without blocking.
+
+        Called with each new command, and with each poll while the last one is in force.
+
+        :raises DeviceError: the device is gone.
+        """
+
+    @abstractmethod
+    def safe_state(self) -> None:
+        """
+        Bring what the device moves to rest, without blocking; the port is open.
+
+        It may be called at any time, the first time right after :meth:`open`, and more than once.
+
+        :raises DeviceError: the device is gone.
+        """
+
+    @classmethod
+    def fields(cls) -> tuple[Field, ...]:
+        """Return everything that can be set: as for every device, and ``command_timeout_s``."""
+        return (*super().fields(), Field(
+            TIMEOUT, float, cls.COMMAND_TIMEOUT_S, 'Age of a command at which the device is '
+            'brought to rest.', 's', 0.01, 60.0, live=True))
+
+    @property
+    def is_commanded(self) -> bool:
+        """Return whether a command is in force."""
+        return self._deadline_ns != 0
+
+    def receive(self, now_ns: int, polled: bool) -> int:
+        """
+        Carry out the newest command, or rest when the one in force is too old.
+
+        Its age counts from its stamp; from now if that should be in the future.
+
+        :return: the time at which the command in force is too old; 0 when there is none.
+        """
+        command = self.command
+        is_new = command.latest()
+        if is_new:
+            self._commands += 1
+            deadline_ns = min(command.stamp_ns, now_ns) + self._timeout_ns()
+            if deadline_ns > now_ns:
+                self._deadline_ns = deadline_ns
+            else:
+                self._late += 1
+        if self._deadline_ns:
+            if now_ns >= self._deadline_ns or (is_new and deadline_ns <= now_ns):
+                self._timeouts += 1
+                self.log.warn('no command for %g s: brought to rest', self.settings[TIMEOUT],
+                              throttle_s=1.0)
+                self.rest()
+            elif is_new or polled:
+                self.actuate(now_ns)
+        return self._deadline_ns
+
+    def rest(self) -> None:
+        """
+        Go to the safe state; what was published until now moves nothing any more.
+
+        :raises DeviceError: the device is gone.
+        """
+        self._deadline_ns = 0
+        self._rests += 1
+        while self.command.pass_over(newest=True):
+            pass
+        self.safe_state()
+
+    def input_counters(self) -> Mapping[str, Value]:
+        """
+        Return what became of the commands.
+
+        ``commands`` were taken, ``late_commands`` of them were too old already;
+        ``command_timeouts`` times the last one became too old, and ``rests`` times the device was
+        brought to rest, for whatever reason. ``command`` says whether one is in force.
+        """
+        return {'command': 'in force' if self._deadline_ns else 'none',
+                'commands': self._commands, 'late_commands': self._late,
+                'command_timeouts': self._timeouts, 'rests': self._rests}
+
+    def _timeout_ns(self) -> int:
+        return round(float(self.settings[TIMEOUT]) * NS_PER_S)
