@@ -189,22 +189,20 @@ def check_ports(devices: Iterable[Part], problems: Problems) -> None:
     """
     Find two devices on one port, also when a link under /dev/serial hides it.
 
-    Where a port is a bus, find two devices with one address on it.
+    A bus is shared by devices that are made for it: of these, find two with one address.
     """
     taken: dict[str, Part] = {}
     addresses: dict[tuple[str, int], Part] = {}
     for part in devices:
         port = part.section.values.get('port', '')
-        if not port or part.kind is None:
+        shares = part.kind is not None and part.kind.shares_port
+        if not port or part.kind is None or (port == SIM_PORT and not shares):
             continue
-        if part.kind.shares_port:
-            _check_address(part, os.path.realpath(port), addresses, problems)
-            continue
-        if port == SIM_PORT:
-            continue
-        real = os.path.realpath(port) if port.startswith('/') else port
+        real = os.path.realpath(port) if shares or port.startswith('/') else port
         other = taken.setdefault(real, part)
-        if other is not part:
+        if shares and other.kind is not None and other.kind.shares_port:
+            _check_address(part, real, addresses, problems)
+        elif other is not part:
             where = other.section.where('port')
             problems.value(part.section.where('port'), f'{part.name}.port', port,
                            f'is the port of {other.name} ({where}): give each its own')

@@ -255,6 +255,29 @@ def test_two_devices_of_one_address_on_a_bus(problems_of: Judge) -> None:
     assert 'b.address = 118: is the address of a on this bus' in found[0]
 
 
+BUS = """\
+robot:
+  ros__parameters:
+    devices: [a, b, gps]
+    a: {type: chip, port: /dev/i2c-1, address: 0x76}
+    b: {type: chip, port: /dev/i2c-1, address: 0x77}
+    gps: {type: nmea, port: /dev/i2c-1, baud: 9600}
+"""
+
+
+@pytest.mark.parametrize(('devices', 'problem'), [
+    ('[a, b, gps]', "6: gps.port = '/dev/i2c-1': is the port of a (robot.yaml:4)"),
+    ('[gps, a]', "4: a.port = '/dev/i2c-1': is the port of gps (robot.yaml:6)"),
+])
+def test_what_is_made_for_no_bus_is_not_on_one(
+    devices: str, problem: str, problems_of: Judge,
+) -> None:
+    text = BUS.replace('[a, b, gps]', devices)
+    if devices == '[gps, a]':
+        text = text.replace("    b: {type: chip, port: /dev/i2c-1, address: 0x77}\n", '\n')
+    assert problems_of(text) == (f'robot.yaml:{problem}: give each its own',)
+
+
 def test_ten_mistakes_are_ten_lines(good: str, problems_of: Judge) -> None:
     text = good
     for old, new in (
