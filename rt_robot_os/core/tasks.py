@@ -20,34 +20,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.modules import Module
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import TaskSettings
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
+from rt_robot_os.settings.tasks import kernel_keywords
 
 
 def declaration(task: TaskSettings, kernel: Kernel) -> dict[str, Any]:
     """Give the keywords of :meth:`rt_robot_os.kernel.Kernel.add_task`."""
-    return {
-        'phase_ns': round(task.phase_us * NS_PER_US),
-        'deadline_ns': round(task.deadline_us * NS_PER_US),
-        'budget_ns': round(task.budget_us * NS_PER_US),
-        'on_budget': BudgetPolicy(task.on_budget),
-        'overrun': OverrunPolicy(task.overrun), 'catch_up': task.catch_up,
-        'overrun_limit': task.overrun_limit, 'overrun_leak': task.overrun_leak,
-        'failure': FailurePolicy(task.failure),
-        'restart_ns': round(task.restart_s * NS_PER_S),
-        'restart_maximum_ns': round(task.restart_max_s * NS_PER_S),
-        'critical': task.critical, 'logical': task.logical_execution,
-        'resources': tuple(kernel.resource(name) for name in task.resources)}
+    return {**kernel_keywords(task),
+            'resources': tuple(kernel.resource(name) for name in task.resources)}
 
 
 def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,

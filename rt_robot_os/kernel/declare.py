@@ -25,9 +25,10 @@ import inspect
 from typing import Any
 
 from rt_robot_os.errors import TaskError
-from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import broken
 from rt_robot_os.kernel.spec import checked_period_ns
 from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import raise_any
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.kernel.task import Task
 
@@ -54,12 +55,7 @@ def make_spec(name: str, function: Callable[[], object], *, priority: int, rate_
                         'add_async_task')
     period_ns = 0 if rate_hz is None else checked_period_ns(name, rate_hz)
     spec = TaskSpec(name, priority, period_ns, **declared)
-    if spec.on_budget is BudgetPolicy.ABORT and not preemptive:
-        raise TaskError(f'task {name!r}: on_budget abort needs a preemptive kernel; this clock '
-                        'has no signals. Choose on_budget warn')
-    if spec.failure is FailurePolicy.SAFE_STATE and not can_be_safe:
-        raise TaskError(f'task {name!r}: failure safe_state needs on_safe_state, which brings '
-                        'about the safe state; give it, or choose failure stop')
+    raise_any(spec, broken(spec, preemptive=preemptive, can_be_safe=can_be_safe))
     return spec
 
 

@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -40,6 +42,9 @@ class OverrunPolicy(Enum):
     REPHASE = 'rephase'    # served when that job has ended; the grid begins anew there
     CATCH_UP = 'catch_up'  # served later, at most so many wait; the task stays on its grid
     STOP = 'stop'          # the task is stopped
+
+
+_QUEUEING = (OverrunPolicy.CATCH_UP, OverrunPolicy.REPHASE)
 
 
 class BudgetPolicy(Enum):
@@ -67,10 +72,46 @@ class TaskState(Enum):
     STOPPED = 'stopped'
 
 
+class Rule(Enum):
+    """What must not be declared together; the value says so, with the keywords of the task."""
+
+    BUDGET_ABOVE_PERIOD = (
+        'budget_ns {budget_ns} is above the period of {period_ns} ns: the job would overrun '
+        'before it is aborted; lower the budget or the rate')
+    BUDGET_ABOVE_DEADLINE = (
+        'budget_ns {budget_ns} is above the deadline of {deadline_ns} ns: the job would be late '
+        'before it is aborted; lower the budget')
+    DEADLINE_ABOVE_PERIOD = (
+        'deadline_ns {deadline_ns} is above the period of {period_ns} ns, but overrun '
+        '{overrun.value} ends what is not finished by then; shorten it or choose overrun catch_up')
+    OVERRUN_WITHOUT_RATE = (
+        'overrun {overrun.value} is for periodic tasks; this one is released by events: leave it '
+        'out or give it a rate')
+    LIMIT_WITHOUT_RATE = (
+        'overrun_limit {overrun_limit} has no effect without a rate; leave it out')
+    LIMIT_WITH_STOP = (
+        'overrun_limit {overrun_limit} has no effect with overrun stop; leave it out')
+    LIMIT_WITHOUT_POLICY = (
+        'overrun_limit {overrun_limit} applies the failure policy, which is continue; choose '
+        'restart, stop or safe_state')
+    ABORT_WITHOUT_BUDGET = 'on_budget abort needs a budget; set budget_ns'
+    RESTART_SHRINKS = (
+        'restart_maximum_ns {restart_maximum_ns} is below restart_ns {restart_ns}; the pause only '
+        'grows')
+    LOGICAL_WITHOUT_END = (
+        'logical execution time needs an end of the interval; set a rate or deadline_ns')
+    NO_SAFE_STATE = (
+        'failure safe_state needs on_safe_state, which brings about the safe state; give it, or '
+        'choose failure stop')
+    ABORT_WITHOUT_PREEMPTION = (
+        'on_budget abort needs a preemptive kernel; this clock has no signals. Choose on_budget '
+        'warn')
+
+
 @dataclass(frozen=True)
 class TaskSpec:
     """
-    The declaration of a task; :func:`problems` says what is refused.
+    The declaration of a task; :func:`contradictions` says what is refused.
 
     :ivar name: unique in its kernel.
     :ivar priority: 1..99, higher runs first.
@@ -109,9 +150,7 @@ class TaskSpec:
     logical: bool = False
 
     def __post_init__(self) -> None:
-        found = problems(self)
-        if found:
-            raise TaskError('\n'.join(f'task {self.name!r}: {problem}' for problem in found))
+        raise_any(self, _out_of_range(self) or broken(self))
 
 
 def checked_period_ns(name: str, rate_hz: float) -> int:
@@ -127,12 +166,21 @@ def checked_period_ns(name: str, rate_hz: float) -> int:
     return period_from_rate(rate_hz)
 
 
-def problems(spec: TaskSpec) -> list[str]:
-    """Say everything that is wrong with a declaration; each text begins with its keyword."""
-    found = list(_out_of_range(spec))
-    if not found:
-        found.extend(_contradictions(spec))
-    return found
+def broken(spec: TaskSpec, *, preemptive: bool = True, can_be_safe: bool = True) -> list[str]:
+    """Say which rules a declaration breaks; each text begins with its keyword."""
+    declared = vars(spec)
+    return [rule.value.format(**declared) for rule in contradictions(
+        **declared, preemptive=preemptive, can_be_safe=can_be_safe)]
+
+
+def raise_any(spec: TaskSpec, found: Sequence[str]) -> None:
+    """
+    Do nothing when nothing was found.
+
+    :raises TaskError: with all that was found.
+    """
+    if found:
+        raise TaskError('\n'.join(f'task {spec.name!r}: {problem}' for problem in found))
 
 
 def _out_of_range(spec: TaskSpec) -> list[str]:
@@ -162,38 +210,40 @@ def _out_of_range(spec: TaskSpec) -> list[str]:
     return found
 
 
-def _contradictions(spec: TaskSpec) -> list[str]:
-    found = []
-    period_ns, budget_ns = spec.period_ns, spec.budget_ns
-    deadline_ns = spec.deadline_ns or period_ns
-    aborts = spec.on_budget is BudgetPolicy.ABORT
-    queues = spec.overrun in (OverrunPolicy.CATCH_UP, OverrunPolicy.REPHASE)
-    if aborts and not budget_ns:
-        found.append('on_budget abort needs a budget; set budget_ns')
+def contradictions(
+    *, period_ns: int, deadline_ns: int, budget_ns: int, on_budget: BudgetPolicy,
+    overrun: OverrunPolicy, overrun_limit: int, failure: FailurePolicy, restart_ns: int,
+    restart_maximum_ns: int, logical: bool, preemptive: bool = True, can_be_safe: bool = True,
+    **_others: object,
+) -> Iterator[Rule]:
+    """
+    Find the rules that a declaration breaks; its keywords are those of :class:`TaskSpec`.
+
+    :param preemptive: the kernel's clock interrupts what runs.
+    :param can_be_safe: the task has an ``on_safe_state``.
+    """
+    aborts = on_budget is BudgetPolicy.ABORT
     if aborts and period_ns and budget_ns > period_ns:
-        found.append(f'budget_ns {budget_ns} is above the period of {period_ns} ns: the job would '
-                     'overrun before it is aborted; lower the budget or the rate')
-    if aborts and spec.deadline_ns and budget_ns > spec.deadline_ns:
-        found.append(f'budget_ns {budget_ns} is above the deadline of {spec.deadline_ns} ns: the '
-                     'job would be late before it is aborted; lower the budget')
-    if period_ns and deadline_ns > period_ns and not queues:
-        found.append(f'deadline_ns {deadline_ns} is above the period of {period_ns} ns, but '
-                     f'overrun {spec.overrun.value} ends what is not finished by then; shorten it '
-                     'or choose overrun catch_up')
-    if not period_ns and spec.overrun is not OverrunPolicy.SKIP:
-        found.append(f'overrun {spec.overrun.value} is for periodic tasks; this one is released '
-                     'by events: leave it out or give it a rate')
-    if spec.overrun_limit and (spec.overrun is OverrunPolicy.STOP or not period_ns):
-        found.append(f'overrun_limit {spec.overrun_limit} has no effect '
-                     + ('with overrun stop' if period_ns else 'without a rate')
-                     + '; leave it out')
-    if spec.overrun_limit and spec.failure is FailurePolicy.CONTINUE:
-        found.append(f'overrun_limit {spec.overrun_limit} applies the failure policy, which is '
-                     'continue; choose restart, stop or safe_state')
-    if spec.restart_maximum_ns < spec.restart_ns:
-        found.append(f'restart_maximum_ns {spec.restart_maximum_ns} is below restart_ns '
-                     f'{spec.restart_ns}; the pause only grows')
-    if spec.logical and not deadline_ns:
-        found.append('logical execution time needs an end of the interval; set a rate or '
-                     'deadline_ns')
-    return found
+        yield Rule.BUDGET_ABOVE_PERIOD
+    if aborts and deadline_ns and budget_ns > deadline_ns:
+        yield Rule.BUDGET_ABOVE_DEADLINE
+    if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
+        yield Rule.DEADLINE_ABOVE_PERIOD
+    if not period_ns and overrun is not OverrunPolicy.SKIP:
+        yield Rule.OVERRUN_WITHOUT_RATE
+    if overrun_limit and not period_ns:
+        yield Rule.LIMIT_WITHOUT_RATE
+    if overrun_limit and overrun is OverrunPolicy.STOP:
+        yield Rule.LIMIT_WITH_STOP
+    if overrun_limit and failure is FailurePolicy.CONTINUE:
+        yield Rule.LIMIT_WITHOUT_POLICY
+    if aborts and not budget_ns:
+        yield Rule.ABORT_WITHOUT_BUDGET
+    if restart_maximum_ns < restart_ns:
+        yield Rule.RESTART_SHRINKS
+    if logical and not (deadline_ns or period_ns):
+        yield Rule.LOGICAL_WITHOUT_END
+    if failure is FailurePolicy.SAFE_STATE and not can_be_safe:
+        yield Rule.NO_SAFE_STATE
+    if aborts and not preemptive:
+        yield Rule.ABORT_WITHOUT_PREEMPTION

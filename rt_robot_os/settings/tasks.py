@@ -21,7 +21,14 @@ from collections import deque
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
+from typing import Any, Final
 
+from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.spec import BudgetPolicy
+from rt_robot_os.kernel.spec import contradictions as kernel_rules
+from rt_robot_os.kernel.spec import FailurePolicy
+from rt_robot_os.kernel.spec import OverrunPolicy
+from rt_robot_os.kernel.spec import Rule
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
@@ -32,84 +39,111 @@ from rt_robot_os.settings.parts import task_of
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.section import Section
+from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 from rt_robot_os.units import period_from_rate
 
 SHORTEST_TIMEOUT_S = 0.1
 
+# The kernel's rules in the words of the file: the key that is told, and the remedy.
+TOLD: Final[Mapping[Rule, tuple[str, str]]] = {
+    Rule.BUDGET_ABOVE_PERIOD: (
+        'budget_us', 'is above {period}: a job is not aborted before its next release is lost: '
+        'make it smaller'),
+    Rule.BUDGET_ABOVE_DEADLINE: (
+        'deadline_us', 'is below budget_us, {task.budget_us:g} (us): a job may miss it within its '
+        'budget: make the budget smaller'),
+    Rule.DEADLINE_ABOVE_PERIOD: (
+        'deadline_us', 'is above {period}: with overrun: {task.overrun} such a job loses its next '
+        'release: make it smaller, or choose overrun: catch_up'),
+    Rule.OVERRUN_WITHOUT_RATE: (
+        'overrun', 'needs a rate_hz: what its inputs release never overruns'),
+    Rule.LIMIT_WITHOUT_RATE: (
+        'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'),
+    Rule.LIMIT_WITH_STOP: (
+        'overrun_limit', 'is never reached: overrun: stop ends the task with its first overrun: '
+        'choose another policy or delete the limit'),
+    Rule.LIMIT_WITHOUT_POLICY: (
+        'overrun_limit', 'nothing follows from it with failure: continue: choose restart, stop or '
+        'safe_state'),
+    Rule.ABORT_WITHOUT_BUDGET: (
+        'on_budget', 'there is no budget: give budget_us or delete it'),
+    Rule.RESTART_SHRINKS: ('restart_max_s', 'must be at least restart_s, {task.restart_s:g} (s)'),
+    Rule.LOGICAL_WITHOUT_END: (
+        'logical_execution', 'needs a rate_hz: inputs and outputs have no instants without one'),
+    Rule.NO_SAFE_STATE: (
+        'failure', '{kind!r} has no method safe_state(): choose restart or stop, or write one'),
+    Rule.ABORT_WITHOUT_PREEMPTION: (
+        'on_budget', 'core.dispatcher ({where}) is cooperative: no job can be aborted: choose '
+        'warn, or dispatcher: preemptive'),
+}
+
 Uses = Mapping[str, 'PartTopics | None']
 
 
-def contradictions(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
+def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
+    """Give what a task declares in the kernel's keywords, see ``Kernel.add_task``; no resources."""
+    return {
+        'phase_ns': round(task.phase_us * NS_PER_US),
+        'deadline_ns': round(task.deadline_us * NS_PER_US),
+        'budget_ns': round(task.budget_us * NS_PER_US),
+        'on_budget': BudgetPolicy(task.on_budget),
+        'overrun': OverrunPolicy(task.overrun), 'catch_up': task.catch_up,
+        'overrun_limit': task.overrun_limit, 'overrun_leak': task.overrun_leak,
+        'failure': FailurePolicy(task.failure),
+        'restart_ns': round(task.restart_s * NS_PER_S),
+        'restart_maximum_ns': round(task.restart_max_s * NS_PER_S),
+        'critical': task.critical, 'logical': task.logical_execution}
+
+
+def contradictions(
+    rate_hz: float | None, task: TaskSettings, *, cooperative: str = '', never_safe: str = '',
+) -> Iterator[tuple[str, str]]:
     """
     Give what is wrong with one declaration, as (key, remedy).
 
-    :param rate_hz: 0 when only events release the task.
+    :param rate_hz: 0 when only events release the task; None when it is not known.
+    :param cooperative: where the cooperative dispatcher was chosen; empty without it.
+    :param never_safe: type of the part, when its class has no ``safe_state()``.
     """
-    yield from _contradictory_times(rate_hz, task)
-    if not rate_hz:
-        yield from _without_rate(task)
-    elif task.logical_execution:
-        yield from _with_logical_execution(task)
-    if task.catch_up != TaskSettings().catch_up and task.overrun != 'catch_up':
-        yield 'catch_up', f'is used with overrun: catch_up only, not {task.overrun}: delete it'
-    if task.overrun_limit and task.overrun == 'stop':
-        yield 'overrun_limit', ('is never reached: overrun: stop ends the task with its first '
-                                'overrun: choose another policy or delete the limit')
-    elif task.overrun_limit and task.failure == 'continue':
-        yield 'overrun_limit', ('nothing follows from it with failure: continue: choose restart, '
-                                'stop or safe_state')
-    if task.on_budget == 'abort' and not _ns(task.budget_us):
-        yield 'on_budget', 'there is no budget: give budget_us or delete it'
-    if task.restart_max_s < task.restart_s:
-        yield 'restart_max_s', f'must be at least restart_s, {task.restart_s:g} (s)'
+    period_ns = NEVER_NS  # which contradicts nothing
+    if rate_hz is not None:
+        period_ns = period_from_rate(rate_hz) if rate_hz else 0
+    keywords = kernel_keywords(task)
+    rules = dict.fromkeys(kernel_rules(period_ns=period_ns, preemptive=not cooperative,
+                                       can_be_safe=not never_safe, **keywords))
+    if not period_ns and task.logical_execution:
+        rules[Rule.LOGICAL_WITHOUT_END] = None  # here a deadline is not enough
+    if Rule.LIMIT_WITH_STOP in rules:
+        rules.pop(Rule.LIMIT_WITHOUT_POLICY, None)  # one remedy for one key
+    period = '' if rate_hz is None else (
+        f'the period, {period_ns / NS_PER_US:g} us at {rate_hz:g} Hz')
+    for rule in rules:
+        key, remedy = TOLD[rule]
+        yield key, remedy.format(task=task, period=period, where=cooperative, kind=never_safe)
+    yield from _beyond_the_kernel(period_ns, task, keywords)
 
 
-def _ns(microseconds: float) -> int:
-    return round(microseconds * NS_PER_US)
-
-
-def _contradictory_times(rate_hz: float, task: TaskSettings) -> Iterator[tuple[str, str]]:
-    # As the kernel will compare them: rounded.
-    period_ns = period_from_rate(rate_hz) if rate_hz else 0
-    budget_ns, deadline_ns = _ns(task.budget_us), _ns(task.deadline_us)
-    period = f'the period, {period_ns / NS_PER_US:g} us at {rate_hz:g} Hz'
-    if budget_ns and task.on_budget == 'abort':
-        if period_ns and budget_ns > period_ns:
-            yield 'budget_us', (f'is above {period}: a job is not aborted before its next release '
-                                'is lost: make it smaller')
-        if deadline_ns and deadline_ns < budget_ns:
-            yield 'deadline_us', (f'is below budget_us, {task.budget_us:g} (us): a job may miss '
-                                  'it within its budget: make the budget smaller')
-        if _ns(task.execution_us) > budget_ns:
-            yield 'execution_us', (f'is above budget_us, {task.budget_us:g} (us): such a job is '
-                                   'aborted: make the budget larger')
-    if period_ns and deadline_ns > period_ns and task.overrun not in ('catch_up', 'rephase'):
-        yield 'deadline_us', (f'is above {period}: with overrun: {task.overrun} such a job loses '
-                              'its next release: make it smaller, or choose overrun: catch_up')
-
-
-def _without_rate(task: TaskSettings) -> Iterator[tuple[str, str]]:
-    if task.phase_us:
+def _beyond_the_kernel(
+    period_ns: int, task: TaskSettings, keywords: Mapping[str, Any],
+) -> Iterator[tuple[str, str]]:
+    """Find what the kernel would take, and what means nothing all the same."""
+    if keywords['budget_ns'] and task.on_budget == 'abort' and (
+            round(task.execution_us * NS_PER_US) > keywords['budget_ns']):
+        yield 'execution_us', (f'is above budget_us, {task.budget_us:g} (us): such a job is '
+                               'aborted: make the budget larger')
+    if not period_ns and task.phase_us:
         yield 'phase_us', 'needs a rate_hz: without one only its inputs release it'
-    if task.overrun != 'skip':
-        yield 'overrun', 'needs a rate_hz: what its inputs release never overruns'
-    if task.overrun_limit:
-        yield 'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'
-    if task.logical_execution:
-        yield 'logical_execution', ('needs a rate_hz: inputs and outputs have no instants '
-                                    'without one')
-    if task.critical and not _ns(task.deadline_us):
+    if not period_ns and task.critical and not keywords['deadline_ns']:
         yield 'critical', ('without a rate_hz it needs a deadline_us: nobody could say when it '
                            'is late')
-
-
-def _with_logical_execution(task: TaskSettings) -> Iterator[tuple[str, str]]:
-    if task.overrun != 'skip':
+    if period_ns and task.logical_execution and task.overrun != 'skip':
         yield 'overrun', ('must be skip with logical_execution: what is not ready at its deadline '
                           'is not published')
-    if task.overrun_limit:
+    if period_ns and task.logical_execution and task.overrun_limit:
         yield 'overrun_limit', 'is never reached with logical_execution: delete it'
+    if task.catch_up != TaskSettings().catch_up and task.overrun != 'catch_up':
+        yield 'catch_up', f'is used with overrun: catch_up only, not {task.overrun}: delete it'
 
 
 def check_tasks(
@@ -120,22 +154,22 @@ def check_tasks(
 
     :param uses: the topics of each part, by its name; None where they are not known.
     """
+    cooperative = ''
+    if core.values.get('dispatcher') == 'cooperative':
+        cooperative = str(core.where('dispatcher'))
     for part in parts:
         _check_rate(part, uses.get(part.name), problems)
         rate_hz = part.section.values.get('rate_hz')
-        if rate_hz is not None:
-            for key, remedy in contradictions(rate_hz, task_of(part)):
-                _reject(part.section, key, remedy, problems)
-        _check_class(part, problems)
+        never_safe = part.kind is not None and not part.kind.has_safe_state
+        for key, remedy in contradictions(
+                rate_hz, task_of(part), cooperative=cooperative,
+                never_safe=part.section.values['type'] if never_safe else ''):
+            _reject(part.section, key, remedy, problems)
         _check_interrupt(part, problems)
         if _is_woken(uses.get(part.name)) and rate_hz and (
                 task_of(part).logical_execution):
             _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
                     'instants at which inputs are taken: let it read without wake', problems)
-        if core.values.get('dispatcher') == 'cooperative' and task_of(part).on_budget == 'abort':
-            where = core.where('dispatcher')
-            _reject(part.section, 'on_budget', f'core.dispatcher ({where}) is cooperative: no job '
-                    'can be aborted: choose warn, or dispatcher: preemptive', problems)
     _check_resources(parts, problems)
     _check_circles(parts, uses, problems)
     _check_watchdog(watchdog, parts, problems)
@@ -164,15 +198,6 @@ def _check_rate(part: Part, uses: PartTopics | None, problems: Problems) -> None
 
 def _is_woken(uses: PartTopics | None) -> bool:
     return uses is not None and any(each.wake for each in uses.read)
-
-
-def _check_class(part: Part, problems: Problems) -> None:
-    if part.kind is None or part.kind.has_safe_state:
-        return
-    if part.section.values.get('failure') == 'safe_state':
-        kind = part.section.values['type']
-        _reject(part.section, 'failure', f'{kind!r} has no method safe_state(): choose restart or '
-                'stop, or write one', problems)
 
 
 def _check_interrupt(part: Part, problems: Problems) -> None:

@@ -20,14 +20,19 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
+import pytest
 
 from rt_robot_os.core.tasks import declaration
+from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.spec import Rule
+from rt_robot_os.schema import declared
 from rt_robot_os.settings import TaskSettings
-from rt_robot_os.settings.fields import TASK
 from rt_robot_os.settings.tasks import contradictions
+from rt_robot_os.settings.tasks import TOLD
 
+TASK = declared(TaskSettings)
 TIMES = st.one_of(st.just(0.0), st.floats(0.0, 1e9), st.sampled_from([1.0, 500.0, 10000.0, 2e4]))
 
 
@@ -47,8 +52,7 @@ def values_of(name: str) -> st.SearchStrategy[object]:
 
 
 TASKS = st.builds(TaskSettings, **{
-    each.name: st.one_of(st.just(TaskSettings.__dataclass_fields__[each.name].default),
-                         values_of(each.name)) for each in TASK})
+    each.name: st.one_of(st.just(each.default), values_of(each.name)) for each in TASK})
 RATES = st.one_of(st.sampled_from([0.0, 100.0, 3.0]), st.floats(0.1, 10_000.0))
 
 
@@ -70,3 +74,24 @@ def test_what_contradicts_has_keys_of_the_file(task: TaskSettings, rate_hz: floa
     for key, remedy in contradictions(rate_hz, task):
         assert key in {each.name for each in TASK}
         assert remedy
+
+
+@settings(max_examples=300, deadline=None)
+@given(TASKS, RATES)
+def test_what_the_kernel_refuses_is_told_with_a_key_of_the_file(
+    task: TaskSettings, rate_hz: float,
+) -> None:
+    kernel = Kernel(VirtualClock())
+    try:
+        kernel.add_task('it', print, priority=1, rate_hz=rate_hz or None, on_safe_state=print,
+                        **declaration(task, kernel))
+    except TaskError as error:
+        told = {key for key, _ in contradictions(rate_hz, task)}
+        assert len(told) > 0, str(error)
+
+
+@pytest.mark.parametrize('rule', Rule)
+def test_each_rule_of_the_kernel_has_words_for_the_file(rule: Rule) -> None:
+    key, remedy = TOLD[rule]
+    assert key in {each.name for each in TASK}
+    assert remedy

@@ -125,6 +125,15 @@ def test_a_contradiction_is_told_with_its_remedy(
     assert problems_of(text) == tuple(f'robot.yaml:{each}' for each in problems)
 
 
+def test_a_wrong_rate_hides_nothing_that_has_no_rate_in_it(problems_of: Judge) -> None:
+    text = GUARD.replace('rate_hz: 100.0', 'rate_hz: fast')
+    assert text != GUARD
+    assert problems_of(text + '      on_budget: abort\n      deadline_us: 1e6\n') == (
+        "robot.yaml:8: guard.rate_hz = 'fast': must be a number from 0 to 10000 (Hz)",
+        "robot.yaml:9: guard.on_budget = 'abort': there is no budget: give budget_us or delete "
+        'it')
+
+
 @pytest.mark.parametrize('lines', [
     ['budget_us: 20000'],
     ['budget_us: 10000', 'on_budget: abort', 'deadline_us: 10000', 'execution_us: 9000'],
