@@ -82,7 +82,7 @@ Uses = Mapping[str, 'PartTopics | None']
 
 
 def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
-    """Give what a task declares in the kernel's keywords, see ``Kernel.add_task``; no resources."""
+    """Give what a task declares in the keywords of ``Kernel.add_task``; without resources."""
     return {
         'phase_ns': round(task.phase_us * NS_PER_US),
         'deadline_ns': round(task.deadline_us * NS_PER_US),

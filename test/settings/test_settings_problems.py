@@ -274,7 +274,7 @@ def test_what_is_made_for_no_bus_is_not_on_one(
 ) -> None:
     text = BUS.replace('[a, b, gps]', devices)
     if devices == '[gps, a]':
-        text = text.replace("    b: {type: chip, port: /dev/i2c-1, address: 0x77}\n", '\n')
+        text = text.replace('    b: {type: chip, port: /dev/i2c-1, address: 0x77}\n', '\n')
     assert problems_of(text) == (f'robot.yaml:{problem}: give each its own',)
 
 
