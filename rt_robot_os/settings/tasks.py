@@ -21,7 +21,8 @@ from collections import deque
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
+from typing import Final
 
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.spec import BudgetPolicy
