@@ -86,7 +86,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
     'sim.mpu6050': ('devices.mpu6050.twin',),
     'sim.ms5611': ('devices.ms5611.twin',),
     'sim.nmea': ('devices.nmea.twin',),
-    'sim.ranging': ('devices.maxbotix.twin', 'devices.sharp.twin', 'sim.wall'),
+    'sim.ranging': ('devices.maxbotix.twin', 'devices.sharp.twin', 'sim.world'),
     'sim.registry': ('sim.base',),
     'sim.ublox': ('devices.ublox.twin',),
     'sim.witmotion': ('devices.witmotion.twin',),

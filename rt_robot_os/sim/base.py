@@ -19,6 +19,7 @@ from __future__ import annotations
 from abc import ABC
 from abc import abstractmethod
 from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from typing import ClassVar
@@ -26,6 +27,7 @@ from typing import Final
 from typing import Protocol
 
 from rt_robot_os.devices.registry import DeviceRegistry
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.i2c_port import I2cPort
 
@@ -131,6 +133,32 @@ class Simulated(ABC):
 
         :raises ConfigError: no such fault, or no such duration.
         """
+
+
+def complete(fields: Sequence[Field], given: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """
+    Check settings and fill in what is absent.
+
+    :param name: name of the device, for the errors.
+    :return: a value of the declared type for each field.
+    :raises ConfigError: with every problem found.
+    """
+    known = {field.name: field for field in fields}
+    problems = [
+        f'{name}: there is no setting {key!r} of a simulated device: use one of '
+        f'{", ".join(known)}' for key in given if key not in known
+    ]
+    values = {}
+    for field in fields:
+        value = given.get(field.name, field.default)
+        wanted = field.problem(value)
+        if wanted is None:
+            values[field.name] = field.coerce(value)
+        else:
+            problems.append(f'{name}: {field.name} is {value!r}: it must be {wanted}')
+    if problems:
+        raise ConfigError(problems)
+    return values
 
 
 # By the name of the device that they are the twins of.

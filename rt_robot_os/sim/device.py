@@ -31,17 +31,19 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
+from rt_robot_os.devices.nmea.wire import sentence
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import check
-from rt_robot_os.sim.faults import FaultPlan
+from rt_robot_os.sim.faults import corrupted
+from rt_robot_os.sim.faults import fault_settings
 from rt_robot_os.sim.faults import FAULTS
-from rt_robot_os.sim.faults import parse_schedule
+from rt_robot_os.sim.faults import plan_of
 from rt_robot_os.sim.line import at_wrong_speed
 from rt_robot_os.sim.line import SerialLine
-from rt_robot_os.sim.options import complete
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
@@ -78,11 +80,7 @@ def common_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
     return (
         Field('rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.01,
               maximum=maximum_hz),
-        Field('faults', list, (), 'Faults such as "unplug at 5 for 2" (seconds after the start): '
-              + '; '.join(f'{name} {what}' for name, what in FAULTS.items()) + '.'),
-        Field('corrupt_probability', float, 0.01, 'Probability that a bit of a byte flips while '
-              'the fault corrupt is active.', minimum=0.0, maximum=1.0),
-        Field('seed', int, 1, 'Seed of noise and faults; equal seeds give equal bytes.'),
+        *fault_settings(FAULTS),
     )
 
 
@@ -113,10 +111,7 @@ class SimulatedDevice(Simulated):
         self.name = name
         self.port = port
         self.settings = complete(self.SETTINGS, settings, name)
-        try:
-            self._plan = FaultPlan(parse_schedule(self.settings['faults']))
-        except ConfigError as error:
-            raise ConfigError([f'{name}: {p}' for p in error.problems]) from error
+        self._plan = plan_of(name, self.settings['faults'], FAULTS)
         self.rate_hz: float = self.settings['rate_hz']
         self.random = random.Random(self.settings['seed'])
         self._line_random = random.Random(self.settings['seed'] + 1)
@@ -131,6 +126,7 @@ class SimulatedDevice(Simulated):
         self._last_sample: bytes | None = None
         self._samples = 0
         self._skipped = 0
+        self.prepare()
 
     @classmethod
     def made_for(
@@ -148,6 +144,13 @@ class SimulatedDevice(Simulated):
         """Give the path that the driver opens."""
         return self.port.link
 
+    def prepare(self) -> None:
+        """
+        Make what the samples need; called once, when the settings have been checked.
+
+        :raises ConfigError: a setting is wrong.
+        """
+
     @abstractmethod
     def sample(self, time_s: float) -> bytes:
         """
@@ -156,9 +159,9 @@ class SimulatedDevice(Simulated):
         :param time_s: since the start.
         """
 
-    @abstractmethod
     def foreign(self) -> bytes:
-        """Give what another device would send."""
+        """Return what another device would send; the default is a satellite receiver."""
+        return sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
 
     def obey(self, data: bytes) -> None:
         """Take what the driver has sent; the default ignores it."""
@@ -286,9 +289,7 @@ class SimulatedDevice(Simulated):
         if 'garbage' in active:
             data = chance.randbytes(len(data))
         if 'corrupt' in active:
-            probability = self.settings['corrupt_probability']
-            data = bytes(b ^ 1 << chance.randrange(8) if chance.random() < probability else b
-                         for b in data)
+            data = corrupted(data, self.settings['corrupt_probability'], chance)
         if 'short' not in active:
             self.port.write(data)
             return

@@ -25,10 +25,12 @@ from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
+import random
 import re
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
 
 FAULTS: Final = {
@@ -181,3 +183,36 @@ def _seconds(text: str, part: str) -> float:
     if not math.isfinite(value):
         raise ConfigError([f'fault {part!r}: {text!r} is not a number of seconds'])
     return value
+
+
+def fault_settings(known: Mapping[str, str]) -> tuple[Field, ...]:
+    """
+    Declare the settings of faults and chance that a simulated device has.
+
+    :param known: the faults that there are, and what they do.
+    """
+    return (
+        Field('faults', list, (), 'Faults such as "unplug at 5 for 2" (seconds after the start): '
+              + '; '.join(f'{name} {what}' for name, what in known.items()) + '.'),
+        Field('corrupt_probability', float, 0.01, 'Probability that a bit of a byte flips while '
+              'the fault corrupt is active.', minimum=0.0, maximum=1.0),
+        Field('seed', int, 1, 'Seed of noise and faults; equal seeds give equal bytes.'),
+    )
+
+
+def plan_of(name: str, texts: Iterable[str], known: Mapping[str, str]) -> FaultPlan:
+    """
+    Return the faults that the settings of a device schedule.
+
+    :raises ConfigError: with every problem found, under the name of the device.
+    """
+    try:
+        return FaultPlan(parse_schedule(texts, known), known)
+    except ConfigError as error:
+        raise ConfigError([f'{name}: {problem}' for problem in error.problems]) from error
+
+
+def corrupted(data: bytes, probability: float, chance: random.Random) -> bytes:
+    """Return bytes in some of which a bit has flipped."""
+    return bytes(byte ^ 1 << chance.randrange(8) if chance.random() < probability else byte
+                 for byte in data)

@@ -30,17 +30,17 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
+from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import check
-from rt_robot_os.sim.faults import FaultPlan
+from rt_robot_os.sim.faults import corrupted
+from rt_robot_os.sim.faults import fault_settings
 from rt_robot_os.sim.faults import I2C_FAULTS
-from rt_robot_os.sim.faults import parse_schedule
+from rt_robot_os.sim.faults import plan_of
 from rt_robot_os.sim.i2c_bus import CLOCK_HZ
 from rt_robot_os.sim.i2c_port import I2cPort
-from rt_robot_os.sim.options import complete
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -52,11 +52,7 @@ def common_settings() -> tuple[Field, ...]:
     return (
         Field('clock_hz', int, CLOCK_HZ, 'Clock of the bus in transfers with it.', unit='Hz',
               minimum=1000, maximum=3_400_000),
-        Field('faults', list, (), 'Faults such as "unplug at 5 for 2" (seconds after the start): '
-              + '; '.join(f'{name} {what}' for name, what in I2C_FAULTS.items()) + '.'),
-        Field('corrupt_probability', float, 0.01, 'Probability that a bit of a byte flips while '
-              'the fault corrupt is active.', minimum=0.0, maximum=1.0),
-        Field('seed', int, 1, 'Seed of noise and faults; equal seeds give equal bytes.'),
+        *fault_settings(I2C_FAULTS),
     )
 
 
@@ -87,10 +83,7 @@ class SimulatedChip(Simulated):
         self.port = port
         self.address = self.ADDRESS if address is None else address
         self.settings = complete(self.SETTINGS, settings, name)
-        try:
-            self._plan = FaultPlan(parse_schedule(self.settings['faults'], I2C_FAULTS), I2C_FAULTS)
-        except ConfigError as error:
-            raise ConfigError([f'{name}: {p}' for p in error.problems]) from error
+        self._plan = plan_of(name, self.settings['faults'], I2C_FAULTS)
         self.clock_hz: int = self.settings['clock_hz']
         self.random = random.Random(self.settings['seed'])
         self._line_random = random.Random(self.settings['seed'] + 1)
@@ -102,6 +95,7 @@ class SimulatedChip(Simulated):
         self._start_ns = 0
         self._now_ns = 0
         self._injected: list[tuple[str, float]] = []
+        self.prepare()
         port.bus.add(self)
 
     @classmethod
@@ -116,6 +110,13 @@ class SimulatedChip(Simulated):
         return cls(name, settings, place.i2c(), device.get('address'))
 
     # ---- what a chip brings ------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """
+        Make what the chip needs; called once, when the settings have been checked.
+
+        :raises ConfigError: a setting is wrong.
+        """
 
     @abstractmethod
     def power_on(self, now_ns: int) -> None:
@@ -148,9 +149,7 @@ class SimulatedChip(Simulated):
         if 'garbage' in active:
             answer = chance.randbytes(len(answer))
         if 'corrupt' in active:
-            probability = self.settings['corrupt_probability']
-            answer = bytes(b ^ 1 << chance.randrange(8) if chance.random() < probability else b
-                           for b in answer)
+            answer = corrupted(answer, self.settings['corrupt_probability'], chance)
         return answer
 
     def holds_bus(self, now_ns: int) -> bool:

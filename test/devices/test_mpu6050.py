@@ -34,10 +34,10 @@ import pytest
 from rt_robot_os.devices.mpu6050 import wire as chip
 from rt_robot_os.devices.mpu6050.driver import Mpu6050
 from rt_robot_os.devices.mpu6050.twin import SimulatedMpu6050
-from rt_robot_os.devices.witmotion.twin import angular_velocity
-from rt_robot_os.devices.witmotion.twin import body_vector
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.sim.world import angular_velocity
+from rt_robot_os.sim.world import body_vector
 
 GRAVITY = 9.80665
 QUIET = {'noise': 0.0}

@@ -25,12 +25,12 @@ import pytest
 from rt_robot_os.devices.nmea.driver import NmeaGps
 from rt_robot_os.devices.nmea.twin import SimulatedNmea
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.devices.witmotion.twin import EARTH_FIELD_T
 from rt_robot_os.devices.witmotion.twin import SimulatedWitMotion
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.world import EARTH_FIELD_T
 from sim_harness import MS
 from sim_harness import rig
 from sim_harness import START_NS

@@ -16,17 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.bmp280 import wire as chip
-from rt_robot_os.sim.air import Air
-from rt_robot_os.sim.air import air_settings
 from rt_robot_os.sim.i2c_device import common_settings
 from rt_robot_os.sim.i2c_device import RegisterChip
-from rt_robot_os.sim.i2c_port import I2cPort
-from rt_robot_os.sim.search import invert
+from rt_robot_os.sim.world import Air
+from rt_robot_os.sim.world import air_settings
+from rt_robot_os.sim.world import raw_readings
 
 # Those of the worked example of the data sheet.
 TRIMMING: Final = chip.Trimming(
@@ -42,11 +39,7 @@ _STANDBY_NS: Final = {field: pause for pause, field in chip.STANDBY_NS.items()}
 
 def encode(trimming: chip.Trimming, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
     """Give the raw readings, pressure and temperature, nearest to physical values."""
-    raw_t = invert(lambda raw: chip.compensate(trimming, 0, raw)[1], temperature_c, 0,
-                   _RAW_MAXIMUM)
-    raw_p = invert(lambda raw: chip.compensate(trimming, raw, raw_t)[0], pressure_pa, 0,
-                   _RAW_MAXIMUM)
-    return raw_p, raw_t
+    return raw_readings(chip.compensate, trimming, (pressure_pa, temperature_c), 0, _RAW_MAXIMUM)
 
 
 class SimulatedBmp280(RegisterChip):
@@ -55,14 +48,8 @@ class SimulatedBmp280(RegisterChip):
     SETTINGS = common_settings() + air_settings(1.3)
     PAIRS = True
 
-    def __init__(self, name: str, settings: Mapping[str, Any], port: I2cPort,
-                 address: int | None = None) -> None:
-        """
-        Check the settings and put the chip on the bus.
-
-        :raises ConfigError: a setting is wrong, or the address is taken.
-        """
-        super().__init__(name, settings, port, address)
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self.air = Air(self.settings, self.random)
         self.conversions = 0
         self._began_ns = 0

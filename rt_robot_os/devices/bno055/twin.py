@@ -17,9 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
-from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.bno055 import wire
@@ -27,17 +25,10 @@ from rt_robot_os.devices.bno055.wire import BLOCK_FIRST
 from rt_robot_os.devices.bno055.wire import BLOCK_SIZE
 from rt_robot_os.devices.bno055.wire import OVERRUN
 from rt_robot_os.devices.bno055.wire import WRITE_SUCCESS
-from rt_robot_os.devices.nmea import wire as nmea
-from rt_robot_os.devices.witmotion.twin import angular_velocity
-from rt_robot_os.devices.witmotion.twin import body_vector
-from rt_robot_os.devices.witmotion.twin import EARTH_FIELD_T
-from rt_robot_os.devices.witmotion.twin import quaternion
-from rt_robot_os.devices.witmotion.twin import Vector
 from rt_robot_os.schema import Field
+from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 _ACCELERATION_NOISE: Final = 0.03
 _RATE_NOISE_DEG_S: Final = 0.3
@@ -56,8 +47,7 @@ class SimulatedBno055(SimulatedDevice):
     """A BNO055; as delivered it is in configuration mode."""
 
     SETTINGS = common_settings(100.0, 100.0) + (
-        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
-              maximum=1000.0),
+        world.NOISE_SETTING,
         Field('chip_id', int, wire.CHIP_ID, 'The chip id that it reports; 160 is a BNO055.',
               minimum=0, maximum=255),
         Field('overrun_every', int, 0, 'Each so many requests it reports a bus overrun; 0 never.',
@@ -67,16 +57,8 @@ class SimulatedBno055(SimulatedDevice):
     )
     BAUD = 115200
 
-    def __init__(
-        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
-    ) -> None:
-        """
-        Check the settings; nothing is plugged in yet.
-
-        :raises ConfigError: a setting is wrong.
-        """
-        super().__init__(name, settings, port, baud)
-        self._noise: float = self.settings['noise']
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self._registers = bytearray(_REGISTERS)
         self._registers[wire.REGISTER_CHIP_ID] = self.settings['chip_id']
         self._registers[wire.REGISTER_UNITS] = wire.UNITS_SI
@@ -86,21 +68,19 @@ class SimulatedBno055(SimulatedDevice):
     def sample(self, time_s: float) -> bytes:
         """Measure: the registers change, nothing is sent."""
         fusing = self._registers[wire.REGISTER_MODE] in _FUSING
-        gravity = body_vector(time_s, (0.0, 0.0, STANDARD_GRAVITY_M_S2))
-        rate = tuple(math.degrees(v) for v in angular_velocity(time_s))
+        gravity = world.body_vector(time_s, world.GRAVITY_M_S2)
+        roll, pitch, yaw = (math.degrees(v) for v in world.angular_velocity(time_s))
         done = time_s >= self.settings['calibration_s']
+        noise, chance = self.settings['noise'], self.random
         block = wire.block(
-            self._noisy(gravity, _ACCELERATION_NOISE),
-            self._noisy(body_vector(time_s, EARTH_FIELD_T), _FIELD_NOISE_T),
-            self._noisy((rate[0], rate[1], rate[2]), _RATE_NOISE_DEG_S),
-            quaternion(time_s) if fusing else (0.0, 0.0, 0.0, 0.0), gravity,
+            world.noisy(gravity, _ACCELERATION_NOISE * noise, chance),
+            world.noisy(world.body_vector(time_s, world.EARTH_FIELD_T), _FIELD_NOISE_T * noise,
+                        chance),
+            world.noisy((roll, pitch, yaw), _RATE_NOISE_DEG_S * noise, chance),
+            world.quaternion(time_s) if fusing else (0.0, 0.0, 0.0, 0.0), gravity,
             temperature_c=_TEMPERATURE_C, calibration=_CALIBRATED if fusing and done else 0)
         self._registers[BLOCK_FIRST:BLOCK_FIRST + BLOCK_SIZE] = block
         return b''
-
-    def foreign(self) -> bytes:
-        """Give what a satellite receiver sends."""
-        return nmea.sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
 
     def obey(self, data: bytes) -> None:
         """Answer each request."""
@@ -133,9 +113,3 @@ class SimulatedBno055(SimulatedDevice):
         else:
             self._registers[register:register + size] = data
             self.reply(wire.status_answer(WRITE_SUCCESS))
-
-    def _noisy(self, vector: Vector, deviation: float) -> Vector:
-        x, y, z = vector
-        spread = deviation * self._noise
-        gauss = self.random.gauss
-        return x + gauss(0.0, spread), y + gauss(0.0, spread), z + gauss(0.0, spread)

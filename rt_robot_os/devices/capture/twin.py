@@ -30,11 +30,11 @@ from typing import Final
 
 from rt_robot_os.devices.capture.host import CaptureHost
 from rt_robot_os.schema import Field
+from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import FaultPlan
 from rt_robot_os.sim.faults import parse_schedule
-from rt_robot_os.sim.options import complete
 from rt_robot_os.units import NS_PER_MS
 
 CAPTURE_FAULTS: Final = {

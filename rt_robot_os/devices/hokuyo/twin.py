@@ -17,20 +17,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
-from typing import Any
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.devices.hokuyo import wire
-from rt_robot_os.devices.nmea import wire as nmea
 from rt_robot_os.schema import Field
+from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.pty_port import PtyPort
 
 # First, last and front step, steps a turn, longest distance in mm, turns a minute.
 PRODUCTS: Final = {'URG-04LX': (44, 725, 384, 1024, 5600, 600),
@@ -53,21 +50,13 @@ class SimulatedHokuyo(SimulatedDevice):
     SETTINGS = common_settings(10.0, 40.0) + (
         Field('product', str, 'URG-04LX', 'What it is.', choices=tuple(PRODUCTS)),
         Field('turn_rad_s', float, 0.2, 'How fast it turns in the room.', 'rad/s', -10.0, 10.0),
-        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
-              maximum=1000.0),
+        world.NOISE_SETTING,
         Field('scanning', bool, False, 'It scans from the start, without being told.'),
     )
     BAUD = 500000
 
-    def __init__(
-        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
-    ) -> None:
-        """
-        Check the settings; nothing is plugged in yet.
-
-        :raises ConfigError: a setting is wrong.
-        """
-        super().__init__(name, settings, port, baud)
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         (self._first, self._last, self._front, self._turn, self._maximum_mm,
          self._rpm) = PRODUCTS[self.settings['product']]
         self._noise = np.random.default_rng(self.settings['seed'])
@@ -86,10 +75,6 @@ class SimulatedHokuyo(SimulatedDevice):
         millimetres = np.round(ranges * 1000).astype(int)
         millimetres[millimetres > self._maximum_mm] = 0
         return wire.scan(self._scan, round(time_s * 1000), millimetres.tolist())
-
-    def foreign(self) -> bytes:
-        """Give what a satellite receiver sends."""
-        return nmea.sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
 
     def obey(self, data: bytes) -> None:
         """Answer each command."""

@@ -18,12 +18,11 @@ from __future__ import annotations
 
 from rt_robot_os.devices.maxbotix.wire import reading
 from rt_robot_os.devices.maxbotix.wire import UNITS
-from rt_robot_os.devices.nmea.wire import sentence
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.device import common_settings
-from rt_robot_os.sim.wall import NOISE
-from rt_robot_os.sim.wall import SimulatedRange
-from rt_robot_os.sim.wall import wall_settings
+from rt_robot_os.sim.world import RANGE_NOISE_M
+from rt_robot_os.sim.world import SimulatedRange
+from rt_robot_os.sim.world import wall_settings
 
 
 class SimulatedMaxBotix(SimulatedRange):
@@ -40,11 +39,7 @@ class SimulatedMaxBotix(SimulatedRange):
         """Give one reading."""
         s = self.settings
         unit_m, digits, no_target = UNITS[s['unit']]
-        distance_m = self.distance_m(time_s) + self.random.gauss(0.0, NOISE)
+        distance_m = self.distance_m(time_s) + self.random.gauss(0.0, RANGE_NOISE_M)
         if distance_m > s['maximum_m']:
             return reading(no_target[0], digits)
         return reading(round(max(distance_m, s['minimum_m']) / unit_m), digits)
-
-    def foreign(self) -> bytes:
-        """Give what a satellite receiver sends."""
-        return sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')

@@ -15,23 +15,19 @@
 """
 A simulated MPU-6050 that is turned by hand: its registers, its FIFO and what it measures.
 
-It moves like the simulated WitMotion unit, so its rates and its accelerations agree.
+It moves like the other simulated units, so its rates and its accelerations agree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
-from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.mpu6050 import wire as chip
-from rt_robot_os.devices.witmotion.twin import angular_velocity
-from rt_robot_os.devices.witmotion.twin import body_vector
 from rt_robot_os.schema import Field
+from rt_robot_os.sim import world
 from rt_robot_os.sim.i2c_device import common_settings
 from rt_robot_os.sim.i2c_device import RegisterChip
-from rt_robot_os.sim.i2c_port import I2cPort
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -58,8 +54,7 @@ class SimulatedMpu6050(RegisterChip):
         Field('model', str, 'MPU-6050', 'Which of the relatives it is.', choices=tuple(_IDS)),
         Field('temperature_c', float, 30.0, 'Temperature of the chip.', unit='C', minimum=-40.0,
               maximum=85.0),
-        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
-              maximum=1000.0),
+        world.NOISE_SETTING,
         Field('drift', float, 0.0, 'How much faster its clock runs than ours.', minimum=-0.1,
               maximum=0.1),
     )
@@ -67,17 +62,10 @@ class SimulatedMpu6050(RegisterChip):
     FIXED = frozenset((chip.FIFO,))
     FOREIGN = {0xD0: 0x58}
 
-    def __init__(self, name: str, settings: Mapping[str, Any], port: I2cPort,
-                 address: int | None = None) -> None:
-        """
-        Check the settings and put the chip on the bus.
-
-        :raises ConfigError: a setting is wrong, or the address is taken.
-        """
-        super().__init__(name, settings, port, address)
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self._id = _IDS[self.settings['model']]
         self._model = chip.MODELS[self._id]
-        self._noise: float = self.settings['noise']
         self._fifo = bytearray()
         self._began_ns = 0
         self._sampled = 0
@@ -139,10 +127,10 @@ class SimulatedMpu6050(RegisterChip):
         unit = _ACCEL_RANGES[self.registers[chip.ACCEL_CONFIG] >> 3 & 3] * (
             STANDARD_GRAVITY_M_S2 / chip.FULL_SCALE)
         force = [counts(self._noisy(v, _ACCELERATION_NOISE), unit)
-                 for v in body_vector(time_s, (0.0, 0.0, STANDARD_GRAVITY_M_S2))]
+                 for v in world.body_vector(time_s, world.GRAVITY_M_S2)]
         unit = math.radians(_GYRO_RANGES[self.registers[chip.GYRO_CONFIG] >> 3 & 3]) / (
             chip.FULL_SCALE)
-        rate = [counts(self._noisy(v, _RATE_NOISE), unit) for v in angular_velocity(time_s)]
+        rate = [counts(self._noisy(v, _RATE_NOISE), unit) for v in world.angular_velocity(time_s)]
         model = self._model
         warmth = self.settings['temperature_c'] - model.temperature_zero_c
         data = chip.pack((force[0], force[1], force[2],
@@ -159,7 +147,7 @@ class SimulatedMpu6050(RegisterChip):
                     and self.registers[chip.FIFO_ENABLE] == chip.FIFO_ALL)
 
     def _noisy(self, value: float, deviation: float) -> float:
-        return value + self.random.gauss(0.0, deviation * self._noise)
+        return value + self.random.gauss(0.0, deviation * self.settings['noise'])
 
     def _restart(self, now_ns: int) -> None:
         self._began_ns = now_ns

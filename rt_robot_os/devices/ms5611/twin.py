@@ -16,17 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.ms5611 import wire as chip
-from rt_robot_os.sim.air import Air
-from rt_robot_os.sim.air import air_settings
 from rt_robot_os.sim.i2c_device import common_settings
 from rt_robot_os.sim.i2c_device import SimulatedChip
-from rt_robot_os.sim.i2c_port import I2cPort
-from rt_robot_os.sim.search import invert
+from rt_robot_os.sim.world import Air
+from rt_robot_os.sim.world import air_settings
+from rt_robot_os.sim.world import raw_readings
 
 _RAW_MAXIMUM: Final = (1 << 24) - 1
 _TIMES_NS: Final = dict(chip.OVERSAMPLING.values())
@@ -44,9 +41,7 @@ PROM: Final = with_checksum((0, 40127, 36924, 23317, 23282, 33464, 28312, 0x5A00
 
 def encode(prom: chip.Words, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
     """Give the raw readings, pressure and temperature, nearest to physical values."""
-    raw_t = invert(lambda raw: chip.compensate(prom, 0, raw)[1], temperature_c, 1, _RAW_MAXIMUM)
-    raw_p = invert(lambda raw: chip.compensate(prom, raw, raw_t)[0], pressure_pa, 1, _RAW_MAXIMUM)
-    return raw_p, raw_t
+    return raw_readings(chip.compensate, prom, (pressure_pa, temperature_c), 1, _RAW_MAXIMUM)
 
 
 class SimulatedMs5611(SimulatedChip):
@@ -56,14 +51,8 @@ class SimulatedMs5611(SimulatedChip):
     ADDRESS = 0x77
     FOREIGN = {0xD0: 0x58}
 
-    def __init__(self, name: str, settings: Mapping[str, Any], port: I2cPort,
-                 address: int | None = None) -> None:
-        """
-        Check the settings and put the chip on the bus.
-
-        :raises ConfigError: a setting is wrong, or the address is taken.
-        """
-        super().__init__(name, settings, port, address)
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self.air = Air(self.settings, self.random)
         self.conversions = 0
         self._command = 0

@@ -21,9 +21,9 @@ from rt_robot_os.devices.sharp.wire import SHARP_FITS
 from rt_robot_os.devices.witmotion.wire import acceleration_frame
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.device import common_settings
-from rt_robot_os.sim.wall import NOISE
-from rt_robot_os.sim.wall import SimulatedRange
-from rt_robot_os.sim.wall import wall_settings
+from rt_robot_os.sim.world import RANGE_NOISE_M
+from rt_robot_os.sim.world import SimulatedRange
+from rt_robot_os.sim.world import wall_settings
 
 
 class SimulatedSharp(SimulatedRange):
@@ -40,7 +40,7 @@ class SimulatedSharp(SimulatedRange):
     def sample(self, time_s: float) -> bytes:
         """Give one reading of each channel."""
         coefficient_m, exponent = SHARP_FITS[self.settings['model']]
-        distance_m = max(self.distance_m(time_s) + self.random.gauss(0.0, NOISE), 0.01)
+        distance_m = max(self.distance_m(time_s) + self.random.gauss(0.0, RANGE_NOISE_M), 0.01)
         volts = (distance_m / coefficient_m) ** (1 / exponent)
         return b''.join(adc(channel, min(round(volts * 1000), 5000))
                         for channel in range(self.settings['channels']))

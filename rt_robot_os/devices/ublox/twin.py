@@ -17,10 +17,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import timedelta
 import math
-from typing import Any
 
 from rt_robot_os.devices.nmea.twin import ALTITUDE_M
 from rt_robot_os.devices.nmea.twin import DEVIATIONS_M
@@ -34,7 +32,6 @@ from rt_robot_os.devices.ublox.wire import HPPOSLLH
 from rt_robot_os.devices.ublox.wire import NAV
 from rt_robot_os.devices.ublox.wire import UbxDecoder
 from rt_robot_os.schema import Field
-from rt_robot_os.sim.pty_port import PtyPort
 
 _SATELLITES = 14
 _CARRIER_FIXED = 0x82
@@ -63,15 +60,8 @@ class SimulatedUblox(SimulatedNmea):
     )
     BAUD = 38400
 
-    def __init__(
-        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
-    ) -> None:
-        """
-        Check the settings; nothing is plugged in yet.
-
-        :raises ConfigError: a setting is wrong.
-        """
-        super().__init__(name, settings, port, baud)
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self._decoder = UbxDecoder()
         self._rtcm = RtcmDecoder()
         self.corrections = 0

@@ -13,29 +13,20 @@
 # limitations under the License.
 
 
-"""A simulated Xsens motion tracker that is turned by hand, as the WitMotion unit is."""
+"""A simulated Xsens motion tracker that is turned by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import struct
-from typing import Any
 from typing import Final
 
-from rt_robot_os.devices.nmea import wire as nmea
-from rt_robot_os.devices.witmotion.twin import angular_velocity
-from rt_robot_os.devices.witmotion.twin import body_vector
-from rt_robot_os.devices.witmotion.twin import EARTH_FIELD_T
-from rt_robot_os.devices.witmotion.twin import quaternion
-from rt_robot_os.devices.witmotion.twin import Vector
 from rt_robot_os.devices.xsens import mtdata2
 from rt_robot_os.devices.xsens import wire
 from rt_robot_os.devices.xsens.wire import XbusDecoder
 from rt_robot_os.schema import Field
+from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 MAG_UNIT_T: Final = 4.9e-5
 
@@ -53,8 +44,7 @@ class SimulatedXsens(SimulatedDevice):
     """A motion tracker; it obeys GoToConfig, SetOutputConfiguration and GoToMeasurement."""
 
     SETTINGS = common_settings(100.0, 2000.0) + (
-        Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.', minimum=0.0,
-              maximum=1000.0),
+        world.NOISE_SETTING,
         Field('product', str, 'MTi-300', 'What it is: an MTi-100 gives no orientation, an MTi-3 '
               'at most 100 Hz.', choices=('MTi-3', 'MTi-100', 'MTi-300')),
         Field('settling_s', float, 0.0, 'Time until its filter is valid.', unit='s', minimum=0.0,
@@ -62,16 +52,8 @@ class SimulatedXsens(SimulatedDevice):
     )
     BAUD = 115200
 
-    def __init__(
-        self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
-    ) -> None:
-        """
-        Check the settings; nothing is plugged in yet.
-
-        :raises ConfigError: a setting is wrong.
-        """
-        super().__init__(name, settings, port, baud)
-        self._noise: float = self.settings['noise']
+    def prepare(self) -> None:
+        """Begin as the device does after it got power."""
         self._product: str = self.settings['product']
         self._outputs = tuple(
             i for i in (*_ALWAYS, *_MEASURED) if self._can(i))
@@ -86,10 +68,6 @@ class SimulatedXsens(SimulatedDevice):
         self._counter = (self._counter + 1) & 0xFFFF
         return wire.mtdata2(
             (identifier, self._item(identifier, time_s)) for identifier in self._outputs)
-
-    def foreign(self) -> bytes:
-        """Give what a satellite receiver sends."""
-        return nmea.sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
 
     def obey(self, data: bytes) -> None:
         """Take commands and acknowledge them."""
@@ -132,17 +110,14 @@ class SimulatedXsens(SimulatedDevice):
             valid = mtdata2.FILTER_VALID if time_s >= self.settings['settling_s'] else 0
             return struct.pack('>I', mtdata2.SELF_TEST_OK | valid)
         if identifier == mtdata2.QUATERNION:
-            return wire.reals(quaternion(time_s))
+            return wire.reals(world.quaternion(time_s))
         if identifier == mtdata2.ACCELERATION:
-            return wire.reals(self._noisy(
-                body_vector(time_s, (0.0, 0.0, STANDARD_GRAVITY_M_S2)), _ACCELERATION_NOISE))
-        if identifier == mtdata2.RATE_OF_TURN:
-            return wire.reals(self._noisy(angular_velocity(time_s), _RATE_NOISE))
-        east, north, up = (b / MAG_UNIT_T for b in body_vector(time_s, EARTH_FIELD_T))
-        return wire.reals(self._noisy((east, north, up), _FIELD_NOISE))
-
-    def _noisy(self, vector: Vector, deviation: float) -> Vector:
-        x, y, z = vector
-        spread = deviation * self._noise
-        gauss = self.random.gauss
-        return x + gauss(0.0, spread), y + gauss(0.0, spread), z + gauss(0.0, spread)
+            measured = world.body_vector(time_s, world.GRAVITY_M_S2)
+            deviation = _ACCELERATION_NOISE
+        elif identifier == mtdata2.RATE_OF_TURN:
+            measured, deviation = world.angular_velocity(time_s), _RATE_NOISE
+        else:
+            east, north, up = world.body_vector(time_s, world.EARTH_FIELD_T)
+            measured = (east / MAG_UNIT_T, north / MAG_UNIT_T, up / MAG_UNIT_T)
+            deviation = _FIELD_NOISE
+        return wire.reals(world.noisy(measured, deviation * self.settings['noise'], self.random))
