@@ -61,9 +61,14 @@ class FailureReport:
     error: str
     trace: tuple[tuple[str, int, str], ...]
 
+    @property
+    def told(self) -> str:
+        """Give the error and where it came from, a line a call."""
+        return self.error + ''.join(
+            f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
+
     def __str__(self) -> str:
-        calls = ''.join(f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
-        return f'task {self.task!r}: {self.error}{calls}'
+        return f'task {self.task!r}: {self.told}'
 
 
 def describe(task: str, at_ns: int, error: BaseException, *,

@@ -29,6 +29,7 @@ import heapq
 import sys
 from typing import Any
 
+from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import dump
@@ -86,7 +87,7 @@ class Kernel(Scheduler):
         release in nanoseconds, unless it is None.
     """
 
-    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken', '_leaving')
+    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken')
 
     def __init__(self, clock: Clock | None = None, *, spin_ns: int = 0,
                  black_box_records: int = RECORDS_DEFAULT) -> None:
@@ -100,7 +101,6 @@ class Kernel(Scheduler):
         self._tasks: list[Task] = []
         self._by_name: dict[str, Task] = {}
         self._broken = False
-        self._leaving: BaseException | None = None
 
     # ---- declaring ---------------------------------------------------------------------------
 
@@ -224,6 +224,7 @@ class Kernel(Scheduler):
             each other in a circle.
         :raises KeyboardInterrupt: Ctrl-C was pressed; the job that ran then has ended.
         :raises SystemExit: a handler of a signal raised it; in the same way.
+        :raises KernelError: the kernel has a defect, or a ``trace`` or a clock of one's own has.
         """
         if self.running:
             raise TaskError('the kernel runs already')
@@ -236,7 +237,12 @@ class Kernel(Scheduler):
         try:
             self.clock.wrap_handlers(self._run_handler)
             self._prepare(duration_ns)
-            self._loop()
+            try:
+                self._loop()
+            except RtRobotError:
+                raise
+            except Exception as error:
+                self._fail(error)
         finally:
             self.locked = self._stopping = True
             self._interrupts.disarm()

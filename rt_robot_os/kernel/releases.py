@@ -263,11 +263,20 @@ class Releases(ABC):
         """Release what is due at a level, in the order of time."""
         timers = self._timers[level]
         while timers[0][0] <= now_ns and not self._stopping:
-            timer = heapq.heappop(timers)
-            if timer[3]:
-                self._release(timer)
-            else:
-                timer[2](now_ns)
+            self._serve(heapq.heappop(timers), now_ns)
+
+    def _take_out(self, task: Task, now_ns: int) -> None:
+        """Take the timer of the task that runs out of the others, if it has fallen due."""
+        timers = self._timers[task.priority]
+        now_ns = min(now_ns, self._end_ns - 1)
+        while task.timer is None and timers[0][0] <= now_ns:
+            self._serve(heapq.heappop(timers), now_ns)
+
+    def _serve(self, timer: Timer, now_ns: int) -> None:
+        if timer[3]:
+            self._release(timer)
+        else:
+            timer[2](now_ns)
 
     def _release(self, timer: Timer) -> None:
         """Release a periodic task, or leave that to the end of the job that waits or runs."""

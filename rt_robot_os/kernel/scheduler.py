@@ -34,6 +34,7 @@ from __future__ import annotations
 import heapq
 import sys
 
+from rt_robot_os.errors import KernelError
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import FAILED
@@ -75,13 +76,14 @@ _set_recursion_limit = sys.setrecursionlimit
 class Scheduler(Releases):
     """Dispatch, and ending jobs: what runs in every tick. :class:`Kernel` adds the rest."""
 
-    __slots__ = ('_recursion_limit', '_resources', '_consequences')
+    __slots__ = ('_recursion_limit', '_resources', '_consequences', '_leaving')
 
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         super().__init__(clock, spin_ns, records)
         self._recursion_limit = 0
         self._resources: dict[str, Resource] = {}
         self._consequences = Consequences(self, self._resources)
+        self._leaving: BaseException | None = None  # what run() is to end with
 
     # ---- ticks -------------------------------------------------------------------------------
 
@@ -112,7 +114,14 @@ class Scheduler(Releases):
         if signum and not SEPARATE_LIMITS and current is not None:
             self._look_at_depth(current, limit)
         while True:
-            self._tick(current, level)
+            try:
+                self._tick(current, level)
+            except RecursionError:
+                raise
+            except Exception as error:  # of the kernel, not of the job that it would end
+                if self._leaving is not None:
+                    break
+                self._fail(error)
             again = self.pending
             if not again:
                 break
@@ -150,6 +159,14 @@ class Scheduler(Releases):
                 self.pending = True
             else:
                 self.settle()  # which sets the alarm
+
+    def _fail(self, error: Exception) -> None:
+        """Let :meth:`Kernel.run` end with a defect of the kernel."""
+        told = describe('kernel', self.now_ns(), error, outermost=True).told
+        leaving = KernelError(f'the kernel itself has failed; please report it with this: {told}')
+        leaving.__cause__ = error
+        self._leaving = self._leaving or leaving
+        self.stop('KernelError')
 
     def _tick(self, current: Task | None, level: int) -> None:
         """Serve one alarm that interrupted a task, or none; locked."""
@@ -216,35 +233,44 @@ class Scheduler(Releases):
             if level <= floor:
                 break
             queue, timers = queues[level], all_timers[level]
-            due_ns = timers[0][0]
-            if due_ns > looked_ns:
+            first = timers[0]
+            own_ns = first[0]  # its next release comes from the timers no sooner than that
+            if own_ns > looked_ns:
                 if not queue:
                     self._ready ^= self._bits[level]
-                    if due_ns < watched_ns[level]:
-                        watched_ns[level] = due_ns
-                        heapq.heappush(firsts, (due_ns, level))
+                    if own_ns < watched_ns[level]:
+                        watched_ns[level] = own_ns
+                        heapq.heappush(firsts, (own_ns, level))
                     continue
                 task = queue.popleft()
                 task.pending = False
                 release_ns = task.release_ns  # an event may release it again while it runs
-            elif queue or not timers[0][3] or timers[0][2].pending:
+            elif queue or not first[3] or first[2].pending:
                 self._take_in(level, looked_ns)
                 if self._interrupted:
                     self._hear(looked_ns)
                 continue
             else:  # the usual case, without the way through the queue
-                release_ns, index, task, task.interval_ns = heapq.heappop(timers)
+                release_ns, index, task, task.interval_ns = first
                 task.releases += 1
                 task.release_ns = release_ns
                 period_ns = task.period_ns
-                task.timer = (release_ns + period_ns, index, task, period_ns)
+                own_ns = release_ns + period_ns
+                timer = (own_ns, index, task, period_ns)
+                if own_ns <= looked_ns:  # late
+                    heapq.heappop(timers)
+                    task.timer = timer
+                    own_ns = NEVER_NS
+                elif own_ns < timers[1][0] and own_ns < timers[2][0]:
+                    timers[0] = timer
+                else:
+                    heapq.heapreplace(timers, timer)
             task.busy = True
             self.current, self._level = task, level
             # Its own next release, which is above nobody now, is what comes when it has ended.
             next_ns = firsts[0][0]
-            timer = task.timer
-            if timer is not None and timer[0] < next_ns:
-                next_ns = timer[0]
+            if own_ns < next_ns:
+                next_ns = own_ns
             if task.aborts or next_ns != self._armed_due_ns:
                 self._arm_for(task, level, next_ns)
             start_ns = now_ns()
@@ -307,16 +333,13 @@ class Scheduler(Releases):
                         task.jitter.maximum_ns = jitter_ns
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
-            timer = task.timer
-            if timer is None and task.period_ns and timers[0][0] <= end_ns:
-                self._take_in(level, end_ns)  # an event had released it; was it due as well?
-                timer = task.timer
-            if timer is not None:
-                if timer[0] <= end_ns:
-                    timer = self._consequences.reckon(task, timer, end_ns)
+            if own_ns <= end_ns and task.period_ns:
+                self._take_out(task, end_ns)
+            if task.timer is not None:
+                following = self._consequences.reckon(task, task.timer, end_ns)
                 task.timer = None
-                if timer is not None:
-                    heapq.heappush(timers, timer)
+                if following is not None:
+                    heapq.heappush(timers, following)
             task.busy = False
             if failure is not None or task.follow_up or task.inside:
                 self._consequences.follow(task, failure, outcome, end_ns)

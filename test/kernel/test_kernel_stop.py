@@ -30,6 +30,7 @@ from kernel_tools import MS
 from kernel_tools import run_program
 import pytest
 
+from rt_robot_os.errors import KernelError
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
@@ -114,7 +115,7 @@ def test_a_run_that_an_exception_ends_is_cleaned_up(clean: Callable[[], None]) -
     kernel = Kernel(MonotonicClock())
     kernel.add_task('task', lambda: None, priority=50, rate_hz=1000.0)
     kernel.trace = trace
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(KernelError, match='ZeroDivisionError'):
         kernel.run()
     clean()
     assert not kernel.running
@@ -384,3 +385,30 @@ def test_a_handler_that_exits_ends_the_kernel_in_order(clean: Callable[[], None]
     assert raised.value.code == 7
     assert (ended, task.failures) == ([True], 0)
     clean()
+
+
+@pytest.mark.parametrize('where', ['idle', 'nested'])
+def test_a_defect_of_the_kernel_is_told_as_such_and_no_job_is_blamed(where: str) -> None:
+    kernel = Kernel(VirtualClock())
+    went_on = []
+
+    def defect(at_ns: int, kind: str, task: str) -> None:
+        if task == 'high':
+            raise LookupError('an entry that must be there')
+
+    def low_job() -> None:
+        kernel.clock.spend(3 * MS)
+        went_on.append(True)
+
+    kernel.trace = defect  # stands for any line of the dispatcher
+    low = kernel.add_task('low', low_job, priority=10, rate_hz=10.0)
+    kernel.add_task('high', lambda: None, priority=50, rate_hz=1.0,
+                    phase_ns=2 * MS if where == 'nested' else 50 * MS)
+    with pytest.raises(KernelError, match='please report it with this: LookupError: an entry that '
+                                          'must be there(?s:.*)scheduler.py:') as caught:
+        kernel.run(60 * MS)
+    assert isinstance(caught.value.__cause__, LookupError)
+    assert went_on == [True] and low.runs == 1 and low.failures == 0
+    kernel.trace = None
+    assert kernel.run(60 * MS) == 'duration'
+    assert low.runs == 2
