@@ -104,6 +104,7 @@ class Core:
         self.bus = make_bus(self.kernel)
         self.reports = Reports()
         self.requests = Requests()
+        warn = functools.partial(self.note, Severity.WARN, 'core')
         self.logs = Logs(self.reports, self.kernel.now_ns)
         self.sensors = SensorManager(self.kernel, self.bus, self.reports, services=services)
         for topic in settings.topics:
@@ -116,8 +117,7 @@ class Core:
             each.name: each for each in (*(m.device for m in self.sensors.devices), *self.modules)}
         self.parameters = LiveParameters(
             settings, loaded or settings, self.kernel, owners, self.logs.by_name)
-        self.taps = Taps(self.kernel, self.bus, self.sensors, [m.name for m in self.modules],
-                         functools.partial(self.note, Severity.WARN, 'core'))
+        self.taps = Taps(self.kernel, self.bus, self.sensors, [m.name for m in self.modules], warn)
         if core.record_bytes:
             self.taps.turn_on()
         self.link = LinkServer(
@@ -129,7 +129,7 @@ class Core:
         self.guard = ProcessGuard(settings.watchdog)
         self.process = RealtimeProcess(core, core.cpu if cpu is None else cpu)
         self.host = Host(settings, self.kernel, self.bus, self.requests,
-                         Statistics(self.kernel, self.requests), self.watch, self.note)
+                         Statistics(self.kernel, self.requests, warn), self.watch, self.note)
         self._attach(owners)
         self._parts = [part(self.host) for part in parts]
         self.watchdog = self._watchdog()  # it watches the tasks that are there by now

@@ -46,11 +46,17 @@ Facts = Callable[[], Mapping[str, Any]]
 class Statistics:
     """What is told of the tasks, of all that was added, and of the core itself, in this order."""
 
-    def __init__(self, kernel: Kernel, requests: Requests) -> None:
-        """Answer who asks for all of them."""
+    def __init__(self, kernel: Kernel, requests: Requests, warn: Callable[[str], object]) -> None:
+        """
+        Answer who asks for all of them.
+
+        :param warn: reports, once for each source, that it gives none.
+        """
         self._kernel = kernel
+        self._warn = warn
         self._rows: list[tuple[str, Rows]] = []
-        self._facts: list[Facts] = []
+        self._facts: list[Rows] = []
+        self._failing: set[Rows] = set()
         requests.add_long('statistics', self._answer)
 
     def add_rows(self, part: str, rows: Rows) -> None:
@@ -67,18 +73,28 @@ class Statistics:
 
         :param facts: gives plain values by name; asked by the lowest tasks.
         """
-        self._facts.append(facts)
+        self._facts.append(lambda: (dict(facts()),))
 
     def _answer(self, session: Session, arguments: Arguments) -> Iterator[Part]:
         for task in self._kernel.tasks:
             yield Kind.TASK, encode_task(task)
         for part, rows in self._rows:
-            for row in rows():
+            for row in self._asked(rows):
                 yield {'part': part, **row}
         told: Arguments = {'part': 'core'}
         for facts in self._facts:
-            told.update(facts())
+            for found in self._asked(facts):
+                told |= found
         yield told
+
+    def _asked(self, rows: Rows) -> Iterator[Arguments]:
+        """Ask one source; the code behind it may be anybody's, and must not hide the others."""
+        try:
+            yield from rows()
+        except Exception as error:
+            if rows not in self._failing:
+                self._failing.add(rows)
+                self._warn(f'statistics are incomplete: {type(error).__name__}: {error}')
 
 
 def module_rows(modules: Sequence[Module], requests: Requests) -> Iterator[Arguments]:

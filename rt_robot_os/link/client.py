@@ -101,7 +101,7 @@ def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
     """
     Put the packets of an answer to ``statistics`` together.
 
-    :raises LinkError: one of them is no packet of the link.
+    :raises LinkError: one of them is no packet of the link, or says why there are no statistics.
     """
     tasks: list[TaskStatistics] = []
     counts: dict[str, TaskCounts] = {}
@@ -114,6 +114,8 @@ def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
             counts[tasks[-1].name] = decode_counts(record)
             continue
         content = decode_json(packet)
+        if 'error' in content:
+            raise LinkError(str(content['error']))
         part = content.pop('part', None)
         if part in parts:
             parts[part].append(content)
@@ -273,6 +275,28 @@ class LinkClient(Reader):
         :raises LinkError: as for :meth:`request`.
         """
         return collect(self._ask('statistics'))
+
+    def parameters(self) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """
+        Get the parameters that may change while the core runs.
+
+        :return: what concerns them all (``file`` and ``files``), and by the name of each its
+            ``value``, ``loaded`` (what the configuration said), ``unit``, ``description`` and
+            ``wanted``.
+        :raises LinkError: as for :meth:`request`.
+        """
+        first, *rest = self.request_all('parameters')
+        return first, {str(each['name']): each for each in rest}
+
+    def change(self, name: str, value: Any) -> Any:
+        """
+        Change a parameter, from the next release or job on.
+
+        :param name: dotted, such as ``guard.rate_hz``.
+        :return: the value in its declared type.
+        :raises LinkError: as for :meth:`request`.
+        """
+        return self.request('change', name=name, value=value)['value']
 
     def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
                initial: bool = False, oldest: bool = False, patient: bool = False) -> int:

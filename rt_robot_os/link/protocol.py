@@ -67,7 +67,7 @@ from typing import NamedTuple
 
 from rt_robot_os.errors import LinkError
 
-VERSION = 3
+VERSION = 4
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
 RECORD = struct.Struct('<Q')

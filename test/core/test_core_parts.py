@@ -61,6 +61,7 @@ class Odometer(CorePart):
         host.kernel.add_task('odometer', self.update, priority=5, rate_hz=10.0)
         host.watch.add(self.look)
         host.statistics.add_facts(lambda: {'odometer_updates': self.updates})
+        host.statistics.add_facts(lambda: {'odometer_share': self.updates / self.no_such_count})
         host.requests.add('odometer', lambda session, arguments: {
             'updates': self.updates, 'by': session.name})
         host.requests.add_long('odometers', lambda session, arguments: (
@@ -127,6 +128,16 @@ def test_a_part_from_elsewhere_has_a_task_a_request_and_a_counter(core: Core) ->
     assert client.ask('statistics')[-2]['odometer_updates'] == 10
     core.close()
     assert part.closed
+
+
+def test_statistics_that_fail_hide_no_others_and_are_told_once(core: Core) -> None:
+    client = Client(core.requests)
+    for _ in range(2):
+        assert client.ask('statistics')[-2]['odometer_updates'] == 0
+    told = [report.text for report in core.reports.since(0)[2]]
+    assert [text for text in told if 'statistics are incomplete' in text] == [
+        "statistics are incomplete: AttributeError: 'Odometer' object has no attribute "
+        "'no_such_count'"]
 
 
 def test_an_answer_of_many_packets_ends_with_an_empty_one_or_a_reason(core: Core) -> None:

@@ -205,9 +205,9 @@ def test_what_was_changed_from_ros_and_in_the_core_is_saved_for_the_next_start(
     assert set_parameter(world, 'guard.rate_hz', double_value=20.0).successful
     assert set_parameter(world, 'safe_out.policy', string_value='latest').successful
     with LinkClient(world.folder / 'robot.sock', 'test') as client:
-        client.request('change', name='guard.timeout_s', value=0.25)
+        client.change('guard.timeout_s', 0.25)
         until(lambda: values() == [20.0, 0.25, 'latest'], "the core's change in the node")
-        client.request('change', name='guard.rate_hz', value=25.0)
+        client.change('guard.rate_hz', 25.0)
         answer = world.call(Trigger, '/robot/save_parameters', Trigger.Request())
     assert answer.success, answer.message
     assert answer.message == (f'{saved}: guard.rate_hz = 25.0, guard.timeout_s = 0.25, '

@@ -57,12 +57,6 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _parameters(client: LinkClient) -> tuple[Facts, dict[str, Facts]]:
-    """Give what concerns them all, and the parameters by name."""
-    first, *rest = client.request_all('parameters')
-    return first, {each['name']: each for each in rest}
-
-
 def _found(parameters: dict[str, Facts], name: str) -> Facts:
     if name not in parameters:
         raise LinkError(f'{name}: no parameter that can be changed while the robot runs, '
@@ -72,7 +66,7 @@ def _found(parameters: dict[str, Facts], name: str) -> Facts:
 
 def _list(client: LinkClient, arguments: argparse.Namespace) -> None:
     rows = []
-    for each in _parameters(client)[1].values():
+    for each in client.parameters()[1].values():
         mark = ' ' if each['value'] == each['loaded'] else '*'
         value = f'{show(each["value"])} {each["unit"]}'.rstrip()
         rows.append((f'{mark} {each["name"]}', value, each['description'].rstrip('.')))
@@ -84,7 +78,7 @@ def _list(client: LinkClient, arguments: argparse.Namespace) -> None:
 
 
 def _get(client: LinkClient, arguments: argparse.Namespace) -> None:
-    print(show(_found(_parameters(client)[1], arguments.name)['value']))
+    print(show(_found(client.parameters()[1], arguments.name)['value']))
 
 
 def _set(client: LinkClient, arguments: argparse.Namespace) -> None:
@@ -94,13 +88,13 @@ def _set(client: LinkClient, arguments: argparse.Namespace) -> None:
         raise LinkError(f'{arguments.name}: {problem}') from problem
     if not isinstance(leaf, Leaf) or leaf.fault:
         raise LinkError(f'{arguments.name} = {arguments.value!r}: must be one value')
-    before = _found(_parameters(client)[1], arguments.name)['value']
-    value = client.request('change', name=arguments.name, value=leaf.value)['value']
+    before = _found(client.parameters()[1], arguments.name)['value']
+    value = client.change(arguments.name, leaf.value)
     print(f'{arguments.name} = {show(value)}, was {show(before)}')
 
 
 def _save(client: LinkClient, arguments: argparse.Namespace) -> None:
-    of_all, parameters = _parameters(client)
+    of_all, parameters = client.parameters()
     path = arguments.file or saved_path(str(of_all['file']), arguments.robot)
     values = save(path, arguments.robot,
                   {name: each['loaded'] for name, each in parameters.items()},

@@ -268,7 +268,7 @@ class RobotNode(LifecycleNode):
         """Change a value where it is used, and remember it for a core that is started again."""
         client = None if self._adopting else self._client()
         if client is not None and self._robot_parameters.known[name].in_core:
-            client.request('change', name=name, value=value)
+            client.change(name, value)
         before = self._robot_parameters.live_values()[name]
         self._robot_parameters.set(name, value)
         try:
@@ -293,13 +293,14 @@ class RobotNode(LifecycleNode):
         if client is None:
             return
         try:
-            facts = {each['name']: each['value'] for each in client.request_all('parameters')[1:]}
+            facts = client.parameters()[1]
         except LinkError:
             return  # it will be asked again when it is back
         known = self._robot_parameters.live_values()
         self._adopting = True
         try:
-            for name, value in facts.items():
+            for name, told in facts.items():
+                value = told['value']
                 if name in known and known[name] != value:
                     reason = self._take_over(name, value)
                     if reason:

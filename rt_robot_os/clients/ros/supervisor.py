@@ -282,9 +282,15 @@ class Supervisor:
                     question = client.begin('statistics')
             elif question is not None and question.answered():
                 question.drop()
-                self.statistics = collect(question.packets)
+                self._take_statistics(question)
                 question = None
             self._judge(client)
+
+    def _take_statistics(self, question: Question) -> None:
+        try:
+            self.statistics, self.reason = collect(question.packets), ''
+        except LinkError as error:  # the mirrors are not concerned: the connection stays
+            self.statistics, self.reason = None, f'the core gives no statistics: {error}'
 
     def _judge(self, client: LinkClient) -> None:
         """Look whether the core lives, after what has arrived was read."""

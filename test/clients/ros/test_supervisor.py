@@ -37,9 +37,11 @@ from rt_robot_os.clients.ros import supervisor as under_test
 from rt_robot_os.clients.ros.silence import Silence
 from rt_robot_os.clients.ros.silence import Starvation
 from rt_robot_os.clients.ros.supervisor import Supervisor
+from rt_robot_os.link.client import Question
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.stamp_mapper import StampMapper
@@ -295,3 +297,19 @@ def test_a_core_that_ran_before_is_tried_again_whatever_it_says(folder: Path) ->
     assert not story.supervisor.fatal
     assert story.told('did not start again')
     story.supervisor.stop()
+
+
+def test_an_answer_without_statistics_is_told_and_keeps_the_connection(folder: Path) -> None:
+    supervisor = Story(folder / 'none.sock', None).supervisor
+    question = Question('statistics', {}, 1)
+    packet = encode_json(Kind.REPLY, {'error': 'too many answers are still on their way'}, seq=1)
+    question.packets = [(parse_header(packet), packet)]
+    supervisor._take_statistics(question)
+    assert supervisor.statistics is None
+    assert supervisor.reason == ('the core gives no statistics: too many answers are still on '
+                                 'their way')
+    packet = encode_json(Kind.REPLY, {'part': 'core', 'pid': 7}, seq=2)
+    question.packets = [(parse_header(packet), packet)]
+    supervisor._take_statistics(question)
+    assert supervisor.statistics is not None and supervisor.statistics.core == {'pid': 7}
+    assert supervisor.reason == ''
