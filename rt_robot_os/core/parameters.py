@@ -67,8 +67,7 @@ class LiveParameters:
                  owners: Mapping[str, LiveSettings], loggers: Mapping[str, Logger]) -> None:
         self._settings = settings
         tasks = {name: kernel.task(name) for name in owners}
-        kinds = {name: Kind(owner.fields(), is_coroutine=tasks[name].coroutine is not None)
-                 for name, owner in owners.items()}
+        kinds = {name: Kind(owner.fields()) for name, owner in owners.items()}
         self._places = {
             each.name: (each, place) for each in live_parameters(settings, kinds)
             if (place := _place(each.name, tasks, owners, loggers)) is not None}

@@ -241,9 +241,8 @@ def _of_device(device: DeviceSettings, kind: Kind) -> Iterator[ParameterDescript
 def _of_module(module: ModuleSettings, kind: Kind) -> Iterator[ParameterDescription]:
     for each in _of_part(module, common(MODULE, kind)):
         if each.task is not None:
-            # It has a rate, or its inputs release it, or a coroutine awaits what it likes: that
-            # does not change.
-            live = each.live and bool(module.rate_hz) and not kind.is_coroutine
+            # It has a rate, or its inputs release it: that does not change.
+            live = each.live and bool(module.rate_hz)
             lowest = (each.field.minimum or SLOWEST_HZ) if live else each.field.minimum
             each = replace(each, live=live, field=replace(each.field, live=live, minimum=lowest))
         yield each

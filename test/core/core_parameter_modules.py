@@ -27,3 +27,14 @@ class Woken(Module):
 
     def step(self) -> None:
         """Do nothing."""
+
+
+class Walker(Module):
+    """A coroutine, which awaits what releases it."""
+
+    command = Input('cmd_vel')
+
+    async def run(self) -> None:
+        """Take what comes."""
+        while True:
+            await self.command.next()
