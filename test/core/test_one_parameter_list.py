@@ -30,8 +30,8 @@ pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 
 ROBOT = """\
 devices: [sonar, depth]
-sonar: {type: maxbotix, port: /dev/null, rate_hz: 30.0}
-depth: {type: bmp280, port: /dev/null, rate_hz: 10.0}
+sonar: {type: maxbotix, port: /dev/ttyUSB0, rate_hz: 30.0}
+depth: {type: bmp280, port: /dev/i2c-1, rate_hz: 10.0}
 modules: [guard, woken, walker]
 guard: {type: twist_guard, rate_hz: 100.0, budget_us: 5000.0, on_budget: abort}
 woken: {type: 'core_parameter_modules:Woken', rate_hz: 0.0}
@@ -63,7 +63,7 @@ def test_what_ros_may_change_in_the_core_is_what_the_core_lets_change(core: Core
     ('guard.rate_hz', 0), ('guard.rate_hz', 'fast'), ('guard.rate_hz', True),
     ('guard.rate_hz', float('nan')), ('guard.rate_hz', [1.0]), ('guard.rate_hz', 1000.0),
     ('sonar.rate_hz', None), ('guard.timeout_s', -1.0), ('guard.log_level', 'loud'),
-    ('depth.sea_level_pa', 10 ** 400), ('guard.timeout_s', 'x' * 1000)])
+    ('depth.sea_level_pa', float('inf')), ('guard.timeout_s', {'x': 1})])
 def test_a_value_is_refused_in_the_same_words_on_either_side(
         core: Core, name: str, value: Any) -> None:
     before = core.parameters.digest()
