@@ -22,12 +22,15 @@ from pathlib import Path
 import random
 import shutil
 import signal
+import sys
 import tempfile
 from typing import Iterator
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+# What tests of several folders use.
+sys.path.insert(0, str(ROOT / 'test' / 'shared'))
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
@@ -84,3 +87,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.write_line('skipped: nothing')
     for reason, count in reasons.most_common():
         terminalreporter.write_line(f'skipped: {count} x {reason}')
+
+
+@pytest.fixture
+def untraced() -> Iterator[None]:
+    """Give a debugger or a coverage tool its trace function back."""
+    before = sys.gettrace()
+    yield
+    sys.settrace(before)

@@ -18,11 +18,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Iterator
 import sys
-from types import FrameType
 from typing import Any
 
+from at_line import AtLine
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -182,37 +181,9 @@ def test_many_places_are_bounded() -> None:
     assert len(log._windows) <= 256
 
 
-class AtLine:
-    """Call something at the n-th line of the logger or the reports that is executed."""
-
-    CODES = frozenset(f.__code__ for f in (
-        Logger.info, Logger._log, Logger._note, Logger._passes, Logger._close, Logger.sweep,
-        Reports.since))
-
-    def __init__(self, step: int, action: Callable[[], None]) -> None:
-        self.seen = 0
-        self._step = step
-        self._action = action
-        self._inside = False
-
-    def __call__(self, frame: FrameType, event: str, arg: Any) -> AtLine | None:
-        if frame.f_code not in self.CODES or self._inside:
-            return None
-        if event == 'line':
-            self.seen += 1
-            if self.seen == self._step:
-                self._inside = True
-                self._action()
-                self._inside = False
-        return self
-
-
-@pytest.fixture
-def untraced() -> Iterator[None]:
-    """Give a debugger or a coverage tool its trace function back."""
-    before = sys.gettrace()
-    yield
-    sys.settrace(before)
+CODES = frozenset(f.__code__ for f in (
+    Logger.info, Logger._log, Logger._note, Logger._passes, Logger._close, Logger.sweep,
+    Reports.since))
 
 
 def accounted(reports: list[Report]) -> int:
@@ -239,7 +210,7 @@ def test_nothing_is_lost_or_torn_wherever_a_higher_task_logs_too(
             for number in range(3):
                 say(100 + number)
 
-        tracer = AtLine(step, higher)
+        tracer = AtLine(step, higher, CODES.__contains__)
         say(0)
         say(1)
         sys.settrace(tracer)

@@ -17,12 +17,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from collections.abc import Iterator
 import sys
-from types import FrameType
-from typing import Any
 
+from at_line import AtLine
 import pytest
 
 from rt_robot_os.reports import Report
@@ -64,32 +61,6 @@ def test_a_report_says_how_bad_and_from_whom() -> None:
     assert str(Report(1, Severity.WARN, 'imu', 'silent')) == '[WARN] imu: silent'
 
 
-class AtLine:
-    """Call something at the n-th line of the module that is executed."""
-
-    def __init__(self, step: int, action: Callable[[], None]) -> None:
-        self.seen = 0
-        self._step = step
-        self._action = action
-
-    def __call__(self, frame: FrameType, event: str, arg: Any) -> AtLine | None:
-        if frame.f_code not in (Reports.note.__code__, Reports.since.__code__):
-            return None
-        if event == 'line':
-            self.seen += 1
-            if self.seen == self._step:
-                self._action()
-        return self
-
-
-@pytest.fixture
-def untraced() -> Iterator[None]:
-    """Give a debugger or a coverage tool its trace function back."""
-    before = sys.gettrace()
-    yield
-    sys.settrace(before)
-
-
 @pytest.mark.parametrize('capacity', [2, 100])
 @pytest.mark.parametrize('nested', ['note', 'since'])
 def test_none_is_lost_or_doubled_wherever_another_task_comes_in(
@@ -106,8 +77,9 @@ def test_none_is_lost_or_doubled_wherever_another_task_comes_in(
             dropped[which] += lost
             seen[which] += texts(new)
 
+        codes = (Reports.note.__code__, Reports.since.__code__)
         tracer = AtLine(step, (lambda: reports.note(report(100))) if nested == 'note' else (
-            lambda: read(1)))
+            lambda: read(1)), codes.__contains__)
         for number in range(2):
             reports.note(report(number))
         sys.settrace(tracer)

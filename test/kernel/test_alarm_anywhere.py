@@ -23,17 +23,14 @@ top of whatever the kernel was about to do.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from collections.abc import Iterator
 import os
 import sys
-from types import FrameType
-from typing import Any
 
+from at_line import AtLine
+from at_line import of_files
 from kernel_tools import balance
 from kernel_tools import MS
 from kernel_tools import US
-import pytest
 
 from rt_robot_os.kernel import consequences
 from rt_robot_os.kernel import interrupts
@@ -72,33 +69,6 @@ class RacingClock(VirtualClock):
         self._on_tick()
 
 
-class AtStep:
-    """Call something at the n-th line of some modules that is executed."""
-
-    def __init__(self, filenames: tuple[str, ...], step: int, action: Callable[[], None]) -> None:
-        self.seen = 0
-        self._filenames = filenames
-        self._step = step
-        self._action = action
-
-    def __call__(self, frame: FrameType, event: str, arg: Any) -> AtStep | None:
-        if frame.f_code.co_filename not in self._filenames:
-            return None
-        if event == 'line':
-            self.seen += 1
-            if self.seen == self._step:
-                self._action()
-        return self
-
-
-@pytest.fixture
-def untraced() -> Iterator[None]:
-    """Give a debugger or a coverage tool its trace function back."""
-    before = sys.gettrace()
-    yield
-    sys.settrace(before)
-
-
 def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     clock = RacingClock()
     kernel = Kernel(clock)
@@ -119,7 +89,7 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
         consequences, kernel_module, releases, scheduler_module))
-    tracer = AtStep(files, step, clock.fire)
+    tracer = AtLine(step, clock.fire, of_files(*files))
     sys.settrace(tracer)
     try:
         kernel.run(PERIODS * MS)
@@ -157,7 +127,7 @@ def run_with_signal_at(step: int, reading: int) -> int:
 
     reader = kernel.add_task('reader', lambda: None, priority=50)
     kernel.add_task('low', come_and_go, priority=10, rate_hz=1000.0)
-    tracer = AtStep((str(interrupts.__file__),), step, kernel._on_interrupt)
+    tracer = AtLine(step, kernel._on_interrupt, of_files(interrupts.__file__))
     sys.settrace(tracer)
     try:
         kernel.run(MS)

@@ -18,13 +18,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Iterator
 import contextlib
 import gc
 import sys
-from types import FrameType
 from typing import Any
 
+from at_line import AtLine
+from at_line import of_files
 from kernel_tools import balance
 from kernel_tools import MS
 from kernel_tools import run_program
@@ -214,31 +214,6 @@ def test_a_class_that_lies_about_itself_is_still_described(kernel: Kernel) -> No
 # ---- a strike is delivered once ---------------------------------------------------------------
 
 
-class StealAt:
-    """Let Linux take the CPU at the n-th line of the kernel from the first strike on."""
-
-    def __init__(self, clock: VirtualClock, step: int, begun: Callable[[], bool]) -> None:
-        self.seen = 0
-        self._clock, self._step, self._begun = clock, step, begun
-        self._files = (scheduler_module.__file__,)
-
-    def __call__(self, frame: FrameType, event: str, arg: Any) -> StealAt | None:
-        if frame.f_code.co_filename not in self._files:
-            return None
-        if event == 'line' and self._begun():
-            self.seen += 1
-            if self.seen == self._step:
-                self._clock.spend(15 * MS)
-        return self
-
-
-@pytest.fixture
-def untraced() -> Iterator[None]:
-    before = sys.gettrace()
-    yield
-    sys.settrace(before)
-
-
 def aborted_while_stolen(step: int) -> int:
     clock = VirtualClock()
     kernel = Kernel(clock)
@@ -250,7 +225,8 @@ def aborted_while_stolen(step: int) -> int:
     kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
     task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=2 * MS,
                            on_budget=ABORT, failure=FailurePolicy.CONTINUE)
-    tracer = StealAt(clock, step, lambda: task.struck or task.strikes > 0)
+    tracer = AtLine(step, lambda: clock.spend(15 * MS), of_files(scheduler_module.__file__),
+                    when=lambda: task.struck or task.strikes > 0)
     sys.settrace(tracer)
     try:
         kernel.run(50 * MS)

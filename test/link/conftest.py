@@ -18,45 +18,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterator
-import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
-import tempfile
-import time
 from typing import Any
 
+from processes import GUARD_YAML
+from processes import in_a_folder
+from processes import start_core
+from processes import TIMEOUT_S
+from processes import wait_until
 import pytest
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 
-ROOT = Path(__file__).resolve().parents[2]
-TIMEOUT_S = 60.0
-YAML = """
-robot:
-  ros__parameters:
-    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
-    modules: [guard]
-    guard: {type: twist_guard, rate_hz: 100.0, priority: 40}
+YAML = f"""{GUARD_YAML}\
     topics: [cmd_vel, text, picture]
     picture:
-      {message: sensor_msgs/msg/CompressedImage, depth: 16, tail: 100000, fixed: {format: jpeg}}
-    cmd_vel: {message: geometry_msgs/msg/Twist, depth: 64}
-    text: {message: std_msgs/msg/String, depth: 16, tail: 100}
+      message: sensor_msgs/msg/CompressedImage
+      depth: 16
+      tail: 100000
+      fixed: {{format: jpeg}}
+    cmd_vel: {{message: geometry_msgs/msg/Twist, depth: 64}}
+    text: {{message: std_msgs/msg/String, depth: 16, tail: 100}}
 """
-
-
-def wait_until(condition: Callable[[], Any], what: str) -> Any:
-    deadline = time.monotonic() + TIMEOUT_S
-    while True:
-        value = condition()
-        if value:
-            return value
-        if time.monotonic() > deadline:
-            pytest.fail(f'{what} did not happen within {TIMEOUT_S:g} s')
-        time.sleep(0.005)
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 class CoreUnderTest:
@@ -70,12 +58,7 @@ class CoreUnderTest:
         self.process = self.spawn()
 
     def spawn(self) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
-             str(self.folder / 'robot.yaml')], cwd='/', stderr=subprocess.DEVNULL,
-            env={**os.environ, 'PYTHONPATH': os.pathsep.join(
-                [str(ROOT), os.environ.get('PYTHONPATH', '')]), 'OPENBLAS_NUM_THREADS': '1',
-                'RT_ROBOT_OS_RUNTIME_DIR': str(self.folder)})
+        return start_core(self.folder)
 
     def client(self, name: str = 'test') -> LinkClient:
         def connect() -> LinkClient | None:
@@ -105,13 +88,8 @@ class CoreUnderTest:
 @pytest.fixture
 def core() -> Iterator[CoreUnderTest]:
     pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
-    # Short: a Unix socket's path has 108 bytes.
-    with tempfile.TemporaryDirectory(prefix='rtl') as folder:
-        made = CoreUnderTest(Path(folder))
-        try:
-            yield made
-        finally:
-            made.close()
+    with in_a_folder(CoreUnderTest) as made:
+        yield made
 
 
 @pytest.fixture

@@ -19,17 +19,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 import json
 from pathlib import Path
-import socket
-import tempfile
 from typing import Any
 
+from core_in_process import CoreInProcess
+from core_in_process import MS
+from core_in_process import RawClient
+from core_in_process import S
+from processes import COMMANDS_YAML
+from processes import in_a_folder
 import pytest
 
-from rt_robot_os.core.app import Core
-from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.fairness import INTERVAL_NS
 from rt_robot_os.link.fairness import UNITS_PER_INTERVAL
-from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
@@ -39,39 +40,12 @@ from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.server import CLIENTS_MAXIMUM
 from rt_robot_os.link.server import HELLO_NS
 from rt_robot_os.link.session import Session
-from rt_robot_os.settings import load
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
-MS = 1_000_000
-S = 1_000_000_000
-YAML = """
-robot:
-  ros__parameters:
-    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
-    modules: [guard]
-    guard: {type: twist_guard, rate_hz: 100.0, priority: 40}
-    topics: [cmd_vel]
-    cmd_vel: {message: geometry_msgs/msg/Twist, depth: 64}
-"""
 
-
-class Client:
+class Client(RawClient):
     """A client that may send anything."""
-
-    def __init__(self, path: Path) -> None:
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.socket.connect(str(path))
-        self.socket.setblocking(False)
-        self.number = 0
-
-    def hello(self, name: str) -> None:
-        self.ask('hello', name=name)
-
-    def ask(self, do: str, **arguments: Any) -> None:
-        self.number += 1
-        self.socket.send(encode_json(
-            Kind.REQUEST, {'id': self.number, 'do': do, **arguments}))
 
     def fill(self, packet: bytes) -> int:
         count = 0
@@ -96,7 +70,7 @@ class Client:
             if head.kind == Kind.REPLY and not head.channel:
                 found = json.loads(packet[HEADER_BYTES:])
 
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         while True:
             try:
                 if not self.socket.recv(PACKET_BYTES_MAXIMUM):
@@ -107,50 +81,35 @@ class Client:
                 return True
 
 
-class World:
-    """A core whose time passes only when a test lets it."""
+class World(CoreInProcess[Client]):
+    """A core with the topic cmd_vel."""
 
     def __init__(self, folder: Path) -> None:
-        folder.joinpath('robot.yaml').write_text(YAML)
-        self.path = folder / 'robot.sock'
-        self.core = Core(load([folder / 'robot.yaml']), self.path,
-                         clock=VirtualClock(start_ns=100 * S))
-        self.core.link.open()
-        self.clients: list[Client] = []
+        super().__init__(folder, COMMANDS_YAML)
 
     def client(self, name: str | None = None) -> Client:
         made = Client(self.path)
         self.clients.append(made)
         if name is not None:
-            made.hello(name)
+            made.request('hello', name=name)
         self.run()
         return made
 
     def run(self, duration_ns: int = 50 * MS) -> None:
-        self.core.kernel.run(duration_ns)
-
-    def told(self) -> list[str]:
-        return [report.text for report in self.core.reports.since(0)[2]]
-
-    def close(self) -> None:
-        for client in self.clients:
-            client.socket.close()
-        self.core.close()
+        super().run(duration_ns)
 
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    with tempfile.TemporaryDirectory(prefix='rth') as folder:
-        made = World(Path(folder))
+    with in_a_folder(World) as made:
         yield made
-        made.close()
 
 
 def test_a_flood_takes_its_share_and_the_others_are_heard_in_the_same_interval(
         world: World) -> None:
     floods = [world.client(f'flood {n}') for n in range(4)]
     honest = world.client('honest')
-    honest.ask('advertise', topic='cmd_vel')
+    honest.request('advertise', topic='cmd_vel')
     world.run()
     channel = honest.answer()['channel']
     packet = header(Kind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
@@ -172,7 +131,7 @@ def test_a_flood_takes_its_share_and_the_others_are_heard_in_the_same_interval(
 
 def test_what_a_flood_has_sent_is_all_taken_in_the_end(world: World) -> None:
     flood = world.client('flood')
-    flood.ask('advertise', topic='cmd_vel')
+    flood.request('advertise', topic='cmd_vel')
     world.run()
     channel = flood.answer()['channel']
     packet = header(Kind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
@@ -187,13 +146,13 @@ def test_what_a_flood_has_sent_is_all_taken_in_the_end(world: World) -> None:
 def test_who_never_says_hello_gives_way(world: World) -> None:
     idle = [world.client() for _ in range(CLIENTS_MAXIMUM + 1)]
     honest = world.client('honest')
-    honest.ask('reset_statistics')
+    honest.request('reset_statistics')
     world.run()
-    assert honest.answer() == {} and not honest.ended()
+    assert honest.answer() == {} and not honest.has_ended()
     world.run(HELLO_NS + 100 * MS)
-    assert all(client.ended() for client in idle)
+    assert all(client.has_ended() for client in idle)
     assert [client.name for client in world.core.link.statistics()] == ['honest']
-    assert any('said no hello' in text for text in world.told())
+    assert any('said no hello' in text for text in world.reports())
 
 
 @pytest.mark.parametrize('body', [
@@ -203,8 +162,8 @@ def test_nested_requests_are_refused_unread(world: World, body: bytes) -> None:
     client = world.client()
     client.socket.send(header(Kind.REQUEST) + body)
     world.run()
-    assert client.ended()
-    assert 'brackets' in world.told()[-1]
+    assert client.has_ended()
+    assert 'brackets' in world.reports()[-1]
 
 
 def test_who_asks_much_waits_for_itself(world: World) -> None:
@@ -217,14 +176,14 @@ def test_who_asks_much_waits_for_itself(world: World) -> None:
 
     world.core.requests.add('noted', noted)
     for _ in range(60):
-        greedy.ask('noted')
-    honest.ask('noted')
+        greedy.request('noted')
+    honest.request('noted')
     world.run()
     assert order.index('honest') <= 2 and len(order) == 61
 
 
 def test_a_flood_of_connections_is_summed_up_in_the_log(world: World) -> None:
-    before = len(world.told())
+    before = len(world.reports())
     for _ in range(300):
         client = world.client()
         client.socket.send(b'nonsense')
@@ -232,7 +191,7 @@ def test_a_flood_of_connections_is_summed_up_in_the_log(world: World) -> None:
         client.socket.close()
         world.clients.remove(client)
     world.run(3 * S)
-    told = world.told()[before:]
+    told = world.reports()[before:]
     assert len(told) < 60
     assert any('more lines about clients' in text for text in told)
     assert world.core.link.refused == 300
@@ -246,8 +205,8 @@ def test_a_name_is_made_safe_where_it_enters(world: World, name: str, shown: str
     assert world.core.link.statistics()[0].name == shown
     client.socket.send(b'nonsense')
     world.run()
-    assert f'client {shown} (pid' in world.told()[-1]
-    assert all(c.isprintable() for c in world.told()[-1])
+    assert f'client {shown} (pid' in world.reports()[-1]
+    assert all(c.isprintable() for c in world.reports()[-1])
 
 
 @pytest.mark.parametrize('request_', [
@@ -256,7 +215,7 @@ def test_a_name_is_made_safe_where_it_enters(world: World, name: str, shown: str
     {'do': 'change', 'name': 'guard.timeout_s', 'value': ['a', '\udfff']}])
 def test_text_that_cannot_be_encoded_is_refused(world: World, request_: dict[str, Any]) -> None:
     client = world.client('asking')
-    client.ask(**request_)
+    client.request(**request_)
     world.run()
     answer = client.answer()
     assert 'text' in answer['error']
@@ -270,7 +229,7 @@ def test_what_modules_and_logs_say_can_be_encoded(
         'bad \ud800': 'text \udfff', 'long': 'x' * 300_000, 'escape': '\x1b]0;owned\x07'})
     module.log.error('a lone %s and \x1b[2J', '\ud83d')
     client = world.client('reader')
-    client.ask('statistics')
+    client.request('statistics')
     world.run()
     found: dict[str, Any] = {}
     reports = []

@@ -21,22 +21,24 @@ from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
-import socket
 import tempfile
 from typing import Any
 
+from core_in_process import CoreInProcess
+from core_in_process import MS
+from core_in_process import PARTS
+from core_in_process import RawClient
+from core_in_process import S
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 import numpy as np
+from processes import in_a_folder
 import pytest
 
-from rt_robot_os.core.app import Core
 from rt_robot_os.errors import LinkError
-from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.large import SLOTS
-from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
@@ -52,13 +54,9 @@ from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import received_fds
-from rt_robot_os.settings import load
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 
-MS = 1_000_000
-S = 1_000_000_000
-PARTS = ('sent', 'full', 'lost', 'skipped', 'limited', 'waiting')
 SIZE = 150_000
 YAML = """
 robot:
@@ -71,33 +69,24 @@ robot:
 """
 
 
-class Reader:
+class Reader(RawClient):
     """A client that keeps the slots until it is told to give them back."""
 
     def __init__(self, world: World, name: str) -> None:
+        super().__init__(world.path)
         self.world = world
         self.name = name
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.socket.connect(str(world.path))
-        self.socket.setblocking(False)
         self.memories = ClientMemories()
         self.packets: list[bytes] = []
         self.seen: list[tuple[int, int]] = []
         self.answers: list[dict[str, Any]] = []
-        self.ended = False
         self.ask('hello', name=name)
 
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        self.send(encode_json(Kind.REQUEST, {'id': 1, 'do': do, **arguments}))
+        self.request(do, **arguments)
         self.world.run()
         self.receive()
         return self.answers[-1] if self.answers else {}
-
-    def send(self, packet: bytes) -> None:
-        try:
-            self.socket.send(packet)
-        except OSError:
-            self.ended = True
 
     def receive(self) -> None:
         while not self.ended:
@@ -131,27 +120,23 @@ class Reader:
         assert len(values) == 1, 'two samples are mixed'
         self.seen.append((head.seq, values.pop()))
 
+    def close(self) -> None:
+        super().close()
+        self.memories.close()
+
     def give(self, count: int) -> None:
         for packet in self.packets[:count]:
             self.send(give_back(packet))
         del self.packets[:count]
 
 
-class World:
-    """A core whose time passes only when a test lets it."""
+class World(CoreInProcess[Reader]):
+    """A core with two topics of large samples."""
 
     def __init__(self, folder: Path) -> None:
-        folder.joinpath('robot.yaml').write_text(YAML)
-        self.path = folder / 'robot.sock'
-        self.core = Core(load([folder / 'robot.yaml']), self.path,
-                         clock=VirtualClock(start_ns=100 * S))
-        self.core.link.open()
+        super().__init__(folder, YAML)
         self.publisher = self.core.bus.publisher('picture')
         self.published = 0
-        self.clients: list[Reader] = []
-
-    def run(self, duration_ns: int = 20 * MS) -> None:
-        self.core.kernel.run(duration_ns)
 
     def client(self, name: str = 'reader') -> Reader:
         self.clients.append(Reader(self, name))
@@ -169,22 +154,11 @@ class World:
                 return dict(each.as_json()['mirrors'][0])
         return {}
 
-    def warnings(self) -> list[str]:
-        return [r.text for r in self.core.reports.since(0)[2]]
-
-    def close(self) -> None:
-        for client in self.clients:
-            client.socket.close()
-            client.memories.close()
-        self.core.close()
-
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    with tempfile.TemporaryDirectory(prefix='rtv') as folder:
-        made = World(Path(folder))
+    with in_a_folder(World) as made:
         yield made
-        made.close()
 
 
 def test_a_large_sample_arrives_in_place_and_in_order(world: World) -> None:
@@ -255,7 +229,7 @@ def test_a_client_that_breaks_the_rules_is_parted_with(
     world.run()
     client.receive()
     assert client.ended
-    assert said in world.warnings()[-1]
+    assert said in world.reports()[-1]
     assert world.core.kernel.failures_total == 0
 
 

@@ -20,8 +20,13 @@ from collections.abc import Iterator
 import os
 from pathlib import Path
 import socket
-import tempfile
 
+from core_in_process import CoreInProcess
+from core_in_process import MS
+from core_in_process import RawClient
+from core_in_process import S
+from processes import COMMANDS_YAML
+from processes import in_a_folder
 import pytest
 
 from rt_robot_os.core.app import Core
@@ -31,31 +36,17 @@ from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
-from rt_robot_os.settings import load
 
-MS = 1_000_000
-S = 1_000_000_000
-YAML = """
-robot:
-  ros__parameters:
-    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
-    modules: [guard]
-    guard: {type: twist_guard}
-    topics: [cmd_vel]
-    cmd_vel: {message: geometry_msgs/msg/Twist}
-"""
+
+class _World(CoreInProcess[RawClient]):
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, COMMANDS_YAML)
 
 
 @pytest.fixture
 def core() -> Iterator[Core]:
-    with tempfile.TemporaryDirectory(prefix='rti') as name:
-        folder = Path(name)
-        folder.joinpath('robot.yaml').write_text(YAML)
-        made = Core(load([folder / 'robot.yaml']), folder / 'robot.sock',
-                    clock=VirtualClock(start_ns=100 * S))
-        made.link.open()
-        yield made
-        made.close()
+    with in_a_folder(_World) as made:
+        yield made.core
 
 
 def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(

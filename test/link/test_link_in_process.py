@@ -24,9 +24,16 @@ import socket
 import tempfile
 from typing import Any
 
+from core_in_process import CoreInProcess
+from core_in_process import MS
+from core_in_process import PARTS
+from core_in_process import RawClient
+from core_in_process import S
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from processes import GUARD_YAML
+from processes import in_a_folder
 import pytest
 
 from rt_robot_os.core.app import Core
@@ -47,32 +54,20 @@ from rt_robot_os.settings import load
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
-MS = 1_000_000
-S = 1_000_000_000
-PARTS = ('sent', 'full', 'lost', 'skipped', 'limited', 'waiting')
-YAML = """
-robot:
-  ros__parameters:
-    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
-    modules: [guard]
-    guard: {type: twist_guard, rate_hz: 100.0, priority: 40}
+YAML = f"""{GUARD_YAML}\
     topics: [cmd_vel, text]
-    cmd_vel: {message: geometry_msgs/msg/Twist, depth: 64}
-    text: {message: std_msgs/msg/String, depth: 16, tail: 100}
+    cmd_vel: {{message: geometry_msgs/msg/Twist, depth: 64}}
+    text: {{message: std_msgs/msg/String, depth: 16, tail: 100}}
 """
 
 
-class Raw:
-    """A client that may send anything."""
+class Raw(RawClient):
+    """A client that may send anything, and sorts what comes."""
 
     def __init__(self, world: World, name: str = 'raw') -> None:
+        super().__init__(world.path)
         self.world = world
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 19)
-        self.socket.connect(str(world.path))
-        self.socket.setblocking(False)
-        self.number = 0
-        self.ended = False
         self.samples: list[Header] = []
         self.batches: list[int] = []
         self.name = name
@@ -103,66 +98,36 @@ class Raw:
                 packets.append((head, packet[HEADER_BYTES:]))
         return packets
 
-    def send(self, packet: bytes) -> None:
-        try:
-            self.socket.send(packet)
-        except OSError:
-            self.ended = True
-
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        self.number += 1
-        self.send(encode_json(Kind.REQUEST, {'id': self.number, 'do': do, **arguments}))
+        self.request(do, **arguments)
         self.world.run()
         answers = [json.loads(body) for head, body in self.receive() if head.seq == self.number]
         return answers[-1] if answers else {}
 
 
-class World:
-    """A core whose time passes only when a test lets it."""
+class World(CoreInProcess[Raw]):
+    """A core with the topics cmd_vel and text."""
 
     def __init__(self, folder: Path) -> None:
-        folder.joinpath('robot.yaml').write_text(YAML)
-        self.path = folder / 'robot.sock'
-        self.core = Core(load([folder / 'robot.yaml']), self.path,
-                         clock=VirtualClock(start_ns=100 * S))
-        self.core.link.open()
-        self.clients: list[Raw] = []
-
-    def run(self, duration_ns: int = 20 * MS) -> None:
-        self.core.kernel.run(duration_ns)
+        super().__init__(folder, YAML)
 
     def client(self, name: str = 'raw') -> Raw:
         self.clients.append(Raw(self, name))
         return self.clients[-1]
 
     def mirror(self, client: Raw, topic: str = 'cmd_vel') -> dict[str, int]:
-        for told in self.core.link.statistics():
-            if told.name == client.name:
-                for mirror in told.as_json()['mirrors']:
-                    if mirror['topic'] == topic:
-                        return dict(mirror)
-        return {}
+        return self.mirror_of(client.name, topic)
 
     def publish(self, count: int, topic: str = 'cmd_vel') -> None:
         publisher = self.core.bus.publisher(topic)
         for _ in range(count):
             publisher.publish()
 
-    def warnings(self) -> list[str]:
-        return [r.text for r in self.core.reports.since(0)[2]]
-
-    def close(self) -> None:
-        for client in self.clients:
-            client.socket.close()
-        self.core.close()
-
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    with tempfile.TemporaryDirectory(prefix='rtv') as folder:
-        made = World(Path(folder))
+    with in_a_folder(World) as made:
         yield made
-        made.close()
 
 
 # ---- nonsense --------------------------------------------------------------------------------
@@ -229,7 +194,7 @@ def test_a_packet_that_is_too_long_for_the_link_is_refused(world: World) -> None
     world.run()
     client.receive()
     assert client.ended
-    assert f'refused: a packet of {PACKET_BYTES_MAXIMUM + 1} bytes' in world.warnings()[-1]
+    assert f'refused: a packet of {PACKET_BYTES_MAXIMUM + 1} bytes' in world.reports()[-1]
 
 
 def test_more_requests_than_can_wait_end_the_connection(world: World) -> None:
@@ -239,7 +204,7 @@ def test_more_requests_than_can_wait_end_the_connection(world: World) -> None:
     world.run()
     client.receive()
     assert client.ended
-    assert 'more than 64 requests at once' in world.warnings()[-1]
+    assert 'more than 64 requests at once' in world.reports()[-1]
 
 
 def test_a_request_whose_answer_raises_costs_only_the_connection_of_its_client(
@@ -253,7 +218,7 @@ def test_a_request_whose_answer_raises_costs_only_the_connection_of_its_client(
     assert asking.ask('change', name='guard.timeout_s', value=1.0) == {}
     assert asking.ended
     assert [head.seq for head, _ in other.receive()] == [99]
-    assert 'a request raised ZeroDivisionError: in a module' in world.warnings()[-1]
+    assert 'a request raised ZeroDivisionError: in a module' in world.reports()[-1]
     assert world.core.kernel.failures_total == 0
 
 
@@ -305,7 +270,7 @@ def test_what_a_client_sent_before_it_ended_without_reading_is_taken(world: Worl
     client.socket.close()
     world.run()
     assert world.core.bus.topic('cmd_vel').head == 3
-    assert any('closed by the client' in text for text in world.warnings())
+    assert any('closed by the client' in text for text in world.reports())
 
 
 # ---- samples to clients ----------------------------------------------------------------------

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 import fcntl
 import os
@@ -28,48 +27,28 @@ import signal
 import struct
 import subprocess
 import sys
-import tempfile
 import termios
-import time
-from typing import Any
 
+from processes import COMMANDS_YAML
+from processes import environment
+from processes import in_a_folder
+from processes import start_core
+from processes import TIMEOUT_S
+from processes import wait_until
 import pytest
-
-ROOT = Path(__file__).resolve().parents[3]
-TIMEOUT_S = 60.0
-YAML = """
-robot:
-  ros__parameters:
-    core: {cpu: -2, scheduler_priority: 0, lock_memory: false}
-    modules: [guard]
-    guard: {type: twist_guard, rate_hz: 100.0, priority: 40}
-    topics: [cmd_vel]
-    cmd_vel: {message: geometry_msgs/msg/Twist, depth: 64}
-"""
-
-
-def wait_until(condition: Callable[[], Any], what: str) -> Any:
-    deadline = time.monotonic() + TIMEOUT_S
-    while True:
-        value = condition()
-        if value:
-            return value
-        if time.monotonic() > deadline:
-            pytest.fail(f'{what} did not happen within {TIMEOUT_S:g} s')
-        time.sleep(0.01)
 
 
 class Terminal:
     """The program `top` on a pseudo-terminal."""
 
-    def __init__(self, environment: dict[str, str], *arguments: str,
+    def __init__(self, surroundings: dict[str, str], *arguments: str,
                  size: tuple[int, int] = (80, 24)) -> None:
         self._fd, theirs = pty.openpty()
         self.resize(*size)
         self.seen = ''
         self.process = subprocess.Popen(
             [sys.executable, '-m', 'rt_robot_os.clients.top.program', *arguments], stdin=theirs,
-            stdout=theirs, stderr=theirs, cwd='/', env={**environment, 'TERM': 'xterm'})
+            stdout=theirs, stderr=theirs, cwd='/', env={**surroundings, 'TERM': 'xterm'})
         os.close(theirs)
 
     def resize(self, columns: int, lines: int) -> None:
@@ -118,18 +97,13 @@ class World:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        (folder / 'robot.yaml').write_text(YAML)
-        self.environment = {
-            **os.environ, 'OPENBLAS_NUM_THREADS': '1', 'RT_ROBOT_OS_RUNTIME_DIR': str(folder),
-            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')])}
+        (folder / 'robot.yaml').write_text(COMMANDS_YAML)
+        self.environment = environment(folder)
         self._terminals: list[Terminal] = []
         self._cores: list[subprocess.Popen[bytes]] = []
 
     def start_core(self) -> subprocess.Popen[bytes]:
-        core = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.program', '--ros-args', '--params-file',
-             str(self.folder / 'robot.yaml')], cwd='/', stderr=subprocess.DEVNULL,
-            env=self.environment)
+        core = start_core(self.folder)
         self._cores.append(core)
         return core
 
@@ -159,10 +133,5 @@ class World:
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    # Short: a Unix socket's path has 108 bytes.
-    with tempfile.TemporaryDirectory(prefix='rtt') as folder:
-        made = World(Path(folder))
-        try:
-            yield made
-        finally:
-            made.close()
+    with in_a_folder(World) as made:
+        yield made

@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Iterator
 import sys
-from types import FrameType
-from typing import Any
 
+from at_line import AtLine
+from at_line import of_files
 import pytest
 
 from rt_robot_os.dumps.parts import join
@@ -33,33 +32,6 @@ from rt_robot_os.kernel.black_box import dump
 
 RECORDS = 64
 FILES = {function.__code__.co_filename for function in (live_parts, dump)}
-
-
-class BetweenInstructions:
-    """Do something before the n-th instruction of some modules, as a signal handler may."""
-
-    def __init__(self, step: int, action: Callable[[], None]) -> None:
-        self.seen = 0
-        self._step = step
-        self._action = action
-
-    def __call__(self, frame: FrameType, event: str, arg: Any) -> BetweenInstructions | None:
-        if frame.f_code.co_filename not in FILES:
-            return None
-        frame.f_trace_opcodes = True
-        if event == 'opcode':
-            self.seen += 1
-            if self.seen == self._step:
-                self._action()
-        return self
-
-
-@pytest.fixture(autouse=True)
-def untraced() -> Iterator[None]:
-    """Give a debugger or a coverage tool its trace function back."""
-    before = sys.gettrace()
-    yield
-    sys.settrace(before)
 
 
 def by_parts(kernel: Kernel) -> BlackBoxDump:
@@ -80,7 +52,7 @@ def copied(copy: Callable[[Kernel], BlackBoxDump], step: int) -> tuple[BlackBoxD
             kernel.black_box.mark(next(numbers), 'job')
 
     add(RECORDS + 5)
-    between = BetweenInstructions(step, add)
+    between = AtLine(step, add, of_files(*FILES), event='opcode')
     sys.settrace(between)
     try:
         found = copy(kernel)
@@ -90,7 +62,8 @@ def copied(copy: Callable[[Kernel], BlackBoxDump], step: int) -> tuple[BlackBoxD
 
 
 @pytest.mark.parametrize('copy', [by_parts, as_a_whole])
-def test_a_job_at_any_instruction_spoils_no_copy(copy: Callable[[Kernel], BlackBoxDump]) -> None:
+def test_a_job_at_any_instruction_spoils_no_copy(
+        untraced: None, copy: Callable[[Kernel], BlackBoxDump]) -> None:
     step, seen = 1, 1
     # After the first instructions the copy is made and the rest repeats itself.
     while step <= min(seen, 400):
