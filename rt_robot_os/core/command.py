@@ -88,7 +88,7 @@ def _settings(arguments: argparse.Namespace, argv: Sequence[str]
         now, _, loaded = _text(arguments.settings).strip().partition('\n')
         return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
     # Reading YAML takes memory that a spawned core does not need.
-    from rt_robot_os.settings.arguments import load_from_arguments
+    from rt_robot_os.settings.load import load_from_arguments
     settings, ros = load_from_arguments(argv, simulate=arguments.simulate)
     path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
     return settings, settings, path

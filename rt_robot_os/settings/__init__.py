@@ -21,6 +21,7 @@ Nothing is opened here, and nothing of ROS 2 is needed.
 
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.files import default_path
 from rt_robot_os.settings.json_text import from_json
 from rt_robot_os.settings.json_text import to_json
 from rt_robot_os.settings.load import load
@@ -39,7 +40,6 @@ from rt_robot_os.settings.parameters import check_change
 from rt_robot_os.settings.parameters import ParameterDescription
 from rt_robot_os.settings.parameters import parameters
 from rt_robot_os.settings.parameters import RobotParameters
-from rt_robot_os.settings.paths import default_path
 from rt_robot_os.settings.ros_args import parse_ros_args
 from rt_robot_os.settings.ros_args import RosArguments
 

@@ -12,17 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Reads the parameter files and lays them over each other."""
+"""The parameter files: where the shipped ones lie, how they are read and laid over each other."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 import math
+import os
 from pathlib import Path
+import sys
 from typing import Any
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.nodes import expand
@@ -38,10 +41,45 @@ from rt_robot_os.settings.tree import NO_VALUE
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import RawMap
 from rt_robot_os.settings.yaml_text import DEEPEST
+from rt_robot_os.settings.yaml_text import INT64_END
 from rt_robot_os.settings.yaml_text import parse
 from rt_robot_os.settings.yaml_text import YamlProblem
 
-_INT64 = 2 ** 63
+_PACKAGE = 'rt_robot_os'
+
+
+def default_path(name: str = 'robot.yaml') -> Path:
+    """
+    Find a configuration file of this package, without asking ament.
+
+    The source tree's own comes first when the code runs from there, then the one installed beside
+    this code, then those of ``AMENT_PREFIX_PATH``.
+
+    :raises ConfigError: there is none; names the places.
+    """
+    tried = []
+    for folder in _folders():
+        path = folder / name
+        if path.is_file():
+            return path
+        tried.append(str(path))
+    raise ConfigError([f'{name}: this configuration is not installed; looked for '
+                       + ', '.join(dict.fromkeys(tried))])
+
+
+def _folders() -> Iterator[Path]:
+    here = Path(__file__).resolve()
+    root = here.parents[2]
+    if (root / 'resource' / _PACKAGE).is_file():
+        yield root / 'config'
+    share = Path('share') / _PACKAGE / 'config'
+    # <prefix>/lib/python3.x/site-packages/rt_robot_os/settings/files.py, or one folder deeper.
+    for prefix in here.parents[5:7]:
+        yield prefix / share
+    for entry in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        if entry:
+            yield Path(entry) / share
+    yield Path(sys.prefix) / share
 
 
 def read_files(
@@ -149,7 +187,7 @@ def _leaf(value: Any, origin: Origin) -> Leaf:
         leaves = [_leaf(item, origin) for item in value]
         fault = next((leaf.fault for leaf in leaves if leaf.fault), '')
         return Leaf(origin, tuple(leaf.value for leaf in leaves), fault)
-    if isinstance(value, int) and not -_INT64 <= value < _INT64:
+    if isinstance(value, int) and not -INT64_END <= value < INT64_END:
         return Leaf(origin, math.inf if value > 0 else -math.inf)
     if isinstance(value, bool | int | float | str):
         return Leaf(origin, value)

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The way in: files and command line to checked settings, or every problem at once."""
 
 from __future__ import annotations
@@ -25,16 +24,26 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.files import default_path
 from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.files import read_overrides
 from rt_robot_os.settings.installed import installed
+from rt_robot_os.settings.model import LISTS
 from rt_robot_os.settings.model import RobotSettings
-from rt_robot_os.settings.overlay import lay_over
-from rt_robot_os.settings.overlay import simulate_all
+from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.robot import read_robot
+from rt_robot_os.settings.ros_args import parse_ros_args
+from rt_robot_os.settings.ros_args import RosArguments
+from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import COMMAND_LINE
+from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.tree import merge
+from rt_robot_os.settings.tree import Origin
+
+_ORIGIN = Origin(COMMAND_LINE)
 
 
 def load(
@@ -61,3 +70,72 @@ def load(
         tree = simulate_all(tree, known)
     settings = read_robot(tree, namespace, node, known, problems)
     return replace(settings, files=tuple(os.path.realpath(path) for path in paths))
+
+
+def load_from_arguments(argv: Sequence[str], simulate: bool = False
+                        ) -> tuple[RobotSettings, RosArguments]:
+    """
+    Read the parameter files and overrides of a command line.
+
+    Without a parameter file, as with the package's own ``robot.yaml``, devices are simulated.
+
+    :param argv: without the program's name.
+    :param simulate: all devices are to be simulated.
+    :raises ConfigError: with one line for each problem.
+    """
+    ros = parse_ros_args(argv)
+    files = ros.params_files or (default_path(),)
+    # A launch file names the shipped one when its user names none.
+    shipped = [os.path.realpath(path) for path in files] == [os.path.realpath(default_path())]
+    # That one is written for the node's usual name, wherever it runs.
+    node, namespace = ('robot', '/') if shipped else (ros.node_name, ros.namespace)
+    settings = load(files, ros.overrides, node, namespace, simulate=simulate)
+    return replace(settings, simulation_asked=simulate or not shipped), ros
+
+
+def lay_over(files: Branch, line: Branch) -> Branch:
+    """
+    Lay the command line over the files.
+
+    ``devices:=[imu]`` switches the others off, as ``gps.enabled:=false`` does, and so do modules;
+    a mirror or a topic that is not in such a list is left out.
+    """
+    tree = merge(files, line)
+    off: dict[str, Leaf | Branch] = {}
+    for list_name, kind in LISTS.items():
+        before, now = _names(files, list_name), _names(line, list_name)
+        if before is None or now is None:
+            continue
+        left = tuple(name for name in before if name not in now)
+        if hasattr(kind, 'enabled'):
+            off[list_name] = Leaf(line.children[list_name].origin, (*now, *left))
+            off |= {name: Branch(_ORIGIN, {'enabled': Leaf(_ORIGIN, False)}) for name in left
+                    if isinstance(tree.children.get(name), Branch)}
+        else:
+            for name in left:
+                tree.children.pop(name, None)
+    return merge(tree, Branch(_ORIGIN, off))
+
+
+def _names(tree: Branch, list_name: str) -> tuple[str, ...] | None:
+    node = tree.children.get(list_name)
+    if not isinstance(node, Leaf) or node.fault or not isinstance(node.value, tuple):
+        return None
+    return node.value if all(isinstance(name, str) for name in node.value) else None
+
+
+def simulate_all(tree: Branch, catalogue: Catalogue) -> Branch:
+    """Give every device that has a port the simulated one."""
+    overlay: dict[str, Leaf | Branch] = {}
+    for name in _names(tree, 'devices') or ():
+        section = tree.children.get(name)
+        kind = section.children.get('type') if isinstance(section, Branch) else None
+        if not isinstance(kind, Leaf) or not isinstance(kind.value, str):
+            continue
+        try:
+            fields = catalogue.drivers.find(kind.value).fields
+        except ConfigError:
+            continue  # told where the section is read
+        if any(field.name == 'port' for field in fields):
+            overlay[name] = Branch(_ORIGIN, {'port': Leaf(_ORIGIN, SIM_PORT)})
+    return merge(tree, Branch(_ORIGIN, overlay))

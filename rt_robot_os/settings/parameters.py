@@ -21,7 +21,6 @@ Names are those of the YAML file: ``imu.rate_hz``, ``core.heartbeat_s``, ``devic
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
@@ -30,24 +29,18 @@ from dataclasses import replace
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
-from rt_robot_os.settings.fields import CORE
-from rt_robot_os.settings.fields import DEVICE
-from rt_robot_os.settings.fields import LISTS
-from rt_robot_os.settings.fields import LOG
-from rt_robot_os.settings.fields import MIRROR
-from rt_robot_os.settings.fields import MODULE
-from rt_robot_os.settings.fields import ROBOT
-from rt_robot_os.settings.fields import SLOWEST_HZ
-from rt_robot_os.settings.fields import TOPIC
-from rt_robot_os.settings.fields import WATCHDOG
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
+from rt_robot_os.settings.model import LISTS
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import SECTIONS
+from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.parts import common
@@ -202,14 +195,13 @@ def _with(part: Any, key: str, value: Any) -> Any:
 
 
 def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDescription]:
-    for field in ROBOT:
+    for field in declared(RobotSettings):
         value = getattr(settings, field.name)
         if field.name in LISTS:
             value = [part.name for part in value]
         yield _entry(field.name, value, field)
-    yield from _attributes('core', settings.core, CORE)
-    yield from _attributes('watchdog', settings.watchdog, WATCHDOG)
-    yield from _attributes('log', settings.log, LOG)
+    for name in SECTIONS:
+        yield from _attributes(name, getattr(settings, name))
     for device in settings.devices:
         yield from _of_device(device, catalogue.drivers.find(device.type))
         if device.sim is not None:
@@ -221,25 +213,26 @@ def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDes
     for topic in settings.topics:
         yield from _of_topic(topic)
     for mirror in settings.mirrors:
-        yield from _attributes(mirror.name, mirror, MIRROR)
+        yield from _attributes(mirror.name, mirror)
 
 
 def _entry(name: str, value: Any, field: Field) -> ParameterDescription:
     return ParameterDescription(name, _thawed(value), field, field.live)
 
 
-def _attributes(section: str, holder: Any, fields: Iterable[Field]
-                ) -> Iterator[ParameterDescription]:
-    for field in fields:
-        yield _entry(f'{section}.{field.name}', getattr(holder, field.name), field)
+def _attributes(section: str, holder: Any) -> Iterator[ParameterDescription]:
+    cls: type = type(holder)
+    for field in declared(cls):
+        value = getattr(holder, field.name)
+        yield _entry(f'{section}.{field.name}', field.default if value is None else value, field)
 
 
 def _of_device(device: DeviceSettings, kind: Kind) -> Iterator[ParameterDescription]:
-    return _of_part(device, common(DEVICE, kind))
+    return _of_part(device, common(DeviceSettings, kind))
 
 
 def _of_module(module: ModuleSettings, kind: Kind) -> Iterator[ParameterDescription]:
-    for each in _of_part(module, common(MODULE, kind)):
+    for each in _of_part(module, common(ModuleSettings, kind)):
         if each.task is not None:
             # It has a rate, or its inputs release it: that does not change.
             live = each.live and bool(module.rate_hz)
@@ -258,9 +251,7 @@ def _of_part(part: Part, fields: Sequence[Field]) -> Iterator[ParameterDescripti
 
 
 def _of_topic(topic: TopicSettings) -> Iterator[ParameterDescription]:
-    for field in TOPIC:
-        value = topic.tail or 0 if field.name == 'tail' else getattr(topic, field.name)
-        yield _entry(f'{topic.name}.{field.name}', value, field)
+    yield from _attributes(topic.name, topic)
     for key, value in topic.fixed.items():
         yield _entry(f'{topic.name}.fixed.{key}', value, _fixed_field(key, value))
 

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 from typing import TypeVar
@@ -40,8 +39,8 @@ from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.section import read_section
-from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.sections import read_section
+from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import Leaf
 
@@ -80,10 +79,10 @@ class Part:
         return self.section.pick(self.kind.fields if self.kind else ())
 
 
-def common(ours: Sequence[Field], kind: Kind) -> tuple[Field, ...]:
+def common(cls: type, kind: Kind) -> tuple[Field, ...]:
     """Join our keys and the class's; the class may give one of ours another default or range."""
     theirs = {each.name for each in kind.fields}
-    return (*(each for each in ours if each.name not in theirs), *kind.fields)
+    return (*(each for each in declared(cls) if each.name not in theirs), *kind.fields)
 
 
 def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
@@ -122,7 +121,7 @@ def _read(
     if kind is None:
         # Without its class nobody can say which other keys are right.
         return None, read_section(branch, name, declared(ours), problems, tuple(branch.children))
-    return kind, read_section(branch, name, common(declared(ours), kind), problems, elsewhere)
+    return kind, read_section(branch, name, common(ours, kind), problems, elsewhere)
 
 
 def _check_retry(section: Section, problems: Problems) -> None:

@@ -39,10 +39,10 @@ from rt_robot_os.settings.parts import read_device
 from rt_robot_os.settings.parts import read_module
 from rt_robot_os.settings.parts import topics_of
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.section import read_section
-from rt_robot_os.settings.section import Section
 from rt_robot_os.settings.sections import find_sections
+from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import ROS_OWN
+from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.sections import texts
 from rt_robot_os.settings.tasks import check_tasks
 from rt_robot_os.settings.tree import Branch

@@ -39,7 +39,7 @@ from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.parts import task_of
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.sections import Section
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 from rt_robot_os.units import period_from_rate

@@ -40,7 +40,7 @@ from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.section import Section
+from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
 

@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 YAML text to a tree with line numbers, and nothing that ROS 2 would refuse or misread.
 
 It reads the parser's events: PyYAML's own loaders drop repeated keys in silence, forget lines, and
-recurse as deep as the text asks them to.
+recurse as deep as the text asks them to. Nor does it take their values: ROS 2 has its own rules
+(rcl_yaml_param_parser), by which ``1e9`` is a number, ``010`` is eight, and ``1_000`` and
+``2026-01-01`` are texts. The robot and ``ros2 param`` must agree.
 """
 
 from __future__ import annotations
@@ -25,14 +26,32 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from dataclasses import field
+import math
+import re
 from typing import Any
+from typing import Final
 
-from rt_robot_os.settings.scalars import NULLS
-from rt_robot_os.settings.scalars import scalar
 from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.tree import NO_VALUE
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import RawMap
+
+Scalar = bool | int | float | str
+
+NULLS: Final = frozenset({'~', 'null', 'Null', 'NULL'})
+
+_TRUE = frozenset('Y y yes Yes YES true True TRUE on On ON'.split())
+_FALSE = frozenset('N n no No NO false False FALSE off Off OFF'.split())
+_INTEGER = re.compile(r'([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))', re.ASCII)
+_DECIMAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?', re.ASCII)
+_HEXADECIMAL = re.compile(
+    r'[+-]?0[xX](?:[0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+)(?:[pP][+-]?[0-9]+)?', re.ASCII)
+_INFINITY = re.compile(r'[+-]?(?:\.(?:inf|Inf|INF)|(?i:infinity|inf))', re.ASCII)
+_NAN = re.compile(r'\.(?:nan|NaN|NAN)|[+-]?(?i:nan)', re.ASCII)
+
+# Longer than any number: keeps int() away from texts of thousands of digits.
+_LONGEST_NUMBER = 400
+INT64_END: Final = 2 ** 63
 
 DEEPEST = 20
 
@@ -199,3 +218,54 @@ def _item_fault(values: list[Any]) -> str:
     if kinds == {int, float}:
         return 'ROS 2 wants a list of one type: write whole numbers with a point, too (1.0)'
     return 'ROS 2 wants a list of one type: quote what is meant to be text'
+
+
+def scalar(text: str, quoted: bool) -> Scalar:
+    """
+    Read one YAML scalar as ROS 2 does.
+
+    :param text: the scalar without its quotes.
+    :param quoted: whether it had any; then it is a text, whatever it looks like.
+    """
+    if quoted or len(text) > _LONGEST_NUMBER:
+        return text
+    if text in _TRUE:
+        return True
+    if text in _FALSE:
+        return False
+    whole = _integer(text)
+    if whole is not None:
+        return whole
+    number = _number(text)
+    return text if number is None else number
+
+
+def _integer(text: str) -> int | None:
+    match = _INTEGER.fullmatch(text)
+    if match is None:
+        return None
+    sign, hexadecimal, octal, decimal = match.groups()
+    if hexadecimal:
+        value = int(hexadecimal, 16)
+    else:
+        value = int(octal, 8) if octal else int(decimal)
+    value = -value if sign == '-' else value
+    return value if -INT64_END <= value < INT64_END else None
+
+
+def _number(text: str) -> float | None:
+    if _INFINITY.fullmatch(text):
+        return -math.inf if text.startswith('-') else math.inf
+    if _NAN.fullmatch(text):
+        return math.nan
+    if _DECIMAL.fullmatch(text):
+        value = float(text)
+    elif _HEXADECIMAL.fullmatch(text):
+        try:
+            value = float.fromhex(text)
+        except OverflowError:
+            return None
+    else:
+        return None
+    # ROS 2 leaves what does not fit a double a text.
+    return value if math.isfinite(value) else None

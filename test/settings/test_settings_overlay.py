@@ -26,7 +26,7 @@ from rt_robot_os.settings import default_path
 from rt_robot_os.settings import load
 from rt_robot_os.settings import parameters
 from rt_robot_os.settings import RobotSettings
-from rt_robot_os.settings.arguments import load_from_arguments
+from rt_robot_os.settings.load import load_from_arguments
 
 
 def shipped(**overrides: Any) -> RobotSettings:

@@ -24,7 +24,7 @@ import pytest
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import default_path
-from rt_robot_os.settings import paths
+from rt_robot_os.settings import files
 
 Install = Callable[[str], Path]
 
@@ -36,9 +36,9 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
     monkeypatch.setattr('sys.prefix', str(tmp_path / 'nowhere'))
 
     def run(folder: str) -> Path:
-        file = tmp_path / folder / 'rt_robot_os' / 'settings' / 'paths.py'
+        file = tmp_path / folder / 'rt_robot_os' / 'settings' / 'files.py'
         file.parent.mkdir(parents=True)
-        monkeypatch.setattr(paths, '__file__', str(file))
+        monkeypatch.setattr(files, '__file__', str(file))
         return tmp_path
 
     return run

@@ -32,9 +32,9 @@ import pytest
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import load
-from rt_robot_os.settings.scalars import scalar
 from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.yaml_text import parse
+from rt_robot_os.settings.yaml_text import scalar
 from rt_robot_os.settings.yaml_text import YamlProblem
 
 Judge = Callable[..., tuple[str, ...]]

@@ -26,12 +26,12 @@ from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
 from rt_robot_os.programs import BAD_USE
-from rt_robot_os.settings.arguments import load_from_arguments
 from rt_robot_os.settings.command_line import add_simulate
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.command_line import ROS_ARGS_HELP
 from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
+from rt_robot_os.settings.load import load_from_arguments
 
 _EPILOG = """
 Without a parameter file the shipped robot runs, and its sensors are simulated.

@@ -99,7 +99,7 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
     """
     source = 'the given configuration' if argv else 'the default configuration'
     try:
-        from rt_robot_os.settings.arguments import load_from_arguments
+        from rt_robot_os.settings.load import load_from_arguments
         settings, _ = load_from_arguments(argv)
     except Exception as error:
         # Without arguments it is our own file: the installation is broken, a check tells how.

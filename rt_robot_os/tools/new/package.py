@@ -26,8 +26,9 @@ from typing import Final
 
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.modules import registry as modules
-from rt_robot_os.settings.fields import LISTS
-from rt_robot_os.settings.fields import ROBOT
+from rt_robot_os.schema import declared
+from rt_robot_os.settings.model import RobotSettings
+from rt_robot_os.settings.model import SECTIONS
 
 LONGEST_PACKAGE, LONGEST_NAME = 25, 20
 
@@ -47,7 +48,7 @@ _MODULE: Final = {
     'test_module.py.in': ('test/test_@module@.py', 'what it should do')}
 # Sections of the configuration that is written.
 _TAKEN: Final = frozenset(
-    {each.name for each in ROBOT} | {'core', 'imu', 'imu_data', 'log', 'watchdog', *LISTS})
+    {each.name for each in declared(RobotSettings)} | {*SECTIONS, 'imu', 'imu_data'})
 
 
 def name_problem(noun: str, name: str, longest: int) -> str:

@@ -30,7 +30,7 @@ from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
-from rt_robot_os.settings.arguments import load_from_arguments
+from rt_robot_os.settings.load import load_from_arguments
 from rt_robot_os.tools.plan.json_report import document
 from rt_robot_os.tools.plan.measure import CoreRunner
 from rt_robot_os.tools.plan.measure import measure
