@@ -25,8 +25,11 @@ A plug-in that cannot be imported is reported when it is named; it does not dist
 from __future__ import annotations
 
 from collections.abc import Mapping
+import functools
 from importlib import import_module
 from importlib.metadata import entry_points
+import sys
+from typing import Final
 from typing import Generic
 from typing import TypeVar
 
@@ -34,12 +37,32 @@ from rt_robot_os.errors import ConfigError
 
 T = TypeVar('T')
 
+_GROUPS: Final = 'rt_robot_os.'
 
-def entry_point_targets(group: str) -> dict[str, str]:
-    """Return what other packages add to an entry-point group: name -> ``module:Class``."""
+
+@functools.lru_cache(maxsize=4)
+def installed(path: tuple[str, ...]) -> Mapping[str, Mapping[str, str]]:
+    """
+    Look through all installed packages, once, since that takes tens of milliseconds.
+
+    :param path: folders that Python imports from; others are looked through anew.
+    :return: our entry-point groups -> name -> ``module:Class``.
+    """
+    found = entry_points()
     # A value may name extras behind the class: `module:Class [extra]`.
-    return {point.name: point.value.partition('[')[0].strip()
-            for point in entry_points(group=group)}
+    return {group: {point.name: point.value.partition('[')[0].strip()
+                    for point in found.select(group=group)}
+            for group in found.groups if group.startswith(_GROUPS)}
+
+
+def entry_point_targets(*groups: str) -> dict[str, str]:
+    """
+    Return what other packages add to entry-point groups: name -> ``module:Class``.
+
+    :param groups: the later ones win.
+    """
+    found = installed(tuple(sys.path))
+    return {name: target for group in groups for name, target in found.get(group, {}).items()}
 
 
 def load_object(what: str, target: str) -> object:

@@ -57,7 +57,7 @@ TWIN_MAY_IMPORT = re.compile(
     r'devices\.(\w+\.(twin|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
     r'|(errors|linux|plugins|reports|schema|sim|units)(\..*)?')
 # The frame of the twins finds them in the table of devices, which names drivers and imports none.
-TABLE = f'{PACKAGE}.devices.registry'
+TABLE = f'{PACKAGE}.devices.table'
 MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', 'sim', 'testing')
 
 # Wherever they stand: what a program is made of may import everything, and nobody imports it.

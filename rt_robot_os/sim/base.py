@@ -26,7 +26,8 @@ from typing import ClassVar
 from typing import Final
 from typing import Protocol
 
-from rt_robot_os.devices.registry import DeviceRegistry
+from rt_robot_os.devices.table import DeviceRegistry
+from rt_robot_os.devices.table import OLD_TWINS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.i2c_port import I2cPort
@@ -164,5 +165,4 @@ def complete(fields: Sequence[Field], given: Mapping[str, Any], name: str) -> di
 # By the name of the device that they are the twins of.
 SIMULATORS: Final[DeviceRegistry[Simulated]] = DeviceRegistry(
     Simulated,  # type: ignore[type-abstract]
-    'simulated device for the driver', lambda parts: parts.twin, 'rt_robot_os.simulators',
-    optional=True)
+    'simulated device for the driver', lambda parts: parts.twin, OLD_TWINS, optional=True)

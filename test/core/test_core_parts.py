@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -154,10 +153,9 @@ def test_a_request_belongs_to_one(core: Core) -> None:
 
 
 def test_installed_parts_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = [EntryPoint('odometer', f'{__name__}:Odometer', 'rt_robot_os.core_parts')]
-    monkeypatch.setattr(plugins, 'entry_points', lambda group: [
-        point for point in points if point.group == group])
+    points = {'odometer': f'{__name__}:Odometer'}
+    monkeypatch.setattr(plugins, 'installed', lambda path: {'rt_robot_os.core_parts': points})
     assert [part.__name__ for part in installed_parts()] == ['Odometer']
-    points.append(EntryPoint('broken', 'no_such_package:Part', 'rt_robot_os.core_parts'))
+    points['broken'] = 'no_such_package:Part'
     with pytest.raises(ConfigError, match=r"part of the core 'broken' \(no_such_package:Part\)"):
         installed_parts()

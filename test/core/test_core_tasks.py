@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import EntryPoint
 from typing import Any
 
 from core_modules import Noted
@@ -311,10 +310,8 @@ def test_modules_need_no_safe_state() -> None:
 @pytest.mark.filterwarnings('ignore:type old_imu')
 def test_a_device_of_an_old_entry_point_group_runs_and_is_told_where_it_belongs(
         make_core: MakeCore, monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint('old_imu', 'rt_robot_os.devices.witmotion.driver:WitMotion',
-                       'rt_robot_os.drivers')
-    monkeypatch.setattr(plugins, 'entry_points',
-                        lambda group: [point] if group == point.group else [])
+    monkeypatch.setattr(plugins, 'installed', lambda path: {
+        'rt_robot_os.drivers': {'old_imu': 'rt_robot_os.devices.witmotion.driver:WitMotion'}})
     core = make_core(IMU.replace('witmotion', 'old_imu'))
     assert core.kernel.task('imu').spec.period_ns == 10 * MS
     told = [report.text for report in core.reports.since(0)[2] if report.source == 'imu']

@@ -123,6 +123,8 @@ def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:
         "[SIMULATORS.load(name) for name in ('bmp280', 'nmea')]")
     assert 'rt_robot_os.devices.bmp280.twin' in twins
     assert [name for name in twins if name.endswith('.driver')] == []
+    # What drivers derive from would bring NumPy and the topics: three times the start.
+    assert not {'numpy', 'serial', 'rt_robot_os.devices.device', 'rt_robot_os.topics'} & twins
 
 
 def test_the_front_for_authors_of_drivers_is_whole_and_imports_what_is_asked_for() -> None:

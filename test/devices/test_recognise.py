@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
 import random
 from typing import Any
 
@@ -113,15 +112,14 @@ def is_ping(data: bytes) -> bool:
 def foreign(monkeypatch: pytest.MonkeyPatch) -> Recognisers:
     """Install a package with devices, some of them broken in ways of their own."""
     points = {
-        'rt_robot_os.devices': [
-            EntryPoint(name, value, 'rt_robot_os.devices') for name, value in (
-                ('defective', f'{__name__}:DEFECTIVE'), ('absent', f'{__name__}:ABSENT'),
-                ('my_sonar', f'{__name__}:SONAR'), ('nmea', f'{__name__}:SONAR'),
-                ('gone', 'no_such_package'))],
-        'rt_robot_os.drivers': [
-            EntryPoint(name, f'{__name__}:{value}', 'rt_robot_os.drivers') for name, value in (
-                ('old_sonar', 'OldSonar'), ('nameless', 'Nameless'), ('old_gone', 'Gone'))]}
-    monkeypatch.setattr(plugins, 'entry_points', lambda group: points.get(group, []))
+        'rt_robot_os.devices': {
+            'defective': f'{__name__}:DEFECTIVE', 'absent': f'{__name__}:ABSENT',
+            'my_sonar': f'{__name__}:SONAR', 'nmea': f'{__name__}:SONAR',
+            'gone': 'no_such_package'},
+        'rt_robot_os.drivers': {
+            'old_sonar': f'{__name__}:OldSonar', 'nameless': f'{__name__}:Nameless',
+            'old_gone': f'{__name__}:Gone'}}
+    monkeypatch.setattr(plugins, 'installed', lambda path: points)
     made = Recognisers()
     monkeypatch.setattr(serial_device, 'RECOGNISERS', made)
     return made

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterator
 import difflib
 from importlib import metadata
 import os
@@ -24,6 +25,8 @@ from pathlib import Path
 import re
 
 import pytest
+
+from rt_robot_os import plugins
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
@@ -84,7 +87,7 @@ class Golden:
 @pytest.fixture(autouse=True)
 def without_plugins(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+) -> Iterator[None]:
     """Hide the drivers and modules of other packages on this machine, but those of a test."""
     ours = str(tmp_path_factory.getbasetemp())
     found = metadata.Distribution.entry_points.fget  # type: ignore[attr-defined]
@@ -97,6 +100,9 @@ def without_plugins(
             each for each in points if not each.group.startswith('rt_robot_os.'))
 
     monkeypatch.setattr(metadata.Distribution, 'entry_points', property(entry_points))
+    plugins.installed.cache_clear()
+    yield
+    plugins.installed.cache_clear()
 
 
 @pytest.fixture

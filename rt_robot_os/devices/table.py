@@ -1,0 +1,161 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The one table of devices, by the name that ``type`` has in the configuration.
+
+Each line names a folder of this package; other packages add theirs in the same form::
+
+    entry_points={'rt_robot_os.devices': ['my_sonar = my_package.my_sonar']}
+
+What is in a folder its ``PARTS`` say (:mod:`rt_robot_os.devices.parts`). The drivers
+(:mod:`rt_robot_os.devices.registry`), the twins (:mod:`rt_robot_os.sim.base`) and the recognisers
+(:mod:`rt_robot_os.devices.recognise`) are views of this table, which imports none of them: it is
+read in processes that need only one of the three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+from typing import Final
+from typing import TypeVar
+import warnings
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.plugins import entry_point_targets
+from rt_robot_os.plugins import load_object
+from rt_robot_os.plugins import PluginRegistry
+
+T = TypeVar('T')
+
+GROUP: Final = 'rt_robot_os.devices'
+_PARTS: Final = 'PARTS'
+
+# Recognisers are asked in this order: u-blox before NMEA, whose sentences it sends as well; those
+# that a chance could deceive last.
+_OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
+    'bmp280',
+    'bmp388',
+    'bno055',
+    'camera',
+    'microphone',
+    'mpu6050',
+    'ms5611',
+    'ublox',
+    'nmea',
+    'xsens',
+    'hokuyo',
+    'witmotion',
+    'maxbotix',
+    'sharp',
+)}
+
+# Groups of the release before: drivers and twins apart, each `module:Class`.
+OLD_DRIVERS: Final = 'rt_robot_os.drivers'
+OLD_TWINS: Final = 'rt_robot_os.simulators'
+
+
+def parts_of(name: str, what: str = '') -> DeviceParts | None:
+    """
+    Return the parts of a device; None when there is none of that name.
+
+    :param what: what is asked for, in errors.
+    :raises ConfigError: its folder cannot be imported, or declares no parts.
+    """
+    place = _OWN.get(name) or entry_point_targets(GROUP).get(name)
+    if place is None:
+        return _old_parts(name)
+    folder, _, attribute = place.partition(':')
+    found = load_object(what or f'device {name!r}', f'{folder}:{attribute or _PARTS}')
+    if not isinstance(found, DeviceParts):
+        raise ConfigError([
+            f'{what or f"device {name!r}"} ({place}) is broken: what the group {GROUP} names must '
+            f'declare {_PARTS} = DeviceParts(...); report it to its author'])
+    return found.inside(folder)
+
+
+def all_parts() -> Iterator[tuple[str, DeviceParts]]:
+    """Yield all devices and their parts, those of other packages first; no broken ones."""
+    others = entry_point_targets(OLD_DRIVERS, GROUP).keys() - _OWN.keys()
+    for name in (*sorted(others), *_OWN):
+        try:
+            parts = parts_of(name)
+        except ConfigError:
+            continue  # it is told to who names it
+        if parts is not None:
+            yield name, parts
+
+
+class DeviceRegistry(PluginRegistry[T]):
+    """One part of all devices, by name."""
+
+    def __init__(self, base: type[T], noun: str, part: Callable[[DeviceParts], str],
+                 old_group: str, optional: bool = False) -> None:
+        """
+        Keep what the part is; nothing is imported.
+
+        :param part: gives its ``module:Class``; empty for a device without it.
+        :param old_group: where other packages named it in the release before.
+        :param optional: some devices are without it.
+        """
+        super().__init__(GROUP, base, noun, _OWN)
+        self._part = part
+        self._old_group = old_group
+        self._optional = optional
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all devices with this part, sorted; broken ones too."""
+        found = super().names()
+        return tuple(filter(self._has, found)) if self._optional else found
+
+    def load(self, name: str) -> type[T]:
+        """
+        Import a class.
+
+        :raises ConfigError: there is no such name, or its plug-in is broken.
+        """
+        found = super().load(name)
+        if told := self.deprecation(name):
+            warnings.warn(told, DeprecationWarning, stacklevel=2)
+        return found
+
+    def deprecation(self, name: str) -> str:
+        """Say that a name comes from an entry-point group that goes; else nothing."""
+        if name in _OWN or name in entry_point_targets(GROUP):
+            return ''
+        if name not in entry_point_targets(self._old_group):
+            return ''
+        return (f'type {name}: the entry-point group {self._old_group} goes with the next '
+                f'release: its package must name it in {GROUP} (docs/writing_a_driver.md)')
+
+    def _has(self, name: str) -> bool:
+        try:
+            return bool(self._target(name))
+        except ConfigError:
+            return True  # what is wrong is told to who names it
+
+    def _target(self, name: str) -> str:
+        parts = parts_of(name, f'{self._noun} {name!r}')
+        return self._part(parts) if parts is not None else ''
+
+    def _others(self) -> dict[str, str]:
+        return entry_point_targets(self._old_group, GROUP)
+
+
+def _old_parts(name: str) -> DeviceParts | None:
+    driver = entry_point_targets(OLD_DRIVERS).get(name, '')
+    twin = entry_point_targets(OLD_TWINS).get(name, '')
+    return DeviceParts(driver, twin) if driver or twin else None
