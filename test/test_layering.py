@@ -64,6 +64,9 @@ MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', '
 PROGRAM = re.compile(r'[\w.]+\.(\w+_)?(program|command)')
 PROGRAM_LINES = 100
 
+# The contract; what a driver is stays with the driver.
+CORE_KNOWS_OF_DEVICES = ('device', 'manager', 'registry', 'service', 'state')
+
 # library -> the only places that may import it
 LIBRARIES = {
     'rclpy': (f'{PACKAGE}.clients.ros', f'{PACKAGE}.tools.bench.peers'),
@@ -173,6 +176,14 @@ def test_every_module_belongs_to_a_layer() -> None:
 
 def test_no_layer_imports_a_higher_one() -> None:
     assert [str(one) for one in OWN if not _allowed(one)] == []
+
+
+def test_the_core_knows_no_kind_of_device_or_module() -> None:
+    allowed = {f'{PACKAGE}.devices.{name}' for name in CORE_KNOWS_OF_DEVICES} | {
+        f'{PACKAGE}.modules', f'{PACKAGE}.modules.registry'}
+    assert [str(one) for one in OWN
+            if _layer(one.importer) == 'core' and _layer(one.imported) in ('devices', 'modules')
+            and one.imported not in allowed] == []
 
 
 def test_a_library_is_imported_only_where_it_belongs() -> None:

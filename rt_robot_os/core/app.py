@@ -59,6 +59,7 @@ from rt_robot_os.modules import Module
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
+from rt_robot_os.settings import CoreSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_MS
@@ -67,6 +68,15 @@ from rt_robot_os.units import NS_PER_US
 
 # From the order to stop until jobs that have not ended are ended.
 STOP_GRACE_NS = 500 * NS_PER_MS
+
+
+def _kernel(settings: CoreSettings, clock: Clock | None) -> Kernel:
+    if clock is None and settings.dispatcher == 'cooperative':
+        clock = CooperativeClock()
+    kernel = Kernel(clock, spin_ns=round(settings.spin_us * NS_PER_US),
+                    black_box_records=settings.black_box_records)
+    kernel.stop_grace_ns = STOP_GRACE_NS
+    return kernel
 
 
 class Core:
@@ -96,11 +106,7 @@ class Core:
                  make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
         self.settings = settings
         core = settings.core
-        if clock is None and core.dispatcher == 'cooperative':
-            clock = CooperativeClock()
-        self.kernel = Kernel(clock, spin_ns=round(core.spin_us * NS_PER_US),
-                             black_box_records=core.black_box_records)
-        self.kernel.stop_grace_ns = STOP_GRACE_NS
+        self.kernel = _kernel(core, clock)
         self.bus = make_bus(self.kernel)
         self.reports = Reports()
         self.requests = Requests()

@@ -253,33 +253,33 @@ class RobotNode(LifecycleNode):
         if reasons:
             raise ConfigError(['; '.join(reasons)])
         before = parameters.live_values()
-        done: list[str] = []
+        made: list[str] = []
         try:
             for name, value in values.items():
-                self._put(name, value)
-                done.append(name)
+                self._change_in_core(name, value)
+                made.append(name)
+                self._keep(name, value)
         except RtRobotError:
-            for name in reversed(done):
-                with suppress(LinkError):  # the core is gone: the next one begins with this
-                    self._put(name, before[name])
+            for name in reversed(made):
+                with suppress(LinkError):
+                    self._keep(name, before[name])
+                with suppress(LinkError):  # one that is gone is followed by one that knows it
+                    self._change_in_core(name, before[name])
             raise
 
-    def _put(self, name: str, value: Any) -> None:
-        """Change a value where it is used, and remember it for a core that is started again."""
+    def _change_in_core(self, name: str, value: Any) -> None:
         client = None if self._adopting else self._client()
         if client is not None and self._robot_parameters.known[name].in_core:
             client.change(name, value)
-        before = self._robot_parameters.live_values()[name]
+
+    def _keep(self, name: str, value: Any) -> None:
+        """Remember a change, for a core that is started again and for the mirrors."""
         self._robot_parameters.set(name, value)
-        try:
-            if self._mirrors is not None:
-                self._mirrors.follow(self.settings.mirrors)
-        except LinkError:
-            self._robot_parameters.set(name, before)
-            raise
         if self._supervisor is not None and self._supervisor.process is not None:
             self._supervisor.process.set_settings(
                 self._for_core(self.settings), self._for_core(self._loaded))
+        if self._mirrors is not None:
+            self._mirrors.follow(self.settings.mirrors)
 
     def _for_core(self, settings: RobotSettings) -> str:
         """Write settings with the names that mirrors have in ROS: recorders ask the core."""
