@@ -33,8 +33,8 @@ from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
-
 
 CALLS: list[str] = []
 
@@ -99,7 +99,8 @@ class Both(Plain):
 def plugged(monkeypatch: pytest.MonkeyPatch) -> None:
     CALLS.clear()
     group = 'rt_robot_os.device_services'
-    points = [EntryPoint(name.lower(), f'{__name__}:{name}', group) for name in ('Clock', 'Broken')]
+    points = [EntryPoint(name.lower(), f'{__name__}:{name}', group)
+              for name in ('Clock', 'Broken')]
     monkeypatch.setattr(plugins, 'entry_points', lambda group: [
         point for point in points if point.group == group])
 
