@@ -115,19 +115,17 @@ def raise_again() -> None:
 
 
 @contextmanager
-def ended_by_signals(end: Callable[[int], object], *, ctrl_c: bool = True) -> Iterator[None]:
+def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
     """
     Have SIGTERM, SIGHUP and Ctrl-C call a function; afterwards they do what they did before.
 
     :param end: takes the number of the signal.
-    :param ctrl_c: False has Ctrl-C ignored: it is for the parent, which then ends this process.
     """
     def note(signum: int, frame: FrameType | None) -> None:
         end(signum)
 
-    previous = {signo: signal.signal(signo, note) for signo in (
-        signal.SIGTERM, signal.SIGHUP)}
-    previous[signal.SIGINT] = signal.signal(signal.SIGINT, note if ctrl_c else signal.SIG_IGN)
+    previous = {signo: signal.signal(signo, note)
+                for signo in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)}
     try:
         yield
     finally:

@@ -24,7 +24,6 @@ import marshal
 import os
 import socket
 import subprocess
-import sys
 
 from rt_robot_os.core.part import Host
 from rt_robot_os.dumps.folder import default_folder
@@ -32,6 +31,7 @@ from rt_robot_os.dumps.folder import expanded
 from rt_robot_os.dumps.parts import live_parts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import reason_of
+from rt_robot_os.linux.process import start_child
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
@@ -59,11 +59,11 @@ class BlackBoxWriter:
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.dumps.writer_process',
-                 str(theirs.fileno()), str(expanded(folder) if folder else default_folder()),
-                 robot],
-                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+            # It does not end with this process: a dump that has come is written all the same.
+            self._process = start_child(
+                'rt_robot_os.dumps.writer_process', theirs.fileno(),
+                expanded(folder) if folder else default_folder(), robot,
+                pass_fds=[theirs.fileno()], stdout=subprocess.DEVNULL)
 
     def close(self) -> None:
         """Let it finish what it has; may be called twice."""

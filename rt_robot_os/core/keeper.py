@@ -22,15 +22,18 @@ tell goes to its standard output, one line each, where the core reads it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import suppress
 import os
 import signal
 import subprocess
 import sys
 import time
-from types import FrameType
 
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.linux.process import start_child
+from rt_robot_os.programs import ended_by_signals
 
 RESTARTED = 'started again'
 _PAUSE_FIRST_S = 0.2
@@ -56,15 +59,13 @@ class Keeper:
     """
     Run a program again and again until told to stop.
 
-    :param command: of the program.
-    :param given: what it gets on its standard input.
+    :param start: starts it.
     """
 
-    def __init__(self, command: list[str], given: bytes) -> None:
+    def __init__(self, start: Callable[[], subprocess.Popen[bytes]]) -> None:
         self.stopping = False
         self.restarts = 0
-        self._command = command
-        self._given = given
+        self._start = start
         self._process: subprocess.Popen[bytes] | None = None
 
     def run(self) -> int:
@@ -97,13 +98,9 @@ class Keeper:
         return self.stopping  # a signal sets it at any time
 
     def _once(self) -> int:
-        # Not this one's standard output: that is for the core.
-        self._process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=2)
-        pipe = self._process.stdin
-        if pipe is not None:
-            with suppress(BrokenPipeError):  # it ended already: its code says how
-                pipe.write(self._given)
-                pipe.close()
+        self._process = self._start()
+        if self._is_stopping():  # since it began to start
+            self.stop()
         return self._process.wait()
 
     def stop(self) -> None:
@@ -123,27 +120,16 @@ class Keeper:
                 os.kill(process.pid, signal.SIGKILL)
 
 
-def main() -> int:
-    """Run until SIGTERM or the end of the parent, whose number is the first argument."""
-    parent, folder = int(sys.argv[1]), sys.argv[2]
-    if not die_with_parent(parent):
-        return 0
-    keeper = Keeper([sys.executable, '-m', 'rt_robot_os.core.simulator_process',
-                     str(os.getpid()), folder], sys.stdin.buffer.read())
-
-    def stop(signum: int, frame: FrameType | None) -> None:
-        keeper.stop()
-
-    def kill(signum: int, frame: FrameType | None) -> None:
-        keeper.kill()
-
-    # A Ctrl-C in the terminal is for the parent, which ends this process in order.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGALRM, kill)
-    for signo in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(signo, stop)
-    return keeper.run()
+def main(arguments: Sequence[str]) -> int:
+    """Run until SIGTERM or the end of the parent; the argument is the folder of the devices."""
+    settings = sys.stdin.buffer.read()
+    keeper = Keeper(lambda: start_child(
+        'rt_robot_os.core.simulator_process', os.getpid(), *arguments, given=settings,
+        stdout=2))  # not the standard output of this one: that is for the core
+    signal.signal(signal.SIGALRM, lambda *_: keeper.kill())
+    with ended_by_signals(lambda _: keeper.stop()):
+        return keeper.run()
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(run_child(main))

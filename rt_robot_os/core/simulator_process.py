@@ -16,18 +16,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 import json
 import os
 from pathlib import Path
 import select
-import signal
 import sys
-from types import FrameType
 from typing import Any
 
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.server import SimServer
@@ -56,33 +56,22 @@ def tell(text: str) -> None:
             os.write(2, f'simulator: {text}\n'.encode(errors='backslashreplace'))
 
 
-def main() -> int:
-    """Run until SIGTERM or the end of the parent, whose number is the first argument."""
-    parent, folder = int(sys.argv[1]), Path(sys.argv[2])
-    if not die_with_parent(parent):
-        return 0
+def main(arguments: Sequence[str]) -> int:
+    """Run until SIGTERM or the end of the parent; the argument is the folder of the devices."""
+    folder = Path(arguments[0])
     folder.mkdir(mode=0o700, exist_ok=True)
     try:
         server = build(json.load(sys.stdin), folder)
-
-        def stop(signum: int, frame: FrameType | None) -> None:
-            server.stop()
-
-        # A Ctrl-C in the terminal is for the parent, which ends this process in order.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for signo in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(signo, stop)
-        server.run()
+        with ended_by_signals(lambda _: server.stop()):
+            server.run()
     except RtRobotError as error:
         tell(str(error))
         return 1
     finally:
-        try:
+        with suppress(OSError):  # it holds something that is not ours
             folder.rmdir()
-        except OSError:
-            pass  # it holds something that is not ours
     return 0
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(run_child(main))

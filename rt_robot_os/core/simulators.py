@@ -22,13 +22,14 @@ import json
 import os
 from pathlib import Path
 import subprocess
-import sys
 import time
 from typing import Any
 
 from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import start_child
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -68,15 +69,11 @@ class Simulators:
         if not devices:
             return {}
         self._folder = folder
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.core.keeper', str(os.getpid()),
-             str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._process = start_child(
+            'rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
+            given=json.dumps(devices, default=_plain).encode())
         if self._process.stdout is not None:
             os.set_blocking(self._process.stdout.fileno(), False)
-        pipe = self._process.stdin
-        if pipe is not None:
-            pipe.write(json.dumps(devices, default=_plain).encode())
-            pipe.close()
         ports = {name: folder / name for name in devices}
         deadline = time.monotonic() + _READY_TIMEOUT_S
         while not all(path.exists() for path in ports.values()):
@@ -125,12 +122,7 @@ class Simulators:
             return
         if self._process.stdout is not None:
             self._process.stdout.close()
-        self._process.terminate()
-        try:
-            self._process.wait(_STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end_child(self._process, _STOP_TIMEOUT_S)
         self._process = None
         clear(self._folder)  # it may have been killed
 

@@ -12,16 +12,85 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Processes: how a child ends with its parent, and whether Linux lets a process run."""
+"""Processes: how children start, end with their parent, and are ended; what Linux lets run."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from contextlib import suppress
 import os
 from pathlib import Path
 import signal
+import subprocess
+import sys
+from typing import Final
 import weakref
 
 from rt_robot_os.linux import _libc
+
+# NumPy's libraries start threads, which only take memory where one thread does all.
+ONE_BLAS_THREAD: Final = {
+    'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
+
+
+def start_child(
+    module: str, *arguments: object, given: bytes | None = None, stdin: int = subprocess.DEVNULL,
+    stdout: int | None = None, stderr: int | None = None, pass_fds: Sequence[int] = (),
+    env: Mapping[str, str] | None = None, own_session: bool = True,
+) -> subprocess.Popen[bytes]:
+    """
+    Start a module in a Python of its own, as ``python -m`` does.
+
+    One that is to end with this process gets the number of that (:func:`os.getpid`) and has
+    :func:`run_child` or :func:`die_with_parent`. Linux takes the *thread* that starts it for the
+    parent.
+
+    :param given: is written to its standard input, which is then closed; that it has ended before
+        it has read that is seen by whoever waits for it.
+    :param stdin: where nothing is given. This and the next two are as in `subprocess.Popen`.
+    :param pass_fds: descriptors that it inherits, under their numbers.
+    :param env: its whole environment; None for that of this process.
+    :param own_session: a Ctrl-C in the terminal is for this process alone, which then ends the
+        child in order; False leaves the child in the process group of this one.
+    :raises OSError: it cannot be started.
+    """
+    process = subprocess.Popen(
+        [sys.executable, '-m', module, *map(str, arguments)],
+        stdin=stdin if given is None else subprocess.PIPE, stdout=stdout, stderr=stderr, env=env,
+        pass_fds=pass_fds, start_new_session=own_session)
+    if given is not None and process.stdin is not None:
+        with suppress(BrokenPipeError), process.stdin as pipe:
+            pipe.write(given)
+    return process
+
+
+def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM) -> int:
+    """
+    Run the main function of a child that ends with its parent.
+
+    :param main: takes the arguments behind the first, which is the process id of the parent.
+    :param signo: is sent to this process when the parent dies.
+    :return: the exit code; 0 when the parent has ended before.
+    """
+    parent, *arguments = sys.argv[1:]
+    return main(arguments) if die_with_parent(int(parent), signo) else 0
+
+
+def end_child(process: subprocess.Popen[bytes], patience_s: float, signo: int = signal.SIGTERM
+              ) -> None:
+    """
+    End a child in order, by force when it does not listen; one that has ended is left alone.
+
+    :param patience_s: how long to wait for it, after either signal.
+    :param signo: is sent first.
+    """
+    for each in (signo, signal.SIGKILL):
+        process.send_signal(each)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(patience_s)
+            return
 
 
 def die_with_parent(parent_pid: int | None = None, signo: int = signal.SIGTERM) -> bool:

@@ -22,20 +22,19 @@ import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
-import time
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import ONE_BLAS_THREAD
+from rt_robot_os.linux.process import start_child
 
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3
 _STOP_TIMEOUT_S = 3.0
-# One BLAS thread: the others would only take memory, and there is one thread in the core.
-_ENVIRONMENT = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
 
 
 class CoreProcess:
@@ -84,24 +83,14 @@ class CoreProcess:
         page = LifePage()
         fds = (page.fd,) if page.fd >= 0 else ()
         try:
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.core.program', '--socket', str(self._path),
-                 '--settings', '-', '--parent', str(os.getpid()), '--life', str(page.fd),
-                 *self._arguments],
-                stdin=subprocess.PIPE, env={**os.environ, **_ENVIRONMENT}, pass_fds=fds,
-                # A Ctrl-C in the terminal is for this process, which then ends the core in order.
-                start_new_session=True)
+            self._process = start_child(
+                'rt_robot_os.core.program', '--socket', self._path, '--settings', '-', '--parent',
+                os.getpid(), '--life', page.fd, *self._arguments, given=self._settings,
+                env={**os.environ, **ONE_BLAS_THREAD}, pass_fds=fds)
             with suppress(OSError, LinkError):  # without it the start is bounded by time alone
                 self._life = Life(os.dup(page.fd))
         finally:
             page.close()
-        pipe = self._process.stdin
-        if pipe is not None:
-            try:
-                pipe.write(self._settings)
-                pipe.close()
-            except BrokenPipeError:
-                pass  # it ended already: alive() tells how
 
     def take_life(self) -> Life | None:
         """Return, once, the sign of life of the core that was started last; None without one."""
@@ -132,20 +121,13 @@ class CoreProcess:
 
     def kill(self) -> None:
         """End a core that hangs."""
-        self._end((signal.SIGKILL,))
+        self._end(signal.SIGKILL)
 
     def stop(self) -> None:
         """End the core in order, by force when it does not listen; may be called twice."""
-        self._end((signal.SIGTERM, signal.SIGKILL))
+        self._end(signal.SIGTERM)
 
-    def _end(self, signals: Sequence[int]) -> None:
-        for signo in signals:
-            if not self.alive() or self._process is None:
-                return
-            self._process.send_signal(signo)
-            deadline = time.monotonic() + _STOP_TIMEOUT_S
-            try:
-                self._process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                continue
+    def _end(self, signo: int) -> None:
+        if self._process is not None:
+            end_child(self._process, _STOP_TIMEOUT_S, signo)
         self.alive()

@@ -22,19 +22,19 @@ before the core asks for real time. A worker ends with its connection, or with t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 import select
-import signal
 import socket
 import subprocess
 import sys
-from types import FrameType
 from typing import Final
 
 from rt_robot_os.devices.capture.spawn import end_worker
 from rt_robot_os.devices.capture.spawn import start_worker
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.programs import ended_by_signals
 
 WORKERS_MAXIMUM: Final = 32
 _WAIT_MS: Final = 500
@@ -107,28 +107,18 @@ class CaptureHost:
         self.workers = []
 
 
-def main() -> int:
-    """Serve the socket of the second argument until the parent, of the first, ends."""
-    parent, path = int(sys.argv[1]), Path(sys.argv[2])
-    if not die_with_parent(parent):
-        return 0
-    host = CaptureHost(path)
+def main(arguments: Sequence[str]) -> int:
+    """Serve until SIGTERM or the end of the parent; the argument is the path of the socket."""
+    host = CaptureHost(Path(arguments[0]))
     ended: list[int] = []
-
-    def stop(signum: int, frame: FrameType | None) -> None:
-        ended.append(signum)
-
-    # A Ctrl-C in the terminal is for the parent, which ends this process in order.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for signo in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(signo, stop)
     try:
-        host.open()
-        poll = select.poll()
-        poll.register(host.fileno(), select.POLLIN)
-        while not ended:
-            poll.poll(_WAIT_MS)
-            host.serve()
+        with ended_by_signals(ended.append):
+            host.open()
+            poll = select.poll()
+            poll.register(host.fileno(), select.POLLIN)
+            while not ended:
+                poll.poll(_WAIT_MS)
+                host.serve()
     except (DeviceError, OSError) as error:
         print(f'capture: {error}', file=sys.stderr)
         return 1
@@ -138,4 +128,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(run_child(main))

@@ -19,11 +19,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import subprocess
-import sys
 import time
 
 from rt_robot_os.devices.service import Service
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import start_child
 
 _READY_TIMEOUT_S = 10.0
 _STOP_TIMEOUT_S = 3.0
@@ -44,9 +45,7 @@ class CaptureService(Service):
         :raises DeviceError: it ended or hangs.
         """
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.devices.capture.host', str(os.getpid()),
-             str(path)], stdin=subprocess.DEVNULL)
+        self._process = start_child('rt_robot_os.devices.capture.host', os.getpid(), path)
         deadline = time.monotonic() + _READY_TIMEOUT_S
         while not path.exists():
             if self._process.poll() is not None or time.monotonic() > deadline:
@@ -60,10 +59,5 @@ class CaptureService(Service):
         """End it, and with it all captures; may be called twice."""
         if self._process is None:
             return
-        self._process.terminate()
-        try:
-            self._process.wait(_STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end_child(self._process, _STOP_TIMEOUT_S)
         self._process = None

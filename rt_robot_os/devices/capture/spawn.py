@@ -20,7 +20,10 @@ from collections.abc import Callable
 import os
 import socket
 import subprocess
-import sys
+
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import ONE_BLAS_THREAD
+from rt_robot_os.linux.process import start_child
 
 # More than all packets that can be on their way.
 _BUFFER_BYTES = 1 << 17
@@ -33,22 +36,16 @@ def start_worker(connection: socket.socket) -> subprocess.Popen[bytes]:
 
     :raises OSError: it cannot be started.
     """
-    return subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.devices.capture.worker', str(connection.fileno()),
-         str(os.getpid())],
-        pass_fds=[connection.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+    return start_child(
+        'rt_robot_os.devices.capture.worker', os.getpid(), connection.fileno(),
+        pass_fds=[connection.fileno()], stdout=subprocess.DEVNULL,
         # The worker says itself what is wrong; OpenCV says much more, and on the terminal.
-        env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', 'OPENBLAS_NUM_THREADS': '1'})
+        env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', **ONE_BLAS_THREAD})
 
 
 def end_worker(process: subprocess.Popen[bytes]) -> None:
     """End a worker; one that hangs in a library is killed."""
-    process.terminate()
-    try:
-        process.wait(_PATIENCE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    end_child(process, _PATIENCE_S)
 
 
 def spawn_worker() -> tuple[socket.socket, Callable[[], None]]:

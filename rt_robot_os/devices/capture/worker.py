@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The process that captures for one device; its first argument is the descriptor of its connection.
+The process that captures for one device, on a connection that it inherits.
 
 It has ordinary priority and keeps off the CPU of a core that is pinned. It ends when the core
 closes the connection, also while a library hangs: a thread waits for nothing else.
@@ -22,9 +22,9 @@ closes the connection, also while a library hangs: a thread waits for nothing el
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Sequence
 import os
 import select
-import signal
 import socket
 import sys
 import threading
@@ -39,7 +39,7 @@ from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import received_fds
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
 
 
 class Captured(Protocol):
@@ -186,13 +186,9 @@ def _end_with(connection: socket.socket) -> None:
     os._exit(0)
 
 
-def main() -> int:
-    """Capture until the core closes the connection, or the parent ends."""
-    fd, parent = int(sys.argv[1]), int(sys.argv[2])
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if not die_with_parent(parent):
-        return 0
-    connection = socket.socket(fileno=fd)
+def main(arguments: Sequence[str]) -> int:
+    """Capture until the core closes the connection, whose descriptor is the argument."""
+    connection = socket.socket(fileno=int(arguments[0]))
     threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
     try:
         worker = Worker(connection)
@@ -214,4 +210,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(run_child(main))

@@ -27,9 +27,11 @@ import select
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 from typing import Final
+
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import start_child
 
 _BACKLOG: Final = 128
 _READY_S: Final = 10.0
@@ -67,10 +69,9 @@ class I2cBridge:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
             listener.bind(str(self.socket_path))
             listener.listen(_BACKLOG)
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.devices.i2c.program', self.path, '--socket',
-                 str(self.socket_path), '--listener', str(listener.fileno()), '--with-parent',
-                 str(os.getpid())],
+            self._process = start_child(
+                'rt_robot_os.devices.i2c.program', self.path, '--socket', self.socket_path,
+                '--listener', listener.fileno(), '--with-parent', os.getpid(),
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[listener.fileno()])
         output = self._process.stdout
         if wait and output is not None:
@@ -81,11 +82,7 @@ class I2cBridge:
         process = self._process
         self._let_go()
         if process is not None:
-            try:
-                process.wait(_STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            end_child(process, _STOP_S)
         self._clean_up()
 
     def _clean_up(self) -> None:

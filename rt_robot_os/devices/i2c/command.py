@@ -72,8 +72,7 @@ def run(argv: Sequence[str]) -> int:
     arguments = _arguments(argv)
     bus = RealBus(arguments.bus)
     stopped: list[int] = []
-    # Ctrl-C is left to the core that started it.
-    with ended_by_signals(stopped.append, ctrl_c=not arguments.with_parent):
+    with ended_by_signals(stopped.append):
         # One that a running core starts again begins with the signals that are blocked there.
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         try:

@@ -15,8 +15,8 @@
 """
 The child process of one measurement: a fresh interpreter that runs one worker and ends.
 
-Run as ``python -m rt_robot_os.tools.bench.child FOLDER`` with the job as JSON in ``job.json`` of
-that folder; it leaves ``result.npz`` there.
+Run as ``python -m rt_robot_os.tools.bench.child PARENT FOLDER`` with the job as JSON in
+``job.json`` of that folder; it leaves ``result.npz`` there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.errors import RtRobotError
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Unavailable
@@ -92,8 +92,6 @@ def main(argv: Sequence[str]) -> int:
     """Run one worker."""
     folder = Path(argv[0])
     job = json.loads((folder / JOB_FILE).read_text())
-    if not die_with_parent(job['parent'], signal.SIGKILL):
-        return 0
 
     def end(signum: int, frame: FrameType | None) -> None:
         sys.exit(128 + signum)
@@ -104,4 +102,4 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_child(main, signal.SIGKILL))

@@ -15,7 +15,7 @@
 """
 A process beside a measurement: one that computes, or the other side of a connection.
 
-Run as ``python -m rt_robot_os.tools.bench.helper JOB`` with the job as JSON.
+Run as ``python -m rt_robot_os.tools.bench.helper PARENT JOB`` with the job as JSON.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ import sys
 from types import TracebackType
 from typing import Any
 
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.linux.process import start_child
 
 _START_TIMEOUT_S = 20.0
 
@@ -56,11 +57,10 @@ class Helper:
     """
 
     def __init__(self, worker: str, arguments: Mapping[str, Any], cpus: Sequence[int]) -> None:
-        job = {'worker': worker, 'arguments': dict(arguments), 'cpus': list(cpus),
-               'parent': os.getpid()}
-        self.process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.tools.bench.helper', json.dumps(job)],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+        job = {'worker': worker, 'arguments': dict(arguments), 'cpus': list(cpus)}
+        self.process = start_child(
+            'rt_robot_os.tools.bench.helper', os.getpid(), json.dumps(job), stdout=subprocess.PIPE,
+            own_session=False)  # it is ended with the group of the measurement
         try:
             self._wait_until_ready(worker)
         except BaseException:
@@ -92,8 +92,6 @@ class Helper:
 def main(argv: Sequence[str]) -> int:
     """Be a helper."""
     job = json.loads(argv[0])
-    if not die_with_parent(job['parent'], signal.SIGKILL):
-        return 0
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.sched_setaffinity(0, job['cpus'])
     load_function(job['worker'])(job['arguments'], lambda: print('ready', flush=True))
@@ -101,4 +99,4 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_child(main, signal.SIGKILL))

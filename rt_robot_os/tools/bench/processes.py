@@ -28,10 +28,10 @@ import re
 import select
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 
+from rt_robot_os.linux.process import start_child
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.child import JOB_FILE
@@ -118,13 +118,11 @@ def measure(run: Run) -> Outcome:
         folder = Path(name)
         (folder / JOB_FILE).write_text(json.dumps({
             'worker': run.worker, 'arguments': dict(run.arguments), 'cpu': run.cpu,
-            'priority': run.priority, 'parent': os.getpid()}))
+            'priority': run.priority}))
         with open(folder / _LOG_FILE, 'wb') as log:
-            process = subprocess.Popen(
-                [sys.executable, '-m', 'rt_robot_os.tools.bench.child', name],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment(folder),
-                # A Ctrl-C in the terminal is for this process, which then ends the child.
-                start_new_session=True)
+            process = start_child(
+                'rt_robot_os.tools.bench.child', os.getpid(), name, stdout=log.fileno(),
+                stderr=log.fileno(), env=environment(folder))
             try:
                 ended = _wait(process, folder / RESULT_FILE, run.seconds + _PATIENCE_S)
             finally:

@@ -23,10 +23,10 @@ from dataclasses import dataclass
 import json
 import os
 import subprocess
-import sys
 import time
 from typing import Any
 
+from rt_robot_os.linux.process import start_child
 from rt_robot_os.tools.doctor.facts import asked_cpu
 from rt_robot_os.tools.doctor.finding import bad
 from rt_robot_os.tools.doctor.finding import Check
@@ -80,7 +80,7 @@ def _job(system: System, seconds: float) -> str:
     cpu = asked_cpu(system)
     return json.dumps({
         'cpu': -2 if cpu is None else cpu, 'priority': system.wanted.priority,
-        'lock_memory': system.wanted.lock_memory, 'seconds': seconds, 'parent': os.getpid(),
+        'lock_memory': system.wanted.lock_memory, 'seconds': seconds,
         'cpu_latency_us': system.wanted.cpu_latency_us, 'spin_us': system.wanted.spin_us})
 
 
@@ -94,10 +94,8 @@ def measure(system: System, seconds: float,
     :raises ProbeError: the child did not answer.
     """
     begin = time.monotonic()
-    child = subprocess.Popen(
-        [sys.executable, '-m', CHILD, _job(system, seconds)], stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=system.environ,
-        start_new_session=True)
+    child = start_child(CHILD, os.getpid(), _job(system, seconds), stdout=subprocess.PIPE,
+                        stderr=subprocess.PIPE, env=system.environ)
     try:
         while True:
             try:

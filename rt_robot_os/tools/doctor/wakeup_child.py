@@ -15,13 +15,14 @@
 """
 The measuring process: a 1 kHz grid on bare ``clock_nanosleep``, then in this package's kernel.
 
-Run as ``python -m rt_robot_os.tools.doctor.wakeup_child JSON``; it prints one line of JSON. A
-process of its own, prepared as the core is, so that the doctor keeps its priority.
+Run as ``python -m rt_robot_os.tools.doctor.wakeup_child PARENT JSON``; it prints one line of JSON.
+A process of its own, prepared as the core is, so that the doctor keeps its priority.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 import json
 import signal
 import sys
@@ -30,7 +31,7 @@ from typing import Any
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime
-from rt_robot_os.linux.process import die_with_parent
+from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.realtime import HeldCpuLatency
 from rt_robot_os.linux.realtime import hold_cpu_latency
 from rt_robot_os.linux.timer import Sleeper
@@ -92,11 +93,9 @@ def in_kernel(duration_ns: int, spin_ns: int) -> Lateness:
     return lateness
 
 
-def main(argument: str) -> int:
+def main(arguments: Sequence[str]) -> int:
     """Measure each for half of the time, and tell."""
-    job = json.loads(argument)
-    if not die_with_parent(job['parent'], signal.SIGKILL):
-        return 0
+    job = json.loads(arguments[0])
     results, held = prepare(job)
     half_ns = round(job['seconds'] * NS_PER_S / 2)
     spin_ns = round(job['spin_us'] * NS_PER_US)
@@ -109,4 +108,4 @@ def main(argument: str) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main(sys.argv[1]))
+    sys.exit(run_child(main, signal.SIGKILL))

@@ -37,6 +37,7 @@ from rclpy.signals import SignalHandlerOptions
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.process import end_child
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.memory import descendants
@@ -130,7 +131,7 @@ def robot(harness: Harness) -> Measured:
         samples, figures = _watch(process.pid, harness.arguments['watch_ns'])
     finally:
         sample.stop()
-        _end(process)
+        end_child(process, _END_S, signal.SIGINT)
         rclpy.try_shutdown()
     if sample.at_ns:
         figures['first_sample_ns'] = sample.at_ns - begin_ns
@@ -156,13 +157,3 @@ def _watch(robot_pid: int, watch_ns: int) -> tuple[dict[str, Any], dict[str, flo
         moments.append(time.monotonic_ns())
     return {'core_resident': np.array(sizes, np.int64),
             'moments': np.array(moments, np.int64)}, figures
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    for signo in (signal.SIGINT, signal.SIGKILL):
-        if process.poll() is None:
-            process.send_signal(signo)
-            try:
-                process.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                continue
