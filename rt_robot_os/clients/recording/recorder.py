@@ -192,6 +192,7 @@ class Recorder:
 
     def _session(self, client: LinkClient) -> Session:
         settings = ''.join(str(part['text']) for part in client.request_all('settings'))
+        was_tapped = any(map(is_tap, client.topics))
         taps = client.tap() if self._wanted.replay else ()
         chosen = self._asked(client, settings)
         kept = [info for info in client.topics.values() if info.name in taps
@@ -203,7 +204,7 @@ class Recorder:
         cold = start_ns >= self._asked_ns
         self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
         session = Session(
-            self._sessions, int(client.core['pid']), start_ns, bool(client.core['taps']),
+            self._sessions, int(client.core['pid']), start_ns, was_tapped,
             tuple(client.core['tasks']), tuple(client.topics), tuple(chosen), tuple(kept), taps,
             settings, self._robot, 0 if cold else now_ns,
             self._wanted.duration_ns and self._begin_ns + self._wanted.duration_ns,
