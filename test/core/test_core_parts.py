@@ -23,7 +23,6 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os import plugins
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.part import CorePart
 from rt_robot_os.core.part import Host
@@ -152,10 +151,19 @@ def test_a_request_belongs_to_one(core: Core) -> None:
             core.requests.add(do, lambda session, arguments: {})
 
 
-def test_installed_parts_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = {'odometer': f'{__name__}:Odometer'}
-    monkeypatch.setattr(plugins, 'installed', lambda path: {'rt_robot_os.core_parts': points})
-    assert [part.__name__ for part in installed_parts()] == ['Odometer']
-    points['broken'] = 'no_such_package:Part'
+def test_installed_parts_are_found_by_their_entry_points(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def install(name: str, target: str) -> None:
+        facts = tmp_path / name / f'{name}-1.0.dist-info'
+        facts.mkdir(parents=True)
+        facts.joinpath('METADATA').write_text(
+            f'Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n')
+        facts.joinpath('entry_points.txt').write_text(
+            f'[rt_robot_os.core_parts]\n{name} = {target}\n')
+        monkeypatch.syspath_prepend(str(tmp_path / name))
+
+    install('odometer', f'{__name__}:Odometer')
+    assert 'Odometer' in [part.__name__ for part in installed_parts()]
+    install('broken', 'no_such_package:Part')
     with pytest.raises(ConfigError, match=r"part of the core 'broken' \(no_such_package:Part\)"):
         installed_parts()

@@ -16,13 +16,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rt_robot_os import plugins
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
@@ -96,13 +94,14 @@ class Both(Plain):
 
 
 @pytest.fixture(autouse=True)
-def plugged(monkeypatch: pytest.MonkeyPatch) -> None:
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     CALLS.clear()
-    group = 'rt_robot_os.device_services'
-    points = [EntryPoint(name.lower(), f'{__name__}:{name}', group)
-              for name in ('Clock', 'Broken')]
-    monkeypatch.setattr(plugins, 'entry_points', lambda group: [
-        point for point in points if point.group == group])
+    facts = tmp_path / 'clocks-1.0.dist-info'
+    facts.mkdir()
+    facts.joinpath('METADATA').write_text('Metadata-Version: 2.1\nName: clocks\nVersion: 1.0\n')
+    facts.joinpath('entry_points.txt').write_text(
+        f'[rt_robot_os.device_services]\nclock = {__name__}:Clock\nbroken = {__name__}:Broken\n')
+    monkeypatch.syspath_prepend(str(tmp_path))
 
 
 def test_a_service_is_started_once_for_all_that_name_it(tmp_path: Path) -> None:
