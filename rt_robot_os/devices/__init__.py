@@ -29,6 +29,7 @@ from typing import Final
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rt_robot_os.devices.actuator import Actuator
     from rt_robot_os.devices.capture.device import CaptureDevice
     from rt_robot_os.devices.device import Device
     from rt_robot_os.devices.device import DeviceStatistics
@@ -45,9 +46,12 @@ if TYPE_CHECKING:
     from rt_robot_os.devices.serial.device import serial_settings
     from rt_robot_os.devices.serial.device import SerialDevice
     from rt_robot_os.devices.serial.handshake import Handshake
+    from rt_robot_os.topics.ports import Input
+    from rt_robot_os.topics.ports import Output
 
-# Where each of them is.
+# Where each of them is, from this package.
 _PLACES: Final = {
+    'Actuator': 'actuator',
     'CaptureDevice': 'capture.device',
     'Device': 'device',
     'DeviceParts': 'parts',
@@ -56,6 +60,8 @@ _PLACES: Final = {
     'Handshake': 'serial.handshake',
     'I2cDevice': 'i2c.device',
     'ImuFiller': 'imu',
+    'Input': '.topics.ports',
+    'Output': '.topics.ports',
     'PartialSums': 'partial_sums',
     'RangeFiller': 'ranging',
     'Recogniser': 'parts',
@@ -66,6 +72,7 @@ _PLACES: Final = {
     'serial_settings': 'serial.device',
 }
 __all__ = [
+    'Actuator',
     'CaptureDevice',
     'Device',
     'DeviceParts',
@@ -74,6 +81,8 @@ __all__ = [
     'Handshake',
     'I2cDevice',
     'ImuFiller',
+    'Input',
+    'Output',
     'PartialSums',
     'RangeFiller',
     'Recogniser',
@@ -93,5 +102,5 @@ def __getattr__(name: str) -> Any:
     """
     if name not in _PLACES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    found = globals()[name] = getattr(import_module(f'{__name__}.{_PLACES[name]}'), name)
+    found = globals()[name] = getattr(import_module(f'.{_PLACES[name]}', __name__), name)
     return found

@@ -63,13 +63,14 @@ class Actuator(Device):
     command: ClassVar[Input]
     COMMAND_TIMEOUT_S: ClassVar[float] = 0.3
 
-    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any], *rest: Any) -> None:
         """
         Keep the settings; nothing is opened.
 
+        :param rest: what the base class of the port takes besides, such as a decoder.
         :raises TopicError: the class declares no input ``command``.
         """
-        super().__init__(name, settings)
+        super().__init__(name, settings, *rest)
         if not isinstance(self.ports().get('command'), Input):
             raise TopicError(f'{name}: {type(self).__name__} has no command: an actuator declares '
                              "command = Input('cmd_vel', ...)")

@@ -18,7 +18,8 @@ What the tests of your own drivers and modules use: no hardware, no waiting.
 For a driver: :class:`DriverContract`, the suite that every serial driver has to pass (and
 :class:`DecoderContract`, the part of it that needs a decoder only);
 :func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
-simulated twin on a real pty with time in the test's hand. For a module: :class:`ModuleBench`, a
+simulated twin on a real pty with time in the test's hand. For what moves something:
+:class:`ActuatorContract` as well. For a module: :class:`ModuleBench`, a
 kernel on the virtual clock. Needs pytest and hypothesis, which a robot does not.
 """
 
@@ -28,8 +29,11 @@ import pytest
 
 # Before they are imported: their asserts then tell the values.
 pytest.register_assert_rewrite(*(f'{__name__}.{part}' for part in (
-    'contract', 'decoder_contract', 'fakes', 'module_bench', 'rig', 'sample_contract')))
+    'actuator_contract', 'actuator_rig', 'contract', 'decoder_contract', 'fakes', 'module_bench',
+    'rig', 'sample_contract')))
 
+from rt_robot_os.testing.actuator_contract import ActuatorContract  # noqa: E402
+from rt_robot_os.testing.actuator_rig import ActuatorRig  # noqa: E402
 from rt_robot_os.testing.contract import DriverContract  # noqa: E402
 from rt_robot_os.testing.decoder_contract import DecoderContract  # noqa: E402
 from rt_robot_os.testing.fakes import RecordingPublisher  # noqa: E402
@@ -39,5 +43,5 @@ from rt_robot_os.testing.module_bench import ModuleBench  # noqa: E402
 from rt_robot_os.testing.rig import Rig  # noqa: E402
 from rt_robot_os.testing.rig import rig  # noqa: E402
 
-__all__ = ['DecoderContract', 'DriverContract', 'ModuleBench', 'RecordingPublisher', 'Rig', 'rig',
-           'scripted', 'settings_of']
+__all__ = ['ActuatorContract', 'ActuatorRig', 'DecoderContract', 'DriverContract', 'ModuleBench',
+           'RecordingPublisher', 'Rig', 'rig', 'scripted', 'settings_of']

@@ -67,6 +67,26 @@ def test_reading_nothing_does_not_block_and_is_no_error(plug: PtyPort) -> None:
     port.close()
 
 
+def test_what_was_sent_last_arrives_although_the_port_is_closed(plug: PtyPort) -> None:
+    poll = select.poll()
+    poll.register(plug.fileno(), select.POLLIN)
+    for number in range(100):
+        port = SerialPort(str(plug.link), None)
+        order = b'stop %d\r' % number
+        port.write(order)
+        port.close()
+        assert any(events & select.POLLIN for _, events in poll.poll(5000)), number
+        assert plug.read() == order
+
+
+def test_a_port_that_takes_nothing_is_closed_all_the_same(plug: PtyPort) -> None:
+    port = SerialPort(str(plug.link), None)
+    while not port.dropped_write_bytes:
+        port.write(bytes(1000))
+    port.close()
+    assert port.fileno() == -1
+
+
 def test_a_full_buffer_is_read_at_once(plug: PtyPort) -> None:
     port = SerialPort(str(plug.link), None)
     data = bytes(range(250)) * 60

@@ -30,6 +30,7 @@ import fcntl
 import os
 import stat
 import termios
+import time
 from typing import Any
 from typing import Final
 
@@ -44,6 +45,9 @@ _MAX_UNSENT: Final = 4096
 _PTY_SLAVE_MAJORS: Final = range(136, 144)
 # Any speed does for a pty; pyserial wants one.
 _UNPACED_BAUD: Final = 9600
+# What was sent last has so long to go out before the port is closed; then it is discarded.
+DRAIN_S: Final = 0.05
+_DRAIN_STEP_S: Final = 0.001
 
 
 class StreamPort(ABC):
@@ -168,21 +172,37 @@ class SerialPort(StreamPort):
             raise _open_error(path, baud, error) from error
 
     def close(self) -> None:
-        """Close the port; may be called twice and does not raise."""
+        """
+        Close the port; may be called twice and does not raise.
+
+        What was sent last, such as the order to stop, has ``DRAIN_S`` to go out.
+        """
         if self._fd < 0:
             return
         try:
-            # Unsent bytes would make the last close of a real port wait for up to 30 s.
-            termios.tcflush(self._fd, termios.TCOFLUSH)
+            if not self._drained():
+                # Unsent bytes would make the last close of a real port wait for up to 30 s.
+                termios.tcflush(self._fd, termios.TCOFLUSH)
             if self._real:
                 fcntl.ioctl(self._fd, termios.TIOCNXCL)
-        except (OSError, termios.error):
+        except (OSError, termios.error, DeviceError):
             pass  # it has been unplugged: there is nothing left to undo
         self._fd = -1
         try:
             self._serial.close()
         except OSError:
             pass
+
+    def _drained(self) -> bool:
+        """Wait a little until all has gone out; return whether it has."""
+        end_s = time.monotonic() + DRAIN_S
+        while True:
+            self.write(b'')
+            if not self._unsent and fcntl.ioctl(self._fd, termios.TIOCOUTQ, bytes(4)) == bytes(4):
+                return True
+            if time.monotonic() > end_s:
+                return False
+            time.sleep(_DRAIN_STEP_S)
 
     def _prepare(self) -> None:
         # pyserial sets VMIN 0, with which "nothing there" and "unplugged" both read as b''. With
