@@ -96,6 +96,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
 # Name in an old module -> the new place, where it has a new name as well.
 RENAMED: Final[dict[str, tuple[str, str]]] = {
     'drivers.device.Publication': ('schema', 'TopicSpec'),
+    'drivers.i2c_device.KNOWN_CHIPS': ('devices.recognise', 'WITHOUT_DRIVER'),
 }
 
 

@@ -57,18 +57,22 @@ class DeviceParts:
     :ivar driver: ``module:Class``, a :class:`rt_robot_os.devices.device.Device`.
     :ivar twin: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without one.
     :ivar recognisers: of its bytes, the surest first.
+    :ivar chips: ``module:NAME`` of what tells it on an I2C bus from other chips: register -> value
+        -> name of the chip; empty without one.
     """
 
     driver: str
     twin: str = ''
     recognisers: tuple[Recogniser, ...] = ()
+    chips: str = ''
 
     def inside(self, folder: str) -> DeviceParts:
         """Return them with the whole names of their modules."""
         return DeviceParts(
             _whole(self.driver, folder), _whole(self.twin, folder),
             tuple(replace(each, function=_whole(each.function, folder))
-                  for each in self.recognisers))
+                  for each in self.recognisers),
+            _whole(self.chips, folder))
 
 
 def _whole(target: str, folder: str) -> str:

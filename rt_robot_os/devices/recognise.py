@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Whose bytes are these: for the diagnosis of a device that sends, but nothing valid.
+Which device is it: for the diagnosis of one that sends nothing valid, or of a wrong chip.
 
 The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
 tell which device it is, as far as one of the table of devices declares what recognises them, in
@@ -24,6 +24,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterator
+from collections.abc import Mapping
+import functools
 from typing import Any
 from typing import Final
 from typing import NamedTuple
@@ -33,6 +35,16 @@ from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.table import all_parts
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.plugins import load_object
+
+
+Chips = Mapping[int, Mapping[int, str]]
+
+# Chips that are often taken for those that have a driver; the registers in the order of asking.
+WITHOUT_DRIVER: Final[Chips] = {
+    0xD0: {0x60: 'BME280', 0x61: 'BME680', 0x55: 'BMP180'},
+    0x00: {0xEA: 'ICM-20948'},
+    0x75: {0x73: 'MPU-9255'},
+}
 
 
 class _Known(NamedTuple):
@@ -83,6 +95,21 @@ class Recognisers:
 
 
 RECOGNISERS: Final = Recognisers()
+
+
+@functools.cache
+def known_chips() -> Chips:
+    """Import what the devices say of their chips on I2C; once, so that the loop need not."""
+    found: dict[int, dict[int, str]] = {
+        register: dict(names) for register, names in WITHOUT_DRIVER.items()}
+    for name, parts in all_parts():
+        try:
+            chips: Any = load_object(f'device {name!r}', parts.chips) if parts.chips else {}
+            for register, names in chips.items():
+                found.setdefault(register, {}).update(names)
+        except Exception:  # of another package, and the others are known without it
+            continue
+    return found
 
 
 def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:

@@ -16,13 +16,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import importlib
 from pathlib import Path
 import subprocess
 import sys
 
+from driver_fakes import settings_of
 import pytest
+
 from rt_robot_os import devices
+from rt_robot_os.devices.bmp280.driver import Bmp280
+from rt_robot_os.devices.recognise import known_chips
 from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
@@ -30,20 +35,23 @@ from rt_robot_os.sim.base import SIMULATORS
 
 FILES = {
     'their_lidar/__init__.py':
-        'from rt_robot_os.devices.parts import DeviceParts, Recogniser\n'
+        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
         "PARTS = DeviceParts(driver='.driver:Lidar', twin='.twin:SimulatedLidar',\n"
-        "                    recognisers=(Recogniser('lidar frames', '.wire:is_lidar'),))\n",
+        "                    recognisers=(Recogniser('lidar frames', '.wire:is_lidar'),),\n"
+        "                    chips='.wire:CHIPS')\n",
     'their_lidar/driver.py':
         'from rt_robot_os.devices.nmea.driver import NmeaGps\n'
         'class Lidar(NmeaGps):\n    pass\n',
     'their_lidar/twin.py':
         'from rt_robot_os.devices.nmea.twin import SimulatedNmea\n'
         'class SimulatedLidar(SimulatedNmea):\n    pass\n',
-    'their_lidar/wire.py': "def is_lidar(data):\n    return data.count(b'LIDAR') > 1\n",
+    'their_lidar/wire.py':
+        "CHIPS = {0x0F: {0x33: 'LIDAR-1'}}\n"
+        "def is_lidar(data):\n    return data.count(b'LIDAR') > 1\n",
     'their_drivers.py':
         'from rt_robot_os.devices.parts import DeviceParts\n'
         'def driver(name):\n'
-        '    return DeviceParts(driver=name)\n'
+        "    return DeviceParts(driver=name, chips='their_drivers:not_a_class')\n"
         "PARTS = driver('their_lidar.driver:Lidar')\n"
         "MISSING = driver('their_missing:X')\n"
         "NOTHING = driver('their_drivers:Nothing')\n"
@@ -151,6 +159,35 @@ def test_a_device_of_another_package_is_the_same_thing() -> None:
     assert SIMULATORS.load('lidar').__name__ == 'SimulatedLidar'
     assert Recognisers().recognised(b'LIDAR 1 LIDAR 2', 9600) == (
         'these are lidar frames at 9600 baud: set type: lidar, or swap the ports')
+
+
+def asked_of_the_bus(answers: dict[int, int]) -> str:
+    """Give what a driver says of another chip, with these values in its registers."""
+    driver = Bmp280('baro', settings_of(Bmp280, port='/dev/none'))
+    asking = driver.probably()
+    try:
+        transfer = next(asking)
+        while True:
+            driver._not_yielded = None  # as if the bus had taken it
+            transfer = asking.send(bytes([answers.get(transfer.data[0], 0)]))
+    except StopIteration as end:
+        return str(end.value)
+
+
+@pytest.fixture
+def chips_anew() -> Iterator[None]:
+    """Let the chips of all devices be looked up again."""
+    known_chips.cache_clear()
+    yield
+    known_chips.cache_clear()
+
+
+@pytest.mark.usefixtures('other_package', 'chips_anew')
+def test_chips_of_another_package_are_named_too() -> None:
+    assert 'probably a LIDAR-1: change type' in asked_of_the_bus({0x0F: 0x33})
+    assert 'probably a MPU-6500: change type' in asked_of_the_bus({0x75: 0x70})
+    assert 'probably a BMP180: change type' in asked_of_the_bus({0xD0: 0x55, 0x0F: 0x33})
+    assert 'not known here' in asked_of_the_bus({})
 
 
 @pytest.mark.usefixtures('other_package')

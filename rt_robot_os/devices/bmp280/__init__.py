@@ -19,4 +19,5 @@ from rt_robot_os.devices.parts import DeviceParts
 PARTS = DeviceParts(
     driver='.driver:Bmp280',
     twin='.twin:SimulatedBmp280',
+    chips='.wire:CHIPS',
 )

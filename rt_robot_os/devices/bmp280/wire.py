@@ -37,6 +37,7 @@ STATUS: Final = 0xF3
 CONTROL: Final = 0xF4
 CONFIG: Final = 0xF5
 DATA: Final = 0xF7
+CHIPS: Final = {ID: {CHIP_ID: 'BMP280', 0x56: 'BMP280 (sample)', 0x57: 'BMP280 (sample)'}}
 
 # One read from the status to the end of the data.
 BURST_SIZE: Final = 10

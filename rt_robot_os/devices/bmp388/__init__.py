@@ -19,4 +19,5 @@ from rt_robot_os.devices.parts import DeviceParts
 PARTS = DeviceParts(
     driver='.driver:Bmp388',
     twin='.twin:SimulatedBmp388',
+    chips='.wire:CHIPS',
 )

@@ -35,6 +35,7 @@ CONFIG: Final = 0x1F
 CALIBRATION: Final = 0x31
 CALIBRATION_SIZE: Final = 21
 COMMAND: Final = 0x7E
+CHIPS: Final = {ID: CHIP_IDS}
 
 # One read from the status (3) to the event register (0x10).
 BURST_SIZE: Final = 14

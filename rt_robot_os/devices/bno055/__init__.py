@@ -19,4 +19,5 @@ from rt_robot_os.devices.parts import DeviceParts
 PARTS = DeviceParts(
     driver='.driver:Bno055',
     twin='.twin:SimulatedBno055',
+    chips='.wire:CHIPS',
 )

@@ -43,18 +43,12 @@ from rt_robot_os.devices.i2c.bus import BUSES
 from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
+from rt_robot_os.devices.recognise import known_chips
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.units import period_from_rate
 
-# What stands where in chips that are often taken for each other: register -> value -> chip.
-KNOWN_CHIPS: Final[Mapping[int, Mapping[int, str]]] = {
-    0xD0: {0x58: 'BMP280', 0x56: 'BMP280 (sample)', 0x57: 'BMP280 (sample)', 0x60: 'BME280',
-           0x61: 'BME680', 0x55: 'BMP180'},
-    0x00: {0x50: 'BMP388', 0x60: 'BMP390', 0xA0: 'BNO055', 0xEA: 'ICM-20948'},
-    0x75: {0x68: 'MPU-6050', 0x70: 'MPU-6500', 0x71: 'MPU-9250', 0x73: 'MPU-9255'},
-}
 # One bad reading may be noise on the wires; so many one after the other are not.
 _BAD_IN_A_ROW: Final = 3
 
@@ -153,11 +147,12 @@ class I2cDevice(Device):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and start what serves the bus.
+        Take the publishers, and prepare what serves the bus and tells chips from each other.
 
         :raises TopicError: there are more or fewer of them than publications.
         """
         super().bind(publishers)
+        known_chips()
         self.buses.prepare(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
@@ -321,7 +316,7 @@ class I2cDevice(Device):
 
     def probably(self) -> Transactions[str]:
         """Say which chip it probably is and what to do; asks the bus."""
-        for register, names in KNOWN_CHIPS.items():
+        for register, names in known_chips().items():
             name = names.get((yield self.fetch(register, 1))[0])
             if name is not None:
                 return f'it is probably a {name}: change type or address'

@@ -81,6 +81,7 @@ MODELS: Final = {
     0x70: Model('MPU-6500', 512, 333.87, 21.0, True),
     0x71: Model('MPU-9250', 512, 333.87, 21.0, True),
 }
+CHIPS: Final = {WHO_AM_I: {value: model.name for value, model in MODELS.items()}}
 
 
 def frames(data: bytes) -> list[Frame]:
