@@ -17,7 +17,7 @@ How every program begins and ends.
 
 A program is a ``program.py`` (``NAME_program.py`` where a part has several) with ``main``, which
 imports nothing that is slow, and a ``command.py`` beside it with what it does with its command
-line. :func:`run_program` brings the two together.
+line. A :class:`Program` brings the two together.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
 from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
 import os
 import signal
 import sys
@@ -46,6 +48,34 @@ READER_GONE: Final = 128 + signal.SIGPIPE
 
 # Takes the arguments without the program's name, gives the exit code.
 Run = Callable[[Sequence[str]], int]
+
+
+@dataclass(frozen=True)
+class Program:
+    """
+    The ``main`` of a program: what it runs is imported when it is called, and not before.
+
+    :param name: of the program.
+    :param command: what runs it, as ``package.module:function``.
+    :param listens: as for :func:`run_program`.
+    :param reader_gone: as well.
+    """
+
+    name: str
+    command: str
+    listens: bool = False
+    reader_gone: int = READER_GONE
+
+    def load(self) -> Run:
+        """Import what runs it."""
+        module, _, function = self.command.partition(':')
+        run: Run = getattr(import_module(module), function)
+        return run
+
+    def __call__(self, argv: Sequence[str] | None = None) -> int:
+        """Run it; the arguments are those of the process unless they are given."""
+        return run_program(self.name, self.load, argv, listens=self.listens,
+                           reader_gone=self.reader_gone)
 
 
 def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None = None, *,

@@ -30,6 +30,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from rt_robot_os.programs import Program
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
 
@@ -130,7 +132,8 @@ def test_everything_imported_is_an_exec_depend() -> None:
 @pytest.mark.parametrize('name', sorted(EXECUTABLES))
 def test_an_executable_can_be_started(name: str) -> None:
     module, _, function = EXECUTABLES[name].partition(':')
-    assert callable(getattr(importlib.import_module(module), function))
+    main = getattr(importlib.import_module(module), function)
+    assert callable(main.load() if isinstance(main, Program) else main)
 
 
 def test_executables_land_where_ros2_run_looks() -> None:

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `player`: recorded bytes, played as the device would have sent them."""
+"""
+The program `player`: recorded bytes, played as the device would have sent them.
+
+Play until all is played or SIGTERM, Ctrl-C, the end of the parent; 2 for bad arguments.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.sim.command import player
-    return player
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Play until all is played or SIGTERM, Ctrl-C, the end of the parent; 2 for bad arguments."""
-    return run_program('player', _load, argv, listens=True)
+main: Final = Program('player', 'rt_robot_os.sim.command:player', listens=True)
 
 
 if __name__ == '__main__':

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `simulator`: simulated devices, under the paths of real ones."""
+"""
+The program `simulator`: simulated devices, under the paths of real ones.
+
+Simulate until SIGTERM, Ctrl-C or the end of the parent; 2 for bad arguments.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.sim.command import simulator
-    return simulator
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Simulate until SIGTERM, Ctrl-C or the end of the parent; 2 for bad arguments."""
-    return run_program('simulator', _load, argv, listens=True)
+main: Final = Program('simulator', 'rt_robot_os.sim.command:simulator', listens=True)
 
 
 if __name__ == '__main__':

@@ -12,26 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `parameters`: look at, change and save the parameters of a core, without ROS."""
+"""
+The program `parameters`: look at, change and save the parameters of a core, without ROS.
+
+Run one command; the exit code is 1 when it failed, and the message says why.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
 from rt_robot_os.programs import OK
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.parameters.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code is 1 when it failed, and the message says why."""
-    return run_program('parameters', _load, argv, reader_gone=OK)
+main: Final = Program('parameters', 'rt_robot_os.clients.parameters.command:run', reader_gone=OK)
 
 
 if __name__ == '__main__':

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `record`: write what happens in the core as MCAP, without ROS in between."""
+"""
+The program `record`: write what happens in the core as MCAP, without ROS in between.
+
+Record until Ctrl-C; the exit code is 1 when it failed, 2 for bad use.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.recording.record_command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Record until Ctrl-C; the exit code is 1 when it failed, 2 for bad use."""
-    return run_program('record', _load, argv)
+main: Final = Program('record', 'rt_robot_os.clients.recording.record_command:run')
 
 
 if __name__ == '__main__':

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `replay`: run drivers and modules again on what was recorded, and compare."""
+"""
+The program `replay`: run drivers and modules again on what was recorded, and compare.
+
+Replay; the exit code is 0 identical, 1 different, 2 when it cannot be replayed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.recording.replay_command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Replay; the exit code is 0 identical, 1 different, 2 when it cannot be replayed."""
-    return run_program('replay', _load, argv)
+main: Final = Program('replay', 'rt_robot_os.clients.recording.replay_command:run')
 
 
 if __name__ == '__main__':

@@ -12,26 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `echo`: look at a ROS 2 topic where the `ros2` command is not installed."""
+"""
+The program `echo`: look at a ROS 2 topic where the `ros2` command is not installed.
+
+Print the messages of a topic, or its rate, until Ctrl-C.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
 from rt_robot_os.programs import OK
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.ros.echo_command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print the messages of a topic, or its rate, until Ctrl-C."""
-    return run_program('echo', _load, argv, listens=True, reader_gone=OK)
+main: Final = Program('echo', 'rt_robot_os.clients.ros.echo_command:run',
+                      listens=True, reader_gone=OK)
 
 
 if __name__ == '__main__':

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `robot`: the main job, core and ROS 2 node together."""
+"""
+The program `robot`: the main job, core and ROS 2 node together.
+
+Run the robot until Ctrl-C or SIGTERM; the exit code is 2 for a bad configuration.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.ros.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the robot until Ctrl-C or SIGTERM; the exit code is 2 for a bad configuration."""
-    return run_program('robot', _load, argv, listens=True)
+main: Final = Program('robot', 'rt_robot_os.clients.ros.command:run', listens=True)
 
 
 if __name__ == '__main__':

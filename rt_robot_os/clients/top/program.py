@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `top`: live tasks, topics, devices and clients of a robot."""
+"""
+The program `top`: live tasks, topics, devices and clients of a robot.
+
+Look at a running core; the exit code is 1 when none answers, 2 for bad use.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.clients.top.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Look at a running core; the exit code is 1 when none answers, 2 for bad use."""
-    return run_program('top', _load, argv)
+main: Final = Program('top', 'rt_robot_os.clients.top.command:run')
 
 
 if __name__ == '__main__':

@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `i2c_bridge`: a real I2C bus behind a socket; the core never waits for it."""
+"""
+The program `i2c_bridge`: a real I2C bus behind a socket; the core never waits for it.
+
+Serve until SIGTERM or Ctrl-C; the exit code is 2 when the bus cannot be opened.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.devices.i2c.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Serve until SIGTERM or Ctrl-C; the exit code is 2 when the bus cannot be opened."""
-    return run_program('i2c_bridge', _load, argv, listens=True)
+main: Final = Program('i2c_bridge', 'rt_robot_os.devices.i2c.command:run', listens=True)
 
 
 if __name__ == '__main__':

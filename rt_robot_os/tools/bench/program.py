@@ -12,26 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `bench`: this package and its peers, measured side by side on this machine."""
+"""
+The program `bench`: this package and its peers, measured side by side on this machine.
+
+Measure; the exit code is 2 for bad arguments, and 0 also when an aim is missed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
 from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.tools.bench.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure; the exit code is 2 for bad arguments, and 0 also when an aim is missed."""
-    return run_program('bench', _load, argv, reader_gone=FAILED)
+main: Final = Program('bench', 'rt_robot_os.tools.bench.command:run', reader_gone=FAILED)
 
 
 if __name__ == '__main__':

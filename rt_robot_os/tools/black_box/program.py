@@ -12,26 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `black_box`: save, read and draw what the core did last."""
+"""
+The program `black_box`: save, read and draw what the core did last.
+
+Run one command; the exit code is 1 when it failed, and the message says why.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
 from rt_robot_os.programs import OK
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.tools.black_box.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code is 1 when it failed, and the message says why."""
-    return run_program('black_box', _load, argv, reader_gone=OK)
+main: Final = Program('black_box', 'rt_robot_os.tools.black_box.command:run', reader_gone=OK)
 
 
 if __name__ == '__main__':

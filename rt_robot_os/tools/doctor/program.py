@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `doctor`: is this machine ready for real time, and what to do about it."""
+"""
+The program `doctor`: is this machine ready for real time, and what to do about it.
+
+Examine this machine; the exit code is 0 ready, 1 usable, 2 not usable, 3 failed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.tools.doctor.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Examine this machine; the exit code is 0 ready, 1 usable, 2 not usable, 3 failed."""
-    return run_program('doctor', _load, argv, reader_gone=3)
+main: Final = Program('doctor', 'rt_robot_os.tools.doctor.command:run', reader_gone=3)
 
 
 if __name__ == '__main__':

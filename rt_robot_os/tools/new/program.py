@@ -12,25 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `new`: write a package with a driver or a module of one's own."""
+"""
+The program `new`: write a package with a driver or a module of one's own.
+
+Write it; the exit code is 2 when something is wrong, and nothing is written then.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
+from typing import Final
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.programs import Program
 
-
-def _load() -> Run:
-    from rt_robot_os.tools.new.command import run
-    return run
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Write it; the exit code is 2 when something is wrong, and nothing is written then."""
-    return run_program('new', _load, argv)
+main: Final = Program('new', 'rt_robot_os.tools.new.command:run')
 
 
 if __name__ == '__main__':
