@@ -331,10 +331,11 @@ class Releases(ABC):
         """Note an event that came after all that is due at its level and not taken in."""
         task.releases += 1
         if not task.pending:
+            level = task.priority
             task.pending = True
             task.release_ns = release_ns
-            self._queues[task.priority].append(task)
-            self._ready |= self._bits[task.priority]
+            self._queues[level].append(task)
+            self._ready |= self._bits[level]
         elif task.state is TaskState.ACTIVE:
             task.coalesced += 1
         else:
@@ -435,6 +436,7 @@ class Releases(ABC):
             alarm_ns = look_ns
             spare_ns = due_ns - spin_ns
         else:
+            # The first of what is due after it at its level, or at the next levels above.
             timers = self._timers[first[1]]
             period_ns = timers[0][3]
             spare_ns = due_ns + period_ns if period_ns else NEVER_NS

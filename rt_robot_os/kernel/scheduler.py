@@ -225,6 +225,7 @@ class Scheduler(Releases):
         :param end_ns: when the last job ended, or whatever the kernel did not do itself.
         :return: the same, on return.
         """
+        # Written out, each of its parts being 1 to 4 % of a job as a method: only counting is one.
         now_ns, queues, trace = self.now_ns, self._queues, self.trace
         all_timers, watched_ns, firsts = self._timers, self._watched_ns, self._firsts
         overhead_ns = 0
@@ -232,6 +233,7 @@ class Scheduler(Releases):
             level = self._ready.bit_length() - 1
             if level <= floor:
                 break
+            # Which job: of the task that waits first, or that falls due.
             queue, timers = queues[level], all_timers[level]
             first = timers[0]
             own_ns = first[0]  # its next release comes from the timers no sooner than that
@@ -265,9 +267,9 @@ class Scheduler(Releases):
                     timers[0] = timer
                 else:
                     heapq.heapreplace(timers, timer)
+            # The alarm: for what may preempt it, or for its own next release after it.
             task.busy = True
             self.current, self._level = task, level
-            # Its own next release, which is above nobody now, is what comes when it has ended.
             next_ns = firsts[0][0]
             if own_ns < next_ns:
                 next_ns = own_ns
@@ -279,9 +281,9 @@ class Scheduler(Releases):
             self._stolen_ns = 0
             if trace is not None:
                 trace(start_ns, 'start', task.name)
+            # The job. The flag is cleared and set inside, so that no TaskAborted can come outside.
             failure: FailureReport | None = None
             outcome = OK
-            # The flag is cleared and set inside, so that no TaskAborted can come outside.
             try:
                 try:
                     self.locked = False
@@ -300,37 +302,10 @@ class Scheduler(Releases):
                 outcome = outcome or FAILED
                 failure = failure or FailureReport(
                     task.name, 0, 'an exception that raised another when it was looked at', ())
+            # What it took, and when it is due again.
             end_ns = now_ns()
             self.record((JOB, task, release_ns, start_ns, end_ns, outcome))
-            execution_ns = end_ns - start_ns - self._stolen_ns
-            # Counting is written out here: a call for each histogram would cost as much again.
-            # The arithmetic is that of rt_robot_os.kernel.histogram.bucket.
-            task.runs += 1
-            task.execution_total_ns += execution_ns
-            shift = execution_ns.bit_length() - 4
-            task.execution_counts[
-                execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)] += 1
-            if execution_ns > task.execution_limit_ns:
-                self._consequences.long_execution(task, execution_ns)
-            latency_ns = start_ns - release_ns
-            shift = latency_ns.bit_length() - 4
-            task.latency_counts[
-                latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)] += 1
-            if latency_ns > task.latency.maximum_ns:
-                task.latency.maximum_ns = latency_ns
-            if end_ns - release_ns > task.response_limit_ns:
-                self._consequences.long_response(task, release_ns, end_ns)
-            if previous_ns >= 0:
-                gap_ns = start_ns - previous_ns
-                if gap_ns > task.gap_maximum_ns:
-                    task.gap_maximum_ns = gap_ns
-                if task.period_ns:
-                    jitter_ns = abs(gap_ns - task.interval_ns)
-                    shift = jitter_ns.bit_length() - 4
-                    task.jitter_counts[
-                        jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)] += 1
-                    if jitter_ns > task.jitter.maximum_ns:
-                        task.jitter.maximum_ns = jitter_ns
+            self._count(task, release_ns, start_ns, previous_ns, end_ns)
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             if own_ns <= end_ns and task.period_ns:
@@ -343,8 +318,9 @@ class Scheduler(Releases):
             task.busy = False
             if failure is not None or task.follow_up or task.inside:
                 self._consequences.follow(task, failure, outcome, end_ns)
+            # What is to do now: at this level, and above it.
             due_ns = timers[0][0]
-            if due_ns > end_ns and not queue:  # nothing more to do at this level
+            if due_ns > end_ns and not queue:
                 self._ready ^= self._bits[level]
                 if due_ns < watched_ns[level]:
                     watched_ns[level] = due_ns
@@ -363,6 +339,42 @@ class Scheduler(Releases):
         self.overhead_ns += overhead_ns
         self.current, self._level = None, floor
         return end_ns
+
+    def _count(self, task: Task, release_ns: int, start_ns: int, previous_ns: int,
+               end_ns: int) -> None:
+        """
+        Count a job that has ended.
+
+        A call for each histogram would cost as much again: the arithmetic is that of
+        :func:`rt_robot_os.kernel.histogram.bucket`, written out.
+        """
+        execution_ns = end_ns - start_ns - self._stolen_ns
+        task.runs += 1
+        task.execution_total_ns += execution_ns
+        shift = execution_ns.bit_length() - 4
+        task.execution_counts[
+            execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)] += 1
+        if execution_ns > task.execution_limit_ns:
+            self._consequences.long_execution(task, execution_ns)
+        latency_ns = start_ns - release_ns
+        shift = latency_ns.bit_length() - 4
+        task.latency_counts[
+            latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)] += 1
+        if latency_ns > task.latency.maximum_ns:
+            task.latency.maximum_ns = latency_ns
+        if end_ns - release_ns > task.response_limit_ns:
+            self._consequences.long_response(task, release_ns, end_ns)
+        if previous_ns >= 0:
+            gap_ns = start_ns - previous_ns
+            if gap_ns > task.gap_maximum_ns:
+                task.gap_maximum_ns = gap_ns
+            if task.period_ns:
+                jitter_ns = abs(gap_ns - task.interval_ns)
+                shift = jitter_ns.bit_length() - 4
+                task.jitter_counts[
+                    jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)] += 1
+                if jitter_ns > task.jitter.maximum_ns:
+                    task.jitter.maximum_ns = jitter_ns
 
     # ---- ending jobs -------------------------------------------------------------------------
 
