@@ -109,6 +109,10 @@ class Actuator(Device):
         """Return whether a command is in force."""
         return self._deadline_ns != 0
 
+    def own_rounds_hz(self) -> float:
+        """Return how often a command in force is looked at by itself."""
+        return 1.0 / float(self.settings[TIMEOUT])
+
     def receive(self, now_ns: int, polled: bool) -> int:
         """
         Carry out the newest command, or rest when the one in force is too old.

@@ -295,6 +295,10 @@ class Device(PortOwner, ABC):
         """Return whether anything but its rate and its bytes releases it."""
         return self.receives() or any(each.wake for each in self.reads())
 
+    def own_rounds_hz(self) -> float:
+        """Return how often :meth:`receive` asks for a round at most; 0 when it does not."""
+        return 0.0
+
     def output_rate_hz(self) -> float:
         """Return the setting ``output_rate_hz``, if it has that."""
         return float(self.settings.get('output_rate_hz', 0.0))

@@ -233,7 +233,7 @@ class ManagedDevice:
             return
         try:
             self.device.open()
-            self._at_rest = True
+            self._at_rest = self.guards
             self._port_open = True
             if self.guards:
                 self.device.rest()
@@ -281,9 +281,10 @@ class ManagedDevice:
 
     def safe_state(self) -> None:
         """Bring the device to its safe state, if its port is open; for the kernel."""
-        if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
-            self._at_rest = True
+        is_open = self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING
+        if is_open and not self._at_rest:  # both of its tasks may be told
             self.device.rest()
+            self._at_rest = self.guards
 
     def close(self) -> None:
         """Close the port for good, at rest; may be called twice."""

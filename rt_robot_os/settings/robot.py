@@ -80,7 +80,7 @@ def read_robot(
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
     check_mirrors(mirrors, table, namespace, node, problems)
-    check_tasks([*at_work, *modules_at_work], uses, sections['core'], sections['watchdog'],
+    check_tasks(at_work, modules_at_work, uses, sections['core'], sections['watchdog'],
                 problems)
     problems.raise_any()
     robot: RobotSettings = made(

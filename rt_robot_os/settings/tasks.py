@@ -148,13 +148,15 @@ def _beyond_the_kernel(
 
 
 def check_tasks(
-    parts: Sequence[Part], uses: Uses, core: Section, watchdog: Section, problems: Problems,
+    devices: Sequence[Part], modules: Sequence[Part], uses: Uses, core: Section,
+    watchdog: Section, problems: Problems,
 ) -> None:
     """
     Find every contradiction among the tasks of a robot.
 
     :param uses: the topics of each part, by its name; None where they are not known.
     """
+    parts = [*devices, *modules]
     cooperative = ''
     if core.values.get('dispatcher') == 'cooperative':
         cooperative = str(core.where('dispatcher'))
@@ -172,7 +174,8 @@ def check_tasks(
             _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
                     'instants at which inputs are taken: let it read without wake', problems)
     _check_resources(parts, problems)
-    _check_circles(parts, uses, problems)
+    # What a device publishes comes from its bytes, whatever releases it: it closes no circle.
+    _check_circles(modules, uses, problems)
     _check_watchdog(watchdog, parts, problems)
 
 

@@ -181,8 +181,11 @@ class TopicTable:
                 continue
             limit, label, origin = self.limits[topic]
             if count > limit:
+                who = 'devices and modules' if any(
+                    by.startswith('device ') for each, by, _ in self.read
+                    if each.topic == topic) else 'modules'
                 problems.value(origin, label, limit,
-                               f'but {count} modules read {topic!r}: must be at least {count}')
+                               f'but {count} {who} read {topic!r}: must be at least {count}')
 
 
 def check_ports(devices: Iterable[Part], problems: Problems) -> None:

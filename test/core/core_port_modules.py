@@ -51,3 +51,13 @@ class TwoInputs(Module):
 
     def step(self) -> None:
         """Do nothing."""
+
+
+class Control(Module):
+    """Answer each report of the wheels with a command."""
+
+    speed = Input('wheels/speed', wake=True)
+    command = Output('cmd_vel', 'geometry_msgs/msg/Twist')
+
+    def step(self) -> None:
+        self.command.publish()

@@ -17,15 +17,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-import sys
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from rt_robot_os.testing import ActuatorContract  # noqa: E402
-from wheels.driver import Wheels  # noqa: E402
-from wheels.twin import SimulatedWheels  # noqa: E402
+from rt_robot_os.testing import ActuatorContract
+from wheels.driver import Wheels
+from wheels.twin import SimulatedWheels
 
 
 class TestWheels(ActuatorContract):

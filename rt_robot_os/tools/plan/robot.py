@@ -122,11 +122,18 @@ class _Builder:
     def _add_devices(self) -> None:
         for device in self._settings.devices:
             self._add(device.name, 'device', device.priority, device.rate_hz, device.task)
-            if device.read == 'interrupt':
-                self._add_arrival(f'{device.name}/arrival', device.priority, device.task)
+            interrupt = device.read == 'interrupt'
+            if interrupt or self._wiring.is_released(device.name):
+                events = self._wiring.reader_events(device.name, device.priority)
+                self._add_arrival(f'{device.name}/arrival', device.priority, device.task,
+                                  interrupt, events)
 
-    def _add_arrival(self, name: str, priority: int, declared: TaskSettings) -> None:
-        events, unknown = self._outside(name, 'how often bytes arrive is not known')
+    def _add_arrival(self, name: str, priority: int, declared: TaskSettings, interrupt: bool,
+                     events: tuple[Event, ...]) -> None:
+        unknown = '' if events or interrupt else 'it is not known what releases it'
+        if interrupt:
+            outside, unknown = self._outside(name, 'how often bytes arrive is not known')
+            events += outside
         # It does what the polling task does, but for writing; it has no deadline of its own.
         self._add(name, 'device', priority, 0.0, replace(declared, deadline_us=0.0), events,
                   unknown, judged=False)
@@ -139,7 +146,7 @@ class _Builder:
                 events, unknown = self._outside(
                     module.name, 'it is a coroutine, which says itself when it goes on')
             else:
-                events = self._wiring.module_events(module.name, module.priority)
+                events = self._wiring.reader_events(module.name, module.priority)
                 unknown = '' if events or rate_hz else 'nothing is known that releases it'
             self._add(module.name, 'module', module.priority, rate_hz, module.task, events,
                       unknown)

@@ -28,6 +28,7 @@ from rt_robot_os.settings import DeviceSettings
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.task import Event
+from rt_robot_os.topics.ports import PortOwner
 from rt_robot_os.topics.ports import WAKE_ON_ALL
 from rt_robot_os.units import period_from_rate
 
@@ -62,6 +63,7 @@ class Wiring:
         self._settings = settings
         self._sources: dict[str, list[Source]] = {}
         self._wakes: dict[str, dict[str, bool | int | str]] = {}
+        self._own_rounds_hz: dict[str, float] = {}
         self._coroutines: set[str] = set()
         for device in settings.devices:
             self._add_device(device)
@@ -84,12 +86,15 @@ class Wiring:
         for each in made.publications():
             self._add(each.topic, Source(device.name, device.priority, device.rate_hz,
                                          each.rate_hz))
+        if made.is_released:
+            self._wakes[device.name] = _wakes_of(made)
+            self._own_rounds_hz[device.name] = made.own_rounds_hz()
 
     def _add_module(self, entry: ModuleSettings) -> None:
         module = module_class(entry.type)(entry.name, entry.settings)
         for each in module.publications():
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
-        self._wakes[entry.name] = {each.topic: each.wake for each in module.reads() if each.wake}
+        self._wakes[entry.name] = _wakes_of(module)
         if module.is_coroutine():
             self._coroutines.add(entry.name)
 
@@ -115,12 +120,18 @@ class Wiring:
         """
         return self._events(dict.fromkeys(self.outputs(), 1), priority)
 
-    def module_events(self, module: str, priority: int) -> tuple[Event, ...]:
-        """Return what releases a module that wakes on topics."""
-        wakes = self._wakes.get(module, {})
+    def is_released(self, device: str) -> bool:
+        """Return whether a device has rounds besides those of its rate and its bytes."""
+        return device in self._own_rounds_hz
+
+    def reader_events(self, name: str, priority: int) -> tuple[Event, ...]:
+        """Return what releases a device or a module that wakes on topics."""
+        wakes = self._wakes.get(name, {})
         together = [topic for topic, wake in wakes.items() if wake == WAKE_ON_ALL]
         single = {topic: int(wake) for topic, wake in wakes.items() if wake != WAKE_ON_ALL}
-        return self._events(single, priority) + self._together(together, priority)
+        own_hz = self._own_rounds_hz.get(name, 0.0)
+        own = (Event('', period_from_rate(own_hz)),) if own_hz else ()
+        return self._events(single, priority) + self._together(together, priority) + own
 
     def _together(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
         """
@@ -165,3 +176,7 @@ class Wiring:
             else:
                 found.append(Event(name))
         return tuple(found)
+
+
+def _wakes_of(owner: PortOwner) -> dict[str, bool | int | str]:
+    return {each.topic: each.wake for each in owner.reads() if each.wake}

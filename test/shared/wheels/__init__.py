@@ -15,6 +15,18 @@
 
 """Wheels that exist in tests only: a motor board that does not stop by itself."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 from rt_robot_os.devices import DeviceParts
 
 PARTS = DeviceParts(driver='.driver:Wheels', twin='.twin:SimulatedWheels')
+
+
+def install(folder: Path) -> None:
+    """Make a folder one in which the wheels are installed, once Python imports from it."""
+    facts = folder / 'wheels-0.1.dist-info'
+    facts.mkdir()
+    (facts / 'METADATA').write_text('Metadata-Version: 2.1\nName: wheels\nVersion: 0.1\n')
+    (facts / 'entry_points.txt').write_text('[rt_robot_os.devices]\nwheels = wheels\n')
