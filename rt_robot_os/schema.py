@@ -219,9 +219,15 @@ def inline(default: Any) -> Any:
 
 
 @functools.cache
+def hints_of(cls: type) -> Mapping[str, Any]:
+    """Give the annotated type of each field of a dataclass."""
+    return get_type_hints(cls)
+
+
+@functools.cache
 def declared(cls: type) -> tuple[Field, ...]:
     """Give the settings of a dataclass, in order."""
-    hints = get_type_hints(cls)
+    hints = hints_of(cls)
     found: list[Field] = []
     everything: Mapping[str, dataclasses.Field[Any]] = getattr(cls, '__dataclass_fields__')
     for name, each in everything.items():  # dataclasses.fields() leaves the ClassVars out
@@ -232,14 +238,14 @@ def declared(cls: type) -> tuple[Field, ...]:
     return tuple(found)
 
 
-def made(cls: type[Any], values: Mapping[str, Any], **others: Any) -> Any:
+def made(cls: type, values: Mapping[str, Any], **others: Any) -> Any:
     """
     Make an object of a dataclass.
 
     :param values: of its settings, by name; for one that is missing the default counts.
     :param others: what is no setting; also what is to be given in place of one.
     """
-    hints = get_type_hints(cls)
+    hints = hints_of(cls)
     given: dict[str, Any] = {}
     for each in dataclasses.fields(cls):
         if _INLINE in each.metadata:

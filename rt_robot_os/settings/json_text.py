@@ -30,17 +30,14 @@ from typing import Any
 from typing import Final
 from typing import get_args
 from typing import get_origin
-from typing import get_type_hints
-from typing import TypeVar
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import hints_of
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import RobotSettings
 
 # Counted up when the form changes: the node and the core may be of different installations.
 FORMAT: Final = 4
-
-_Settings = TypeVar('_Settings')
 
 
 def to_json(settings: RobotSettings) -> str:
@@ -61,7 +58,8 @@ def from_json(text: str) -> RobotSettings:
     if not isinstance(data, dict) or data.pop('format', None) != FORMAT:
         raise ConfigError([f'settings: not of format {FORMAT}: the node and the core must be of '
                            'the same version'])
-    return _make(RobotSettings, data, 'robot')
+    settings: RobotSettings = _make(RobotSettings, data, 'robot')
+    return settings
 
 
 def _plain(value: Any) -> Any:
@@ -74,11 +72,11 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _make(kind: type[_Settings], data: Any, name: str) -> _Settings:
+def _make(kind: type, data: Any, name: str) -> Any:
     if not isinstance(data, dict):
         raise ConfigError([f'settings: {name} must be an object'])
-    hints = get_type_hints(kind)
-    known = {each.name: hints[each.name] for each in fields(kind)}  # type: ignore[arg-type]
+    hints = hints_of(kind)
+    known = {each.name: hints[each.name] for each in fields(kind)}
     wrong = sorted(set(known) ^ set(data))
     if wrong:
         raise ConfigError([f"settings: {name}: keys missing or unknown: {', '.join(wrong)}"])
@@ -87,8 +85,10 @@ def _make(kind: type[_Settings], data: Any, name: str) -> _Settings:
 
 def _value(hint: Any, value: Any, name: str) -> Any:
     """Read one value of the type that is annotated."""
-    if is_dataclass(hint):
-        return _make(hint, value, name)  # type: ignore[arg-type]
+    if type(value) is hint:
+        return value
+    if isinstance(hint, type) and is_dataclass(hint):
+        return _make(hint, value, name)
     if get_origin(hint) is tuple:
         item = get_args(hint)[0]
         if type(value) is not list or (item is str and any(type(each) is not str

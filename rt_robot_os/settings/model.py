@@ -31,7 +31,6 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 from typing import get_args
-from typing import get_type_hints
 
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.kernel import SPIN_MAXIMUM_NS
@@ -45,6 +44,7 @@ from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.logger import LEVELS
+from rt_robot_os.schema import hints_of
 from rt_robot_os.schema import inline
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import setting
@@ -360,7 +360,7 @@ class RobotSettings:
 def _nested() -> tuple[Mapping[str, type], Mapping[str, type]]:
     sections: dict[str, type] = {}
     lists: dict[str, type] = {}
-    for name, hint in get_type_hints(RobotSettings).items():
+    for name, hint in hints_of(RobotSettings).items():
         item = next(iter(get_args(hint)), None)
         if isinstance(hint, type) and is_dataclass(hint):
             sections[name] = hint

@@ -23,6 +23,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
+import functools
 import itertools
 from typing import Any
 from typing import Final
@@ -50,14 +51,23 @@ from rt_robot_os.settings.tree import Origin
 # Parameters that ROS 2 itself gives a node; a dumped file contains them.
 ROS_OWN: Final = frozenset({'use_sim_time', 'start_type_description_service', 'qos_overrides'})
 
-_TOP = frozenset({each.name for each in declared(RobotSettings)} | set(SECTIONS))
-_declared = {name: [each.name for each in declared(kind)] for name, kind in LISTS.items()}
-_often = Counter(itertools.chain(*_declared.values()))
 # What drivers declare, and the section within a section.
 _MORE: Final = {'devices': {'port', 'baud', 'sim'}, 'topics': {'fixed'}}
-# The keys that only the sections of one list have.
-_TELLING: Final = {name: {key for key in keys if _often[key] == 1} | _MORE.get(name, set())
-                   for name, keys in _declared.items()}
+
+
+@functools.cache
+def _top() -> frozenset[str]:
+    """Give the keys at the top, which name no section of a list."""
+    return frozenset({each.name for each in declared(RobotSettings)} | set(SECTIONS))
+
+
+@functools.cache
+def _telling() -> Mapping[str, set[str]]:
+    """Give the keys that only the sections of one list have, by list."""
+    keys = {name: [each.name for each in declared(kind)] for name, kind in LISTS.items()}
+    often = Counter(itertools.chain(*keys.values()))
+    return {name: {key for key in found if often[key] == 1} | _MORE.get(name, set())
+            for name, found in keys.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +161,13 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
     """
     sections = Sections()
     known = Names(key for key, node in tree.children.items()
-                  if isinstance(node, Branch) and key not in _TOP)
+                  if isinstance(node, Branch) and key not in _top())
     owners: dict[str, str] = {}
     broken = {name for name in LISTS
               if not _read_list(name, tree, owners, sections, known, problems)}
-    keys = Names([*sorted(_TOP), *owners])
+    keys = Names([*sorted(_top()), *owners])
     for key, node in tree.children.items():
-        if key in owners or key in _TOP or key in ROS_OWN:
+        if key in owners or key in _top() or key in ROS_OWN:
             continue
         if not isinstance(node, Branch):
             problems.value(node.origin, key, node.value,
@@ -167,7 +177,7 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
         probable = _probable_lists(node, catalogue)
         if not broken.intersection(probable):
             where = ' or '.join(f"'{name}'" for name in probable)
-            guess = nearest(key, _TOP)
+            guess = nearest(key, _top())
             hint = f", or did you mean '{guess}'?" if guess else ''
             problems.add(node.origin, f'{key}: this section is in no list: add {key!r} to {where} '
                          f'or delete it{hint}')
@@ -217,7 +227,7 @@ def _read_list(
 def _name_problem(name: str, list_name: str, owners: Mapping[str, str]) -> str | None:
     if not is_token(name):
         return f'a name must be {TOKEN_RULE}'
-    if name in _TOP or name in ROS_OWN:
+    if name in _top() or name in ROS_OWN:
         return 'is a key of its own: choose another name'
     owner = owners.get(name)
     if owner == list_name:
@@ -237,7 +247,7 @@ def _probable_lists(section: Branch, catalogue: Catalogue) -> tuple[str, ...]:
         return ('devices',)
     if isinstance(kind, Leaf) and kind.value in catalogue.modules.names():
         return ('modules',)
-    for name, keys in _TELLING.items():
+    for name, keys in _telling().items():
         if keys & set(section.children):
             return (name,)
     return ('devices', 'modules') if kind else tuple(LISTS)
