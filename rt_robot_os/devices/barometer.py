@@ -64,6 +64,26 @@ def barometer_settings(pressure_stddev_pa: float) -> tuple[Field, ...]:
     )
 
 
+def averaging_settings(
+    pressure: int, oversampling: tuple[int, ...], filters: tuple[int, ...],
+) -> tuple[Field, ...]:
+    """
+    Declare how a chip of Bosch averages.
+
+    :param pressure: default number of readings for a pressure.
+    :param oversampling: the numbers that there are.
+    :param filters: the coefficients that there are.
+    """
+    return (
+        Field('pressure_oversampling', int, pressure, 'Readings averaged for a pressure.',
+              choices=oversampling),
+        Field('temperature_oversampling', int, 1, 'Readings averaged for a temperature.',
+              choices=oversampling),
+        Field('filter', int, 0, 'Coefficient of the low-pass filter in the chip; 0 is off.',
+              choices=filters),
+    )
+
+
 class Barometer(I2cDevice):
     """A barometer on an I2C bus."""
 

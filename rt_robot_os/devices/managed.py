@@ -196,7 +196,7 @@ class ManagedDevice:
             self._fault(f'silent for {seconds:g} s: {self.device.silence()}')
 
     def _diagnose(self) -> None:
-        """Find out whose bytes came, and tell; it takes milliseconds, so at low priority."""
+        """Find out whose bytes came, by asking all devices there are, and tell; not in the loop."""
         text, self._undiagnosed = self._undiagnosed, ''
         try:
             remedy = self.device.diagnosis()

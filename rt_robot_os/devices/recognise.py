@@ -82,7 +82,7 @@ class Recognisers:
         Say whose bytes they are, and what to do; empty when that is not known.
 
         Other packages are asked first: their devices often speak a dialect of what is known here.
-        It takes milliseconds: not for the task of a device.
+        It asks all devices until one is sure: not for the task of a device.
 
         :param data: what came last, some hundred bytes.
         :param baud: speed of the line.

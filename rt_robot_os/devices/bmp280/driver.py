@@ -27,6 +27,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.devices.barometer import averaging_settings
 from rt_robot_os.devices.barometer import Barometer
 from rt_robot_os.devices.barometer import barometer_settings
 from rt_robot_os.devices.bmp280 import wire as chip
@@ -47,12 +48,7 @@ class Bmp280(Barometer):
         *barometer_settings(1.3),
         Field('mode', str, 'forced', 'Forced: each sample is asked for. Normal: the chip measures '
               'by itself.', choices=('forced', 'normal')),
-        Field('pressure_oversampling', int, 4, 'Readings averaged for a pressure.',
-              choices=tuple(chip.OVERSAMPLING)),
-        Field('temperature_oversampling', int, 1, 'Readings averaged for a temperature.',
-              choices=tuple(chip.OVERSAMPLING)),
-        Field('filter', int, 0, 'Coefficient of the low-pass filter in the chip; 0 is off.',
-              choices=tuple(chip.FILTER)),
+        *averaging_settings(4, tuple(chip.OVERSAMPLING), tuple(chip.FILTER)),
     )
     description = 'Bosch BMP280 barometer (I2C): pressure, temperature, altitude'
     PRESSURE_RANGE_PA = (30_000.0, 110_000.0)

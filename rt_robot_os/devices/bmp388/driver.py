@@ -25,12 +25,12 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.devices.barometer import averaging_settings
 from rt_robot_os.devices.barometer import Barometer
 from rt_robot_os.devices.barometer import barometer_settings
 from rt_robot_os.devices.bmp388 import wire as chip
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import Transactions
-from rt_robot_os.schema import Field
 
 # Of a period: how often a measurement that is late is looked for.
 _LOOKS: Final = 8
@@ -44,12 +44,7 @@ class Bmp388(Barometer):
                       topic='baro/pressure', rate_hz=25.0, maximum_hz=200.0,
                       rates_hz=tuple(chip.RATES_HZ)),
         *barometer_settings(0.5),
-        Field('pressure_oversampling', int, 8, 'Readings averaged for a pressure.',
-              choices=tuple(chip.OVERSAMPLING)),
-        Field('temperature_oversampling', int, 1, 'Readings averaged for a temperature.',
-              choices=tuple(chip.OVERSAMPLING)),
-        Field('filter', int, 0, 'Coefficient of the low-pass filter in the chip; 0 is off.',
-              choices=tuple(chip.FILTER)),
+        *averaging_settings(8, tuple(chip.OVERSAMPLING), tuple(chip.FILTER)),
     )
     description = 'Bosch BMP388 and BMP390 barometers (I2C): pressure, temperature, altitude'
 
