@@ -263,8 +263,8 @@ class Device(PortOwner, ABC):
         """
         Say what the bytes are that came although no frame was valid; empty when it cannot.
 
-        Asked once each time the device is given up, by the task of low priority that recovers
-        devices: it may take milliseconds.
+        Asked once each time the device is given up and its port closed, by the task of low
+        priority that recovers devices: it may take milliseconds.
         """
         return ''
 

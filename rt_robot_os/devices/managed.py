@@ -196,7 +196,7 @@ class ManagedDevice:
             self._fault(f'silent for {seconds:g} s: {self.device.silence()}')
 
     def _diagnose(self) -> None:
-        """Find out whose bytes came, by asking all devices there are, and tell; not in the loop."""
+        """Find out whose bytes came, asking all devices there are, and tell; not in the loop."""
         text, self._undiagnosed = self._undiagnosed, ''
         try:
             remedy = self.device.diagnosis()
@@ -221,10 +221,11 @@ class ManagedDevice:
 
     def recover(self) -> None:
         """Close what failed and open what is due; may take long, so at low priority."""
-        if self._undiagnosed and self.state is DeviceState.FAULT:
-            self._diagnose()
         if self.state is DeviceState.FAULT and self._port_open:
             self._close_port()
+        # Behind it: what moves is brought to rest before anything is looked at.
+        if self.state is DeviceState.FAULT and self._undiagnosed:
+            self._diagnose()
         if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
             self._maintain()
             return
@@ -288,10 +289,10 @@ class ManagedDevice:
 
     def close(self) -> None:
         """Close the port for good, at rest; may be called twice."""
-        if self._undiagnosed:
-            self._diagnose()
         self.state = DeviceState.CLOSED
         self._close_port()
+        if self._undiagnosed:
+            self._diagnose()
 
     def _close_port(self) -> None:
         self.rest()

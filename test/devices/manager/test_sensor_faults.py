@@ -316,7 +316,8 @@ def test_a_device_is_in_fault_with_a_reason_before_its_bytes_are_looked_at(robot
     robot.kernel.run(2 * S)
     assert seen == [(DeviceState.FAULT, '728 bytes but no valid frame for 1 s: check the baud '
                      'rate, and that it is the device that the configuration says')]
-    assert device.device.script.log[:3] == ['open', 'diagnosis', 'close']
+    # What it moves is at rest, and its port closed, before.
+    assert device.device.script.log[:3] == ['open', 'close', 'diagnosis']
 
 
 def test_a_defective_diagnosis_hurts_no_other_device(robot: Robot) -> None:
