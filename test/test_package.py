@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterable
 from collections.abc import Iterator
 import configparser
 import fnmatch
@@ -35,25 +36,24 @@ from rt_robot_os.programs import Program
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
 
-# import name -> rosdep key, where they differ
+# import name -> rosdep key of what every robot needs and ROS 2 does not bring
 KEYS = {
-    'numpy': 'python3-numpy',
-    'serial': 'python3-serial',
-    'yaml': 'python3-yaml',
-}
+    'numpy': 'python3-numpy', 'rich': 'python3-rich', 'serial': 'python3-serial',
+    'yaml': 'python3-yaml'}
 
 # import name -> the extra of setup.py that brings it: what only some robots need
 OPTIONAL = {
-    'PIL': 'camera', 'cv2': 'camera', 'rich': 'top', 'smbus2': 'i2c', 'sounddevice': 'sound',
-    'vqf': 'attitude',
+    'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'smbus2': 'i2c',
+    'sounddevice': 'sound', 'vqf': 'attitude',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 # import name -> distribution, where they differ
 DISTRIBUTIONS = {
-    'PIL': 'pillow', 'cv2': 'opencv-python-headless',
-    # mcap brings the other two.
-    **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'mcap>=1.3')}
+    'PIL': 'pillow', 'cv2': 'opencv-python-headless', 'horus': 'horus-robotics',
+    'serial': 'pyserial', 'yaml': 'PyYAML'}
+# What the one brings with it.
+BROUGHT = {'lz4': 'mcap', 'zstandard': 'mcap'}
 
 
 def _setup() -> dict[str, ast.expr]:
@@ -115,18 +115,57 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert released[0] == version
 
 
-def test_everything_imported_is_an_exec_depend() -> None:
-    imported = set()
+def _imported() -> set[str]:
+    """Return the libraries that the package imports; also those that it imports by their name."""
+    found = set()
     for path in (ROOT / PACKAGE).rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
-                imported |= {alias.name.split('.')[0] for alias in node.names}
+                found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
-                imported.add(node.module.split('.')[0])
-    extras = ast.literal_eval(SETUP['extras_require'])
-    assert all(DISTRIBUTIONS.get(name, name) in extras[extra] for name, extra in OPTIONAL.items())
-    foreign = imported - set(sys.stdlib_module_names) - {PACKAGE} - set(OPTIONAL)
-    assert sorted({KEYS.get(name, name) for name in foreign} - set(_manifest('exec_depend'))) == []
+                found.add(node.module)
+            elif isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'import_module':
+                found |= {each.value for each in node.args if isinstance(each, ast.Constant)}
+    return {name.split('.')[0] for name in found} - set(sys.stdlib_module_names) - {PACKAGE}
+
+
+def _names(requirements: Iterable[str]) -> set[str]:
+    """Return the names of distributions without what is asked of their versions."""
+    return {re.split(r'[<>=]', each)[0] for each in requirements}
+
+
+INSTALLED = _names(ast.literal_eval(SETUP['install_requires'])) - {'setuptools'}  # for colcon
+EXTRAS = {extra: _names(requirements) for extra, requirements in ast.literal_eval(
+    SETUP['extras_require']).items()}
+
+
+def test_what_is_imported_is_installed_with_the_package_by_pip_and_by_rosdep() -> None:
+    of_ros = {name for name in _manifest('exec_depend') if not name.startswith('python3-')}
+    needed = _imported() - set(OPTIONAL) - of_ros
+    assert needed == set(KEYS)
+    assert {DISTRIBUTIONS.get(name, name) for name in needed} == INSTALLED
+    assert {KEYS[name] for name in needed} == set(_manifest('exec_depend')) - of_ros
+
+
+def test_what_is_optional_is_an_extra_and_named_with_the_command_that_installs_it() -> None:
+    sources = [path.read_text() for path in (ROOT / PACKAGE).rglob('*.py')]
+    assert set(OPTIONAL) <= _imported()
+    for name, extra in OPTIONAL.items():
+        distribution = DISTRIBUTIONS.get(name, name)
+        assert BROUGHT.get(name, distribution) in EXTRAS[extra]
+        assert extra == 'test' or any(
+            'pip install' in text and distribution in text for text in sources), name
+
+
+def test_the_decision_on_dependencies_names_them_all() -> None:
+    text = (ROOT / 'docs' / 'decisions' / '0004-dependencies.md').read_text()
+    named = {heading: set(re.findall(r'^\| `([\w-]+)` \|', section, re.MULTILINE))
+             for heading, section in re.findall(r'^## ([^\n]*)\n(.*?)(?=^## |\Z)', text,
+                                                re.MULTILINE | re.DOTALL)}
+    ours = set().union(*(EXTRAS[extra] for extra in EXTRAS if extra not in ('docs', 'test')))
+    assert named['Needed to run'] == INSTALLED
+    assert named['Optional'] == ours
+    assert named['For tests and documentation'] == (EXTRAS['docs'] | EXTRAS['test']) - ours
 
 
 @pytest.mark.parametrize('name', sorted(EXECUTABLES))

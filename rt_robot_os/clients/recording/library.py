@@ -12,21 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The library that reads and writes MCAP; optional, so it is looked for here first."""
+"""The libraries that read and write MCAP; optional, so they are looked for here first."""
 
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import Final
 
 from rt_robot_os.errors import RecordingError
 
 
-def need_mcap() -> None:
-    """
-    Make sure that the library is there, before anything that imports it is imported.
+# They come with mcap from PyPI, but need not where it comes from elsewhere.
+_COMPRESSIONS: Final = {'zstd': 'zstandard', 'lz4': 'lz4'}
 
-    :raises RecordingError: it is not.
+
+def need_mcap(compression: str = 'none') -> None:
+    """
+    Make sure that the libraries are there, before anything that imports them is imported.
+
+    :param compression: what is written with it.
+    :raises RecordingError: they are not.
     """
     if find_spec('mcap') is None:
         raise RecordingError('recordings need the Python package mcap, which is not installed: '
                              "pip install 'mcap>=1.3'")
+    needed = _COMPRESSIONS.get(compression)
+    if needed is not None and find_spec(needed) is None:
+        raise RecordingError(f'--compression {compression} needs the Python package {needed}, '
+                             f'which is not installed: pip install {needed}')

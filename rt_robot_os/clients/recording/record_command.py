@@ -166,7 +166,7 @@ def run(argv: Sequence[str]) -> int:
     if arguments.max_files and not arguments.max_bytes:
         parser.error('--max-files needs --max-bytes: how large a file may grow')
     try:
-        need_mcap()
+        need_mcap('none' if arguments.repair else arguments.compression)
         if arguments.repair is not None:
             from rt_robot_os.clients.recording.repair import mend_all
             done, failed = mend_all(arguments.repair)
