@@ -29,6 +29,7 @@ from pathlib import Path
 import sys
 from typing import NoReturn
 
+from rt_robot_os.settings.ros_args import split
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.output import DOCUMENT_FILE
@@ -152,7 +153,7 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     What cannot be written is found out here, before anything is measured.
     """
     # `ros2 launch` appends them to every program.
-    own = argv[:list(argv).index('--ros-args')] if '--ros-args' in argv else argv
+    _, own = split(argv)
     parser = _parser(cases)
     given = parser.parse_args(own)
     chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]

@@ -127,6 +127,7 @@ def parse(argv: Sequence[str]) -> tuple[Options, Wanted]:
     :raises SystemExit: for mistakes, with code 3, and after --help.
     :raises ConfigError: the configuration is wrong.
     """
+    # Not by settings.ros_args: the doctor works where the settings cannot even be imported.
     given = list(argv)
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
     arguments = _parser().parse_args(given[:split])

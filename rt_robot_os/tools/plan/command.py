@@ -53,8 +53,7 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
     :param argv: without the program's name.
     :return: the exit code, see :mod:`rt_robot_os.tools.plan.options`.
     """
-    own = argv[:argv.index('--ros-args')] if '--ros-args' in argv else argv
-    arguments = parse(own)
+    arguments = parse(argv)
     problems: list[str] = []
     settings, measured = None, None
     try:

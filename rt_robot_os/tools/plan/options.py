@@ -77,7 +77,7 @@ def _named(what: str) -> argparse._ActionType:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """Read the arguments before --ros-args; ends the program with code 2 for nonsense."""
+    """Read the arguments outside of --ros-args; ends the program with code 2 for nonsense."""
     parser = argparse.ArgumentParser(
         prog='plan', description='Is this robot schedulable: utilisation, response times, what '
         'breaks first, phases.', epilog=_EPILOG,

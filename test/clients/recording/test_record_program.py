@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 import resource
 import signal
@@ -23,7 +24,10 @@ from typing import Any
 
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+import pytest
 from rosbags.highlevel import AnyReader
+from rt_robot_os.clients.recording import library
+from rt_robot_os.clients.recording.record_command import run
 from rt_robot_os.link import LinkClient
 from rt_robot_os.topics import Layout
 import yaml
@@ -242,3 +246,12 @@ def test_what_is_wrong_is_said(robot: Any) -> None:
     assert code == 1 and 'is no MCAP file' in text
     code, text = robot.run(RECORD, '--max-files', '2')
     assert code == 2 and '--max-files needs --max-bytes' in text
+
+
+def test_a_compression_whose_library_is_missing_is_told_before_anything_is_made(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+        ) -> None:
+    monkeypatch.setattr(library, 'find_spec', lambda name: None if name == 'lz4' else name)
+    assert run(['--compression', 'lz4', '-o', str(tmp_path / 'bag')]) == 1
+    assert 'pip install lz4' in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []
