@@ -30,6 +30,7 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.units import NS_PER_S
 
 # The core's own defaults, so that what is measured is what runs.
 FIFO_PRIORITY = 80
@@ -58,6 +59,11 @@ class Options:
     quick: bool = False
     hours: float = 1 / 60
     out: str = ''
+
+    @property
+    def measure_ns(self) -> int:
+        """How long one measurement takes."""
+        return round(self.seconds * NS_PER_S)
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,7 @@ _WARMUP_NS = 2000 * NS_PER_MS
 _LIMIT = 1.1
 _WORKER = 'rt_robot_os.tools.bench.workers.capture:core'
 _COLUMNS = (
-    Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'latency'),
-    Column('p99', 'p99 range', 'us', 'latency', spread=True),
-    Column('p999', 'p99.9', 'us', 'latency'), Column('maximum', 'max', 'us', 'latency'),
-    Column('calls', 'of due', '%', 'calls'), Column('cpu', 'core', '%', 'CPU'),
+    *punctual.COLUMNS,
     Column('frames', 'frames', '/s', 'captured'), Column('lost', 'lost', '', 'captured'))
 _NOTES = (
     'A 1 kHz task in a core with a camera (640x480 rgb8, 30 Hz, raw and as JPEG) and a microphone',
@@ -57,7 +54,7 @@ def _plan(options: Options) -> Sequence[Run]:
         return Run(key, label, _WORKER, {
             'devices': list(devices), 'mirrored': mirrored, 'period_ns': punctual.PERIOD_NS,
             'compressed_topic': 'camera/image_raw/compressed', 'warmup_ns': _WARMUP_NS,
-            'measure_ns': round(options.seconds * NS_PER_S)}, seconds)
+            'measure_ns': options.measure_ns}, seconds)
 
     both = ('camera', 'microphone')
     return (run('none', 'nothing captured', ()), run('both', 'camera and microphone', both),

@@ -26,6 +26,7 @@ from rt_robot_os.tools.bench.case import LAST_CPU
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import UNPINNED
+from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.surroundings import explain
@@ -51,6 +52,12 @@ RCLPY_PLACES: Mapping[str, tuple[int, int]] = {
 HORUS_LABEL = 'HORUS'
 THREADS_LABEL = 'Python threads'
 KERNEL_LABEL = 'rt_robot_os kernel'
+
+
+def cost_columns(group: str, spread: str = 'p50 range') -> tuple[Column, ...]:
+    """Make the columns of a cost: the median of the samples, its spread, and two percentiles."""
+    return (Column('p50', 'p50', 'us', group), Column('p50', spread, 'us', group, spread=True),
+            Column('p10', 'p10', 'us', group), Column('p90', 'p90', 'us', group))
 
 
 def part_of(sample: str, part: float, scale: float = 1e3) -> Of:

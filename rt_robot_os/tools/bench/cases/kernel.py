@@ -44,9 +44,7 @@ _DISPATCH_TASKS = 100
 _PS_PER_US = 1e6
 _WORKERS = 'rt_robot_os.tools.bench.workers.kernel'
 
-_COST_COLUMNS = (
-    Column('p50', 'p50', 'us', 'cost'), Column('p50', 'range', 'us', 'cost', spread=True),
-    Column('p10', 'p10', 'us', 'cost'), Column('p90', 'p90', 'us', 'cost'))
+_COST_COLUMNS = common.cost_columns('cost', 'range')
 _COST_NOTES = (
     'Means of blocks of 500 calls inside a job, the empty call taken off. The black box is always',
     'on; what it adds to a dispatch is the cost of its one record over that of a job without it',
@@ -67,7 +65,7 @@ _LATE_NOTES = (
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    measure_ns = round(options.seconds * NS_PER_S)
+    measure_ns = options.measure_ns
 
     def run(key: str, label: str, worker: str, **more: int | bool) -> Run:
         return Run(key, label, worker, {

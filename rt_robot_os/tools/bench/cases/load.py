@@ -79,7 +79,7 @@ def _peer_counts(options: Options) -> Sequence[int]:
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    measure_ns = round(options.seconds * NS_PER_S)
+    measure_ns = options.measure_ns
 
     def run(system: str, count: int, label: str, worker: str, start_s: float = common.START_S,
             cpu: int = LAST_CPU, priority: int = FIFO_PRIORITY, **more: str) -> Run:

@@ -27,11 +27,9 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 300 * NS_PER_MS
 _START_S = 1.0
@@ -51,9 +49,7 @@ _OPERATIONS = (
     ('log throttled', 'log a line that is held back'),
     ('log off', 'log a line below its level'),
 )
-_COLUMNS = (
-    Column('p50', 'p50', 'us', 'cost'), Column('p50', 'p50 range', 'us', 'cost', spread=True),
-    Column('p10', 'p10', 'us', 'cost'), Column('p90', 'p90', 'us', 'cost'))
+_COLUMNS = common.cost_columns('cost')
 _NOTES = (
     'Operations: percentiles of the means of blocks of 500 calls, the empty loop taken off.',
     'A task that takes it runs before publish returns: the delay without cold caches.',
@@ -63,7 +59,7 @@ _NOTES = (
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    measure_ns = round(options.seconds * NS_PER_S)
+    measure_ns = options.measure_ns
     seconds = _START_S + options.seconds
     dispatch = {'tasks': _TASKS, 'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS,
                 'measure_ns': measure_ns}

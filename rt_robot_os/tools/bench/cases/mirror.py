@@ -55,20 +55,12 @@ _ISOLATION_WARMUP_NS = 1000 * NS_PER_MS
 _ISOLATION_LIMIT = 1.1
 _ISOLATION = 'rt_robot_os.tools.bench.workers.isolation:core'
 
-_ISOLATION_COLUMNS = (
-    Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'latency'),
-    Column('p99', 'p99 range', 'us', 'latency', spread=True),
-    Column('p999', 'p99.9', 'us', 'latency'), Column('maximum', 'max', 'us', 'latency'),
-    Column('calls', 'of due', '%', 'calls'), Column('cpu', 'core', '%', 'CPU'),
-    Column('sent', 'sent', '/s', 'mirrored'))
+_ISOLATION_COLUMNS = (*punctual.COLUMNS, Column('sent', 'sent', '/s', 'mirrored'))
 _ISOLATION_NOTES = (
     'A 1 kHz task in a core that publishes an Imu on each of 50 topics at 100 Hz; a ROS node on',
     'the other CPUs mirrors as many of them as the row says. Storm: participants with a publisher',
     'and a subscription each join and leave without pause. Stopped: the node gets SIGSTOP.')
-_COLUMNS = (
-    Column('p50', 'p50', 'us', 'CPU time'),
-    Column('p50', 'p50 range', 'us', 'CPU time', spread=True),
-    Column('p10', 'p10', 'us', 'CPU time'), Column('p90', 'p90', 'us', 'CPU time'))
+_COLUMNS = common.cost_columns('CPU time')
 _NOTES = (
     'One Imu (324 B). Core: 2 kHz, stretches of 0.25 s with and without, CPU time of the process;',
     'the difference is what mirroring costs, the dispatch of the link included. Samples go out',
@@ -90,7 +82,7 @@ _ROWS = (
 def _plan(options: Options) -> Sequence[Run]:
     seconds = _START_S + _WARMUP_NS / NS_PER_S + options.seconds
     # Room for one pair of stretches after the first, which is never counted.
-    measure_ns = max(round(options.seconds * NS_PER_S), 5 * STRETCH_NS)
+    measure_ns = max(options.measure_ns, 5 * STRETCH_NS)
     arguments = {'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns}
     return (
         *_isolation_plan(options),
@@ -112,7 +104,7 @@ def _isolation_plan(options: Options) -> Sequence[Run]:
         return Run(key, label, _ISOLATION, {
             'topics': _TOPICS, 'rate_hz': _TOPIC_RATE_HZ, 'mirrored': mirrored, 'storm': storm,
             'stop': stop, 'period_ns': punctual.PERIOD_NS, 'warmup_ns': _ISOLATION_WARMUP_NS,
-            'measure_ns': round(options.seconds * NS_PER_S)}, seconds + 2 * storm)
+            'measure_ns': options.measure_ns}, seconds + 2 * storm)
 
     counts = (0, 50) if options.quick else (0, 1, 10, 50)
     return (*(run(f'mirror {count}', f'{count} topics mirrored', count) for count in counts),

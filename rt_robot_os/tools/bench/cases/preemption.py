@@ -95,7 +95,7 @@ def _plan(options: Options) -> Sequence[Run]:
         'period_ns': PERIOD_NS, 'busy_ns': BUSY_NS, 'busy_period_ns': BUSY_PERIOD_NS,
         'middle_period_ns': 0, 'middle_busy_ns': _MIDDLE_BUSY_NS, 'native': 0,
         'switch_interval_s': 0.0, 'warmup_ns': _WARMUP_NS,
-        'measure_ns': round(options.seconds * NS_PER_S)}
+        'measure_ns': options.measure_ns}
     seconds = options.seconds + _WARMUP_NS / NS_PER_S + common.START_S
 
     def run(key: str, label: str, worker: str, arguments: Mapping[str, Any], cpu: int = LAST_CPU,

@@ -20,6 +20,7 @@ from collections.abc import Mapping
 
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.cases import common
+from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.stats import Timing
 from rt_robot_os.tools.bench.stats import timing
@@ -27,6 +28,11 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
 PERIOD_NS = NS_PER_MS
+COLUMNS = (
+    Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'latency'),
+    Column('p99', 'p99 range', 'us', 'latency', spread=True),
+    Column('p999', 'p99.9', 'us', 'latency'), Column('maximum', 'max', 'us', 'latency'),
+    Column('calls', 'of due', '%', 'calls'), Column('cpu', 'core', '%', 'CPU'))
 
 
 def timing_of(outcome: Outcome) -> Timing:

@@ -67,7 +67,7 @@ def _plan_start(options: Options) -> Sequence[Run]:
 
 
 def _plan_memory(options: Options) -> Sequence[Run]:
-    return (Run('robot', _LABEL, _WORKER, {'watch_ns': round(options.seconds * NS_PER_S)},
+    return (Run('robot', _LABEL, _WORKER, {'watch_ns': options.measure_ns},
                 _START_S + options.seconds, UNPINNED, 0),)
 
 

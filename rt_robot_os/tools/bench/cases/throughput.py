@@ -33,7 +33,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import percentile
-from rt_robot_os.units import NS_PER_S
 
 SIZES = (64, 256, 1024, 2048, 16 * 1024, 64 * 1024, 1024 * 1024)
 _PAPER_BYTES_S = 2048.0
@@ -50,7 +49,7 @@ _NOTES = (
 
 def _plan(options: Options) -> Sequence[Run]:
     return (Run('rings', 'rings', 'rt_robot_os.tools.bench.workers.throughput:rings',
-                {'sizes': SIZES, 'measure_ns': round(options.seconds * NS_PER_S)},
+                {'sizes': SIZES, 'measure_ns': options.measure_ns},
                 common.START_S + options.seconds),)
 
 

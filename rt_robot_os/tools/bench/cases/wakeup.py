@@ -57,7 +57,7 @@ def _plan(options: Options) -> Sequence[Run]:
     def run(key: str, label: str, worker: str, spin_ns: int = 0, dma_latency_us: int = -1) -> Run:
         return Run(key, label, f'{_WORKERS}:{worker}', {
             'period_ns': _PERIOD_NS, 'warmup_ns': _WARMUP_NS, 'spin_ns': spin_ns,
-            'dma_latency_us': dma_latency_us, 'measure_ns': round(options.seconds * NS_PER_S)},
+            'dma_latency_us': dma_latency_us, 'measure_ns': options.measure_ns},
             common.START_S + _WARMUP_NS / NS_PER_S + options.seconds)
 
     return (

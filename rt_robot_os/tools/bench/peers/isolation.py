@@ -22,7 +22,6 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Mapping
 from pathlib import Path
-import time
 from typing import Any
 
 import rclpy
@@ -31,13 +30,13 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.clients.ros.mirrors import OutwardMirror
-from rt_robot_os.link import LinkClient
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.tools.bench.link_client import connect
+from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.workers.isolation import topic
 from rt_robot_os.tools.bench.workers.micro import IMU
-from rt_robot_os.units import NS_PER_S
 
 _DEPTH = 10
 _PARTICIPANTS = 4
@@ -52,9 +51,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
         name=f'imu{i}', topic=topic(i), message=IMU, depth=_DEPTH), mapper)
         for i in range(arguments['mirrored'])]
     ready()
-    while not path.exists():
-        time.sleep(0.01)
-    link = LinkClient(path, 'bench', timeout_s=10.0)
+    link = connect(path)
     by_channel: dict[int, OutwardMirror] = {}
 
     def carry(head: Header, cdr: memoryview) -> None:
@@ -66,13 +63,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     for i, mirror in enumerate(mirrors):
         mirror.connect(link.topics[topic(i)])
         by_channel[link.mirror(topic(i))] = mirror
-    beat_ns = 0
-    while True:
-        link.pump(0.1)
-        now_ns = time.monotonic_ns()
-        if now_ns >= beat_ns:
-            link.beat()
-            beat_ns = now_ns + NS_PER_S // 3
+    stay(link)
 
 
 def storm(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:

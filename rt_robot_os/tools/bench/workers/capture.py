@@ -26,11 +26,12 @@ from typing import Any
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.capture.host import CaptureHost
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.link_client import connect
+from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.units import NS_PER_S
@@ -109,10 +110,7 @@ def host(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
 def viewer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be a client that takes every sample, as the ROS node does."""
     ready()
-    path = Path(arguments['path'])
-    while not path.exists():
-        time.sleep(0.01)
-    link = LinkClient(path, 'bench', timeout_s=10.0)
+    link = connect(Path(arguments['path']))
 
     def take(head: Header, cdr: memoryview) -> None:
         bytes(cdr)
@@ -120,6 +118,4 @@ def viewer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     link.on_data = take
     for topic in link.topics:
         link.mirror(topic)
-    while True:
-        link.pump(0.1)
-        link.beat()
+    stay(link)

@@ -20,12 +20,10 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from pathlib import Path
 import socket
-import time
 from typing import Any
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.settings.model import CoreSettings
@@ -33,11 +31,12 @@ from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.link_client import connect
+from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.turns import Turns
 from rt_robot_os.topics import Layout
-from rt_robot_os.units import NS_PER_S
 
 MIRRORED, PLAIN = 'bench/mirrored', 'bench/plain'
 _CLIENT = 'rt_robot_os.tools.bench.workers.mirror:client'
@@ -114,18 +113,9 @@ def _send(harness: Harness, send: Callable[[], object], a: Mapping[str, Any]) ->
 def client(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be a client: take every sample and do nothing with it."""
     ready()
-    path = Path(arguments['path'])
-    while not path.exists():
-        time.sleep(0.01)
-    link = LinkClient(path, 'bench', timeout_s=10.0)
+    link = connect(Path(arguments['path']))
     link.mirror(arguments['topic'])
-    beat_ns = 0
-    while True:
-        link.pump(0.1)
-        now_ns = time.monotonic_ns()
-        if now_ns >= beat_ns:
-            link.beat()
-            beat_ns = now_ns + NS_PER_S // 3
+    stay(link)
 
 
 def receiver(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:

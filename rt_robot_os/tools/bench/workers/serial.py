@@ -33,11 +33,12 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.core.app import Core
-from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.harness import Unavailable
+from rt_robot_os.tools.bench.link_client import connect
+from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.sine import Decoder
@@ -191,22 +192,14 @@ def consumer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     path = Path(arguments['path'])
     consumed = Moments(Path(arguments['consumed']), arguments['room'])
     ready()
-    while not path.exists():
-        time.sleep(0.01)
-    link = LinkClient(path, 'bench', timeout_s=10.0)
+    link = connect(path)
 
     def note(head: object, cdr: memoryview) -> None:
         consumed.note(int(_NUMBER.unpack_from(cdr, 12)[0]))  # y of a Point
 
     link.on_data = note
     link.mirror(TOPIC)
-    beat_ns = 0
-    while True:
-        link.pump(0.1)
-        now_ns = time.monotonic_ns()
-        if now_ns >= beat_ns:
-            link.beat()
-            beat_ns = now_ns + NS_PER_S // 3
+    stay(link)
 
 
 def plain(harness: Harness) -> Measured:
