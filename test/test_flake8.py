@@ -16,26 +16,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 import re
-import subprocess
-import sys
 
+from linter import check
 import pytest
-
-ROOT = Path(__file__).resolve().parents[1]
-PROGRAM = 'import sys; from ament_flake8.main import main; sys.exit(main())'
 
 
 @pytest.mark.flake8
 @pytest.mark.linter
 def test_flake8() -> None:
-    if importlib.util.find_spec('ament_flake8') is None:
-        pytest.skip('the linter ament_flake8 is missing')
-    done = subprocess.run(
-        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'examples', 'setup.py'],
-        cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        errors = [line for line in done.stdout.splitlines() if re.search(r':\d+:\d+: ', line)]
-        pytest.fail('\n'.join(errors) or done.stdout + done.stderr, pytrace=False)
+    check('ament_flake8', re.compile(r':\d+:\d+: ').search)

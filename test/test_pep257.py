@@ -16,26 +16,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-import subprocess
-import sys
-
+from linter import check
 import pytest
-
-ROOT = Path(__file__).resolve().parents[1]
-PROGRAM = 'import sys; from ament_pep257.main import main; sys.exit(main())'
 
 
 @pytest.mark.linter
 @pytest.mark.pep257
 def test_pep257() -> None:
-    if importlib.util.find_spec('ament_pep257') is None:
-        pytest.skip('the linter ament_pep257 is missing')
-    done = subprocess.run(
-        [sys.executable, '-c', PROGRAM, 'rt_robot_os', 'test', 'examples', 'setup.py'],
-        cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        errors = [line for line in (done.stdout + done.stderr).splitlines()
-                  if not line.startswith('checking ')]
-        pytest.fail('\n'.join(errors), pytrace=False)
+    check('ament_pep257', lambda line: not line.startswith('checking '))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Let the tests of this folder import their helpers."""
+"""Let the tests of this folder import their helpers; a kernel on the virtual clock."""
 
 from __future__ import annotations
 
@@ -22,5 +22,28 @@ import sys
 
 import pytest
 
+from rt_robot_os.kernel import Clock
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import TraceLog
+from rt_robot_os.kernel import VirtualClock
+
 sys.path.insert(0, str(Path(__file__).parent))
 pytest.register_assert_rewrite('kernel_scenarios', 'kernel_tools')
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """Give the clock of the kernel; some tests have another one."""
+    return VirtualClock()
+
+
+@pytest.fixture
+def kernel(clock: Clock) -> Kernel:
+    return Kernel(clock)
+
+
+@pytest.fixture
+def log(kernel: Kernel) -> TraceLog:
+    """Give the trace of the kernel."""
+    kernel.trace = made = TraceLog()
+    return made

@@ -41,16 +41,6 @@ from rt_robot_os.kernel import VirtualClock
 ABORT = BudgetPolicy.ABORT
 
 
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
-def kernel(clock: VirtualClock) -> Kernel:
-    return Kernel(clock)
-
-
 def test_warn_counts_and_lets_the_job_end(kernel: Kernel, clock: VirtualClock) -> None:
     task = kernel.add_task('task', lambda: clock.spend(300 * US if task.runs % 2 else 100 * US),
                            priority=50, rate_hz=1000.0, budget_ns=200 * US)

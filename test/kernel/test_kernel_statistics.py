@@ -24,12 +24,6 @@ from kernel_tools import US
 import pytest
 
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.kernel import VirtualClock
-
-
-@pytest.fixture
-def kernel() -> Kernel:
-    return Kernel(VirtualClock())
 
 
 def test_execution_is_exact_without_what_preempted_it(kernel: Kernel) -> None:

@@ -37,18 +37,6 @@ def clock() -> StallingClock:
     return StallingClock()
 
 
-@pytest.fixture
-def kernel(clock: StallingClock) -> Kernel:
-    return Kernel(clock)
-
-
-@pytest.fixture
-def log(kernel: Kernel) -> TraceLog:
-    log = TraceLog()
-    kernel.trace = log
-    return log
-
-
 def stalled(kernel: Kernel, clock: StallingClock, where: str, **declared: object) -> Task:
     """Let a 1 kHz task meet five periods without a preemption point, of its own or below it."""
     stalls = [10]

@@ -40,18 +40,6 @@ def clock() -> StallingClock:
     return StallingClock(start_ns=7 * S)
 
 
-@pytest.fixture
-def kernel(clock: StallingClock) -> Kernel:
-    return Kernel(clock)
-
-
-@pytest.fixture
-def log(kernel: Kernel) -> TraceLog:
-    made = TraceLog()
-    kernel.trace = made
-    return made
-
-
 def test_releases_do_not_drift(kernel: Kernel, log: TraceLog) -> None:
     task = kernel.add_task('third', lambda: kernel.clock.spend(task.runs % 7 * 100 * US),
                            priority=50, rate_hz=300.0, phase_ns=123)

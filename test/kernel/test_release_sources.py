@@ -34,12 +34,6 @@ from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import TraceLog
-from rt_robot_os.kernel import VirtualClock
-
-
-@pytest.fixture
-def kernel() -> Kernel:
-    return Kernel(VirtualClock())
 
 
 @pytest.fixture

@@ -37,11 +37,6 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import JOB
 
 
-@pytest.fixture
-def kernel() -> Kernel:
-    return Kernel(VirtualClock())
-
-
 def test_a_user_of_the_resource_waits_until_it_is_left_and_others_do_not(kernel: Kernel) -> None:
     log = kernel.trace = TraceLog()
     shared = kernel.resource('shared')

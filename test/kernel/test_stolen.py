@@ -85,11 +85,6 @@ def clock() -> SharedClock:
     return SharedClock()
 
 
-@pytest.fixture
-def kernel(clock: SharedClock) -> Kernel:
-    return Kernel(clock)
-
-
 @pytest.mark.parametrize('stopped', [False, True])
 def test_a_job_that_is_robbed_is_charged_with_its_own_time(
         kernel: Kernel, clock: SharedClock, stopped: bool) -> None:

@@ -46,16 +46,6 @@ from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 ABORT = BudgetPolicy.ABORT
 
 
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
-def kernel(clock: VirtualClock) -> Kernel:
-    return Kernel(clock)
-
-
 # ---- recursion -------------------------------------------------------------------------------
 
 

@@ -25,24 +25,11 @@ import pytest
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TraceLog
-from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')
 
 FLOAT = 'std_msgs/msg/Float64'
-
-
-@pytest.fixture
-def kernel() -> Kernel:
-    return Kernel(VirtualClock())
-
-
-@pytest.fixture
-def log(kernel: Kernel) -> TraceLog:
-    made = TraceLog()
-    kernel.trace = made
-    return made
 
 
 def test_events_that_find_the_task_waiting_are_served_by_one_job(kernel: Kernel) -> None:

@@ -58,11 +58,6 @@ class Verbose(Exception):
         return 'word ' * 1_000_000
 
 
-@pytest.fixture
-def kernel() -> Kernel:
-    return Kernel(VirtualClock())
-
-
 def raising(error: BaseException) -> NoReturn:
     raise error
 

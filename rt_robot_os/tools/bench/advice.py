@@ -26,7 +26,7 @@ from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.text_report import number
+from rt_robot_os.tools.bench.text_report import fit
 from rt_robot_os.tools.bench.text_report import SYSTEMS
 
 INTRODUCTION = (
@@ -95,18 +95,9 @@ def needs(results: Sequence[CaseResult]) -> Iterator[Block]:
     systems = [name for name in SYSTEMS
                if any(need.systems.get(name) is not None for need in known)]
     yield Grid(('need', 'case', *systems, 'good enough'), [
-        (need.text, need.case, *(_fits(need, name) for name in systems), _use(need))
+        (need.text, need.case, *(fit(need, name) or '-' for name in systems), _use(need))
         for need in known], [''] * len(known), 2)
     yield Bullets(USE)
-
-
-def _fits(need: Need, system: str) -> str:
-    metric = need.systems.get(system)
-    if metric is None:
-        return '-'
-    sure = '' if need.agreed(system) else ' (?)'
-    return (f'{"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
-            f'{need.unit}').strip()
 
 
 def _use(need: Need) -> str:

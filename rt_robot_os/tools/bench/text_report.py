@@ -216,7 +216,8 @@ def need_lines(needs: Sequence[Need], width: int = WIDTH) -> Iterator[str]:
     yield from textwrap.wrap('== which system for which need? "(?)": the median of the repeats '
                              'says so, but not each of them', width)
     systems = [name for name in SYSTEMS if any(need.systems.get(name) for need in needs)]
-    told = [[_fit(need, name) for name in systems] for need in needs]
+    told = [[f'{name} {text}' if (text := fit(need, name)) else '' for name in systems]
+            for need in needs]
     widths = [max(map(len, column)) for column in zip(*told)]
     beside = len(_INDENT) + sum(widths) + len(_GAP) * (len(systems) - 1) <= width
     for need, texts in zip(needs, told):
@@ -228,13 +229,14 @@ def need_lines(needs: Sequence[Need], width: int = WIDTH) -> Iterator[str]:
     yield ''
 
 
-def _fit(need: Need, system: str) -> str:
+def fit(need: Need, system: str) -> str:
+    """Write whether a system gives what is needed, and its figure; empty when it is not known."""
     metric = need.systems.get(system)
     if metric is None:
         return ''
     sure = '' if need.agreed(system) else ' (?)'
-    return (f'{system} {"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
-            f'{need.unit}').rstrip()
+    return (f'{"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
+            f'{need.unit}').strip()
 
 
 def verdict_line(results: Sequence[CaseResult]) -> str:
