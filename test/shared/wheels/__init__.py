@@ -29,4 +29,6 @@ def install(folder: Path) -> None:
     facts = folder / 'wheels-0.1.dist-info'
     facts.mkdir()
     (facts / 'METADATA').write_text('Metadata-Version: 2.1\nName: wheels\nVersion: 0.1\n')
-    (facts / 'entry_points.txt').write_text('[rt_robot_os.devices]\nwheels = wheels\n')
+    (facts / 'entry_points.txt').write_text(
+        '[rt_robot_os.devices]\nwheels = wheels\n'
+        '[rt_robot_os.modules]\ndrive = wheels.drive:Drive\n')

@@ -42,6 +42,7 @@ class Wheels(Actuator, SerialDevice[Report]):
     command = Input('cmd_vel', wake=True, message='geometry_msgs/msg/Twist')
     speed = Output('wheels/speed', 'geometry_msgs/msg/Vector3Stamped',
                    {'header.frame_id': 'base_link'})
+    delay_s = 0.0
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings, WheelsDecoder())
@@ -52,15 +53,15 @@ class Wheels(Actuator, SerialDevice[Report]):
             speed_mm_s = 0.0
         limited = round(max(-_FASTEST_MM_S, min(speed_mm_s, _FASTEST_MM_S)))
         self.send(order(limited, limited))
+        self.delay_s = (now_ns - self.command.stamp_ns) / 1e9
 
     def safe_state(self) -> None:
         self.send(STOP)
 
     def handle(self, frame: Report, arrival_ns: int) -> int:
-        # What is commanded depends on the input, what is measured on the bytes: a replay needs
-        # both.
+        # Some is of the bytes, some of the input, and some of the time: a replay needs all three.
         vector = self.speed.msg.vector
-        vector.x, vector.y = frame.speed_mm_s / 1000.0, frame.ticks
+        vector.x, vector.y = frame.speed_mm_s / 1000.0, self.delay_s
         vector.z = self.command.msg.linear.x if self.is_commanded else 0.0
         self.speed.publish(arrival_ns)
         return 1
