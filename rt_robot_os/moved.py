@@ -78,6 +78,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
     'recording.replay': ('clients.recording.replay',),
     'sensors': ('devices.manager', 'devices.state'),
     'sensors.manager': ('devices.manager',),
+    'sim.air': ('sim.world',),
     'sim.bmp280': ('devices.bmp280.twin',),
     'sim.bmp388': ('devices.bmp388.twin',),
     'sim.bno055': ('devices.bno055.twin',),
@@ -87,9 +88,10 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
     'sim.ms5611': ('devices.ms5611.twin',),
     'sim.nmea': ('devices.nmea.twin',),
     'sim.ranging': ('devices.maxbotix.twin', 'devices.sharp.twin', 'sim.world'),
+    'sim.options': ('sim.base',),
     'sim.registry': ('sim.base',),
     'sim.ublox': ('devices.ublox.twin',),
-    'sim.witmotion': ('devices.witmotion.twin',),
+    'sim.witmotion': ('devices.witmotion.twin', 'sim.world'),
     'sim.xsens': ('devices.xsens.twin',),
 }
 

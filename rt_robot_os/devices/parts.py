@@ -48,6 +48,14 @@ class Recogniser:
     function: str
     remedy: str = ''
 
+    def __post_init__(self) -> None:
+        """
+        Check what a package declares.
+
+        :raises TypeError: it is no name.
+        """
+        _check_name('function', self.function)
+
 
 @dataclass(frozen=True)
 class DeviceParts:
@@ -66,6 +74,21 @@ class DeviceParts:
     recognisers: tuple[Recogniser, ...] = ()
     chips: str = ''
 
+    def __post_init__(self) -> None:
+        """
+        Check what a package declares.
+
+        :raises TypeError: a part is not given by its name.
+        """
+        for part, target in (
+                ('driver', self.driver), ('twin', self.twin), ('chips', self.chips)):
+            if target != '':
+                _check_name(part, target)
+        if not (isinstance(self.recognisers, tuple)
+                and all(isinstance(each, Recogniser) for each in self.recognisers)):
+            raise TypeError(f'recognisers = {self.recognisers!r}: must be a tuple of Recogniser, '
+                            'also of one: (Recogniser(...),)')
+
     def inside(self, folder: str) -> DeviceParts:
         """Return them with the whole names of their modules."""
         return DeviceParts(
@@ -73,6 +96,12 @@ class DeviceParts:
             tuple(replace(each, function=_whole(each.function, folder))
                   for each in self.recognisers),
             _whole(self.chips, folder))
+
+
+def _check_name(part: str, target: object) -> None:
+    if not (isinstance(target, str) and ':' in target):
+        raise TypeError(f'{part} = {target!r}: must be a name in quotes, module:name, such as '
+                        f"'.driver:MySonar'")
 
 
 def _whole(target: str, folder: str) -> str:

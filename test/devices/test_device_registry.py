@@ -60,6 +60,14 @@ FILES = {
         'not_a_class = 3\n'
         'class NotADevice:\n    pass\n',
     'their_broken.py': '1 / 0\n',
+    'their_object.py':
+        'from rt_robot_os.devices import DeviceParts\n'
+        'from their_lidar.driver import Lidar\n'
+        'PARTS = DeviceParts(driver=Lidar)\n',
+    'their_comma.py':
+        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
+        "PARTS = DeviceParts(driver='their_lidar.driver:Lidar',\n"
+        "                    recognisers=(Recogniser('frames', '.wire:is_it')))\n",
     'their_drivers-1.0.dist-info/METADATA':
         'Metadata-Version: 2.1\nName: their-drivers\nVersion: 1.0\n',
     'their_drivers-1.0.dist-info/entry_points.txt':
@@ -72,6 +80,8 @@ FILES = {
         'number = their_drivers:NUMBER\n'
         'other = their_drivers:OTHER\n'
         'bare = their_lidar.driver:Lidar\n'
+        'object = their_object\n'
+        'comma = their_comma\n'
         'lonely = their_drivers\n'
         'nmea = their_lidar\n'
         '[rt_robot_os.drivers]\n'
@@ -203,13 +213,16 @@ def test_a_device_needs_no_twin() -> None:
     ('raises', 'ZeroDivisionError'), ('gone', 'cannot be imported'),
     ('missing', 'cannot be imported'), ('nothing', 'AttributeError'),
     ('number', 'not a class derived from Device'), ('other', 'not a class derived from Device'),
-    ('bare', r'must declare PARTS = DeviceParts\(...\)')])
+    ('bare', r'must declare PARTS = DeviceParts\(...\)'),
+    ('object', "driver = <class 'their_lidar.driver.Lidar'>: must be a name in quotes"),
+    ('comma', 'must be a tuple of Recogniser, also of one')])
 def test_a_broken_driver_is_reported_and_the_others_work(name: str, message: str) -> None:
     with pytest.raises(ConfigError, match=f'{name}.*{message}'):
         DRIVERS.load(name)
     assert DRIVERS.load('lidar').__name__ == 'Lidar'
     assert DRIVERS.load('nmea').__name__ == 'NmeaGps'
     assert any(name in problem for problem in DRIVERS.problems())
+    assert 'lidar frames' in Recognisers().recognised(b'LIDAR LIDAR', 0)
 
 
 @pytest.mark.usefixtures('other_package')
