@@ -81,7 +81,7 @@ class LiveParameters:
         host.statistics.add_facts(lambda: {'parameters': self.digest()})
 
     def facts(self) -> Iterator[Arguments]:
-        """Give each parameter: name, value, loaded value, and what it means."""
+        """Yield each parameter: name, value, loaded value, and what it means."""
         for name, (entry, place) in self._places.items():
             loaded = self._loaded[name]
             yield {'name': name, 'value': place.get(),

@@ -80,7 +80,7 @@ def at_once(task: Task | None, function: Callable[[], object]) -> None:
 
 
 def held(kernel: Kernel) -> list[Task]:
-    """Give the tasks that make no jobs until somebody re-arms them."""
+    """Return the tasks that are held: they make no jobs until somebody re-arms them."""
     return [t for t in kernel.tasks if t.state in (TaskState.SAFE, TaskState.STOPPED)]
 
 

@@ -121,7 +121,7 @@ class Barometer(I2cDevice):
         """Check that it is the right chip, and reset it."""
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: pressure, and temperature and altitude where they have topics."""
+        """Return what is published: pressure; temperature and altitude where they have topics."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
         kinds = [(s['topic'], 'sensor_msgs/msg/FluidPressure', frame)]

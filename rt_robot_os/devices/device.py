@@ -143,7 +143,7 @@ class Device(PortOwner, ABC):
     :cvar IF_UNUSED: what to check when valid frames come, but none that gives a sample.
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
-    :ivar log: says something to people: ``self.log.warn('%d bytes of rubbish', count)``.
+    :ivar log: the device's logger: ``self.log.warn('%d bytes of garbage', count)``.
     :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
     :ivar services: what there is of the services that it asks for, by name.
@@ -256,7 +256,7 @@ class Device(PortOwner, ABC):
         """
 
     def fileno(self) -> int | None:
-        """Give the file descriptor that becomes readable with new data, None if there is none."""
+        """Return the descriptor that becomes readable with new data, None if there is none."""
         return None
 
     def diagnosis(self) -> str:

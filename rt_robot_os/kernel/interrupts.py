@@ -137,7 +137,7 @@ class InterruptSources:
         return found
 
     def early(self) -> list[Source]:
-        """Give, once, those that were not heard because they came too early."""
+        """Return, once, those that were masked because they came too early."""
         early, self._early = self._early, []
         return early
 
@@ -152,7 +152,7 @@ class InterruptSources:
         self._masked.append(source)
 
     def waiting_for(self, task: Task) -> list[Source]:
-        """Give, once, the deferred sources for which a job of a task had to end."""
+        """Return, once, the deferred sources for which a job of a task had to end."""
         found = [source for source in self._masked if source.waits and source.task is task]
         for source in found:
             source.waits = False

@@ -457,7 +457,7 @@ class Releases(ABC):
             self.clock.arm_spare(spare_ns)
 
     def _early_ns(self, level: int) -> int:
-        """Give the time of the alarm before the first release, early if that is worth spinning."""
+        """Return the time of the alarm for the first release, early if that is worth spinning."""
         due_ns, first_level = self._firsts[0]
         if first_level > level and self._timers[first_level][0][3]:
             return due_ns - self.spin_ns

@@ -72,7 +72,7 @@ class Resource:
 
     @property
     def users(self) -> tuple[Task, ...]:
-        """Give the tasks that declared it, in the order in which the kernel knows them."""
+        """Return the tasks that declared it, in the order in which the kernel knows them."""
         return tuple(sorted(self._users, key=lambda task: task.index))
 
     def __enter__(self) -> Resource:

@@ -223,7 +223,7 @@ def build_part(cls: type[_Settings], part: Part) -> _Settings:
 
 
 def _when_read(part: Part) -> str:
-    """Say when it is read; what waits for answers is read as they come, if its task allows it."""
+    """Return when it is read: a device that waits for answers as they come, if it may."""
     answers = part.kind is not None and part.kind.answers and not task_of(part).logical_execution
     return 'interrupt' if answers else str(part.section.values['read'])
 

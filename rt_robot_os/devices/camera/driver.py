@@ -99,7 +99,7 @@ class Camera(CaptureDevice):
         self._calibration: SamplePublisher | None = None
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Image, CompressedImage, CameraInfo, as far as they are wanted."""
+        """Return what is published: Image, CompressedImage, CameraInfo, each if it is wanted."""
         s = self.settings
         head = {'header.frame_id': s['frame_id']}
         found = []

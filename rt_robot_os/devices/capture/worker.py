@@ -51,7 +51,7 @@ class Captured(Protocol):
 
     @property
     def seq(self) -> int:
-        """Give its number."""
+        """Return its number."""
 
     def store(self, slot: memoryview) -> tuple[int, int]:
         """

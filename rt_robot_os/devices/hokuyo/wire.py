@@ -125,7 +125,7 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
         return frames
 
     def _answer(self, block: bytes, end: int) -> ScipFrame | None:
-        """Read what stands before an empty line; rubbish may stand before the echo."""
+        """Read what stands before an empty line; garbage may stand before the echo."""
         newline = block.find(b'\n')
         match = _ECHO(block[:newline])
         while match is None:

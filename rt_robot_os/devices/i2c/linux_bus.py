@@ -108,7 +108,7 @@ def _open(path: str) -> Any:
 
 
 def _smbus(bus: Any, address: int, data: bytes, size: int) -> bytes:
-    """Say the same with SMBus calls."""
+    """Make the same transfer with SMBus calls."""
     if size > SMBUS_BLOCK or len(data) > SMBUS_BLOCK + 1 or (size and len(data) != 1):
         raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
     if size:

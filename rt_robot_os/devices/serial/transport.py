@@ -134,7 +134,7 @@ class StreamPort(ABC):
 
     @abstractmethod
     def _gone(self, error: OSError | None) -> DeviceError:
-        """Say that the port is gone; None is the end of the stream."""
+        """Make the error of a port that is gone; None is the end of the stream."""
 
 
 class SerialPort(StreamPort):

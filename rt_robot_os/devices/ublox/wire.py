@@ -18,7 +18,7 @@ UBX, the binary protocol of u-blox receivers, with NMEA 0183 sentences in betwee
 
 ``B5 62 CLASS ID LEN(2) payload CK_A CK_B``, little-endian; the checksum is the 8-bit Fletcher sum
 of everything between. Receivers send both protocols on one line as delivered, so sentences are
-frames too, of class 0: they are no rubbish, even where nobody wants them.
+frames too, of class 0: they are not garbage, even where nobody wants them.
 
 Commands, and what simulated receivers send, are made here as well.
 """

@@ -173,7 +173,7 @@ def _compile(payload: bytes) -> _Layout | None:
 
 
 def _item(identifier: int, size: int) -> tuple[str, int, Finish | None]:
-    """Give the format of an item, the count of its numbers (0: not used), and what they become."""
+    """Return the format of an item, the count of its numbers (0: unused), what they become."""
     kind = identifier & 0xFFF0
     word = _WORDS.get(kind)
     if word is not None and struct.calcsize('>' + word) == size:
