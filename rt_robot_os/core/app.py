@@ -35,6 +35,7 @@ from rt_robot_os.core.lifecycle import ModuleLifecycle
 from rt_robot_os.core.parameters import LiveParameters
 from rt_robot_os.core.part import CorePart
 from rt_robot_os.core.part import Host
+from rt_robot_os.core.part import Parts
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.realtime_process import RealtimeProcess
 from rt_robot_os.core.statistics import module_rows
@@ -137,7 +138,7 @@ class Core:
         self.host = Host(settings, self.kernel, self.bus, self.requests,
                          Statistics(self.kernel, self.requests, warn), self.watch, self.note)
         self._attach(owners)
-        self._parts = [part(self.host) for part in parts]
+        self.parts = Parts(parts, self.host)
         self.watchdog = self._watchdog()  # it watches the tasks that are there by now
 
     @property
@@ -181,7 +182,7 @@ class Core:
         statistics.add_rows('topic', lambda: map(asdict, self.bus.statistics()))
         statistics.add_rows('device', lambda: map(asdict, self.sensors.statistics()))
         statistics.add_rows('module', lambda: module_rows(self.modules, self.requests))
-        statistics.add_rows('client', lambda: map(asdict, self.link.statistics()))
+        statistics.add_rows('client', lambda: (client.as_json() for client in self.link.statistics()))
         statistics.add_rows('resource', self._resources)
         statistics.add_facts(self.link.facts)
         statistics.add_facts(self._facts)
@@ -245,11 +246,12 @@ class Core:
 
     def prepare_modules(self) -> None:
         """
-        Configure and activate all modules; :meth:`run` does it.
+        Configure and activate all modules, and open parts; :meth:`run` does it.
 
         :raises RtRobotError: one of them could not be prepared.
         """
         self._lifecycle.prepare()
+        self.parts.open()
 
     def stop(self, reason: str) -> None:
         """
@@ -275,9 +277,7 @@ class Core:
         self.sensors.rest(functools.partial(self._lifecycle.call, step='safe_state'))
         self._lifecycle.end()
         self.sensors.close(self._lifecycle.call)
-        while self._parts:
-            part = self._parts.pop()
-            self._lifecycle.call(type(part).__name__, part.close)
+        self.parts.close(self._lifecycle.call)
         self.guard.release()
         self.watch.look()
         self.link.close()

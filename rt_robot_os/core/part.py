@@ -30,11 +30,16 @@ Every installed part is made in each core, when its devices and modules are ther
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
 from rt_robot_os.core.statistics import Statistics
 from rt_robot_os.core.watch import Watch
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.plugins import PluginRegistry
@@ -75,13 +80,63 @@ class CorePart:
 
     def __init__(self, host: Host) -> None:
         """
-        Declare what the part has; nothing runs yet.
+        Declare what the part has: tasks, topics, requests; nothing is opened here.
 
         :raises RtRobotError: it does not fit this robot: the core does not start.
         """
 
+    def open(self) -> None:  # noqa: A003
+        """Open what it needs, after modules were prepared; nothing runs yet, and it may be long."""
+
     def close(self) -> None:
-        """Let go of everything, after the kernel has stopped; bounded in time by the caller."""
+        """Let go of everything, opened or not, after the kernel has stopped; bounded in time."""
+
+
+class Parts:
+    """
+    The parts of a core from beginning to end.
+
+    :param kinds: their classes, which may be anybody's.
+    :raises RtRobotError: one of them cannot be made.
+    :ivar all: those that were made.
+    """
+
+    def __init__(self, kinds: Iterable[type[CorePart]], host: Host) -> None:
+        self.all: list[CorePart] = []
+        for kind in kinds:
+            with _named(kind, 'made'):
+                self.all.append(kind(host))
+
+    def open(self) -> None:  # noqa: A003
+        """
+        Open all of them.
+
+        :raises RtRobotError: one of them cannot be opened.
+        """
+        for part in self.all:
+            with _named(type(part), 'opened'):
+                part.open()
+
+    def close(self, call: Callable[[str, Callable[[], None]], object]) -> None:
+        """
+        Close all of them, the last one first; may be called twice.
+
+        :param call: calls what closes the part of a name, within bounds of its own.
+        """
+        while self.all:
+            part = self.all.pop()
+            call(type(part).__name__, part.close)
+
+
+@contextmanager
+def _named(kind: type[CorePart], done: str) -> Iterator[None]:
+    try:
+        yield
+    except RtRobotError:
+        raise
+    except Exception as error:
+        raise ConfigError([f'part of the core {kind.__name__} could not be {done}: '
+                           f'{type(error).__name__}: {error}']) from error
 
 
 CORE_PARTS: Final[PluginRegistry[CorePart]] = PluginRegistry(

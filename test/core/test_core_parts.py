@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Iterator
 from pathlib import Path
 import tempfile
@@ -54,12 +55,12 @@ class Odometer(CorePart):
 
     def __init__(self, host: Host) -> None:
         self.updates = self.looks = self.taken = 0
-        self.closed = False
+        self.opened = self.closed = False
         self.commands = host.bus.subscribe('cmd_vel_safe', 'odometer')
         host.kernel.add_task('odometer', self.update, priority=5, rate_hz=10.0)
         host.watch.add(self.look)
         host.statistics.add_facts(lambda: {'odometer_updates': self.updates})
-        host.statistics.add_facts(lambda: {'odometer_share': self.updates / self.no_such_count})
+        host.statistics.add_facts(lambda: {'odometer_share': self.updates / 0})
         host.requests.add('odometer', lambda session, arguments: {
             'updates': self.updates, 'by': session.name})
         host.requests.add_long('odometers', lambda session, arguments: (
@@ -78,8 +79,25 @@ class Odometer(CorePart):
         yield {'number': 0}
         raise ZeroDivisionError('half way')
 
+    def open(self) -> None:  # noqa: A003
+        self.opened = True
+
     def close(self) -> None:
         self.closed = True
+
+
+class Unmade(CorePart):
+    """Cannot be made."""
+
+    def __init__(self, host: Host) -> None:
+        raise ZeroDivisionError('no wheels')
+
+
+class Unopened(CorePart):
+    """Cannot be opened."""
+
+    def open(self) -> None:  # noqa: A003
+        raise OSError('no such map')
 
 
 class Client:
@@ -101,31 +119,58 @@ class Client:
         return [decode_json(packet) for packet in self.sent if packet[0] == Kind.REPLY]
 
 
+Make = Callable[..., Core]
+
+
 @pytest.fixture
-def core() -> Iterator[Core]:
+def make() -> Iterator[Make]:
+    made: list[Core] = []
     with tempfile.TemporaryDirectory(prefix='rtx') as folder:
         path = Path(folder) / 'robot.yaml'
         path.write_text(YAML)
-        made = Core(load([path]), Path(folder) / 'robot.sock', clock=VirtualClock(start_ns=S),
-                    parts=[Odometer])
-        yield made
-        made.close()
+
+        def core(*parts: type[CorePart]) -> Core:
+            made.append(Core(load([path]), Path(folder) / 'robot.sock',
+                             clock=VirtualClock(start_ns=S), parts=parts))
+            return made[-1]
+
+        yield core
+        for each in made:
+            each.close()
+
+
+@pytest.fixture
+def core(make: Make) -> Core:
+    return make(Odometer)
 
 
 def part_of(core: Core) -> Odometer:
-    part, = core._parts
+    part, = core.parts.all
     assert isinstance(part, Odometer)
     return part
 
 
 def test_a_part_from_elsewhere_has_a_task_a_request_and_a_counter(core: Core) -> None:
     client, part = Client(core.requests), part_of(core)
+    core.prepare_modules()
     core.kernel.run(S)
+    assert part.opened
     assert client.ask('odometer') == [{'updates': part.updates, 'by': 'tester'}]
     assert part.updates == part.looks == 10 and part.taken > 50
     assert client.ask('statistics')[-2]['odometer_updates'] == 10
     core.close()
     assert part.closed
+
+
+def test_a_part_that_fails_is_named_and_the_core_does_not_run_without_it(make: Make) -> None:
+    with pytest.raises(ConfigError, match='part of the core Unmade could not be made: '
+                                          'ZeroDivisionError: no wheels'):
+        make(Odometer, Unmade)
+    core = make(Odometer, Unopened)
+    part = core.parts.all[0]
+    with pytest.raises(ConfigError, match='part of the core Unopened could not be opened: OSErr'):
+        core.run(S)
+    assert isinstance(part, Odometer) and part.opened and part.closed and not part.updates
 
 
 def test_statistics_that_fail_hide_no_others_and_are_told_once(core: Core) -> None:
@@ -134,8 +179,7 @@ def test_statistics_that_fail_hide_no_others_and_are_told_once(core: Core) -> No
         assert client.ask('statistics')[-2]['odometer_updates'] == 0
     told = [report.text for report in core.reports.since(0)[2]]
     assert [text for text in told if 'statistics are incomplete' in text] == [
-        "statistics are incomplete: AttributeError: 'Odometer' object has no attribute "
-        "'no_such_count'"]
+        'statistics are incomplete: ZeroDivisionError: division by zero']
 
 
 def test_an_answer_of_many_packets_ends_with_an_empty_one_or_a_reason(core: Core) -> None:
