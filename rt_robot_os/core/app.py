@@ -182,7 +182,7 @@ class Core:
         statistics.add_rows('topic', lambda: map(asdict, self.bus.statistics()))
         statistics.add_rows('device', lambda: map(asdict, self.sensors.statistics()))
         statistics.add_rows('module', lambda: module_rows(self.modules, self.requests))
-        statistics.add_rows('client', lambda: (client.as_json() for client in self.link.statistics()))
+        statistics.add_rows('client', lambda: (c.as_json() for c in self.link.statistics()))
         statistics.add_rows('resource', self._resources)
         statistics.add_facts(self.link.facts)
         statistics.add_facts(self._facts)

@@ -86,7 +86,7 @@ class CorePart:
         """
 
     def open(self) -> None:  # noqa: A003
-        """Open what it needs, after modules were prepared; nothing runs yet, and it may be long."""
+        """Open what it needs, after modules were prepared; nothing runs yet, it may take long."""
 
     def close(self) -> None:
         """Let go of everything, opened or not, after the kernel has stopped; bounded in time."""
