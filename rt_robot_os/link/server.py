@@ -59,6 +59,7 @@ BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
 LIFE = 'link/life'
 LIFE_PRIORITY = 99
+SERVICE_PRIORITY, COMMAND_PRIORITY = 2, 50
 # The longest time of one of its jobs, for `plan`.
 LIFE_EXECUTION_NS = 20 * NS_PER_US
 LIFE_RATE_HZ = 10.0
@@ -90,8 +91,9 @@ class LinkServer:
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, path: Path, requests: Requests,
-                 reports: Reports, *, service_priority: int = 2, command_priority: int = 50,
-                 gather_ns: int = 0, life_fd: int = -1) -> None:
+                 reports: Reports, *, service_priority: int = SERVICE_PRIORITY,
+                 command_priority: int = COMMAND_PRIORITY, gather_ns: int = 0,
+                 life_fd: int = -1) -> None:
         self.path = path
         self.accepted = self.refused = 0
         self._kernel = kernel

@@ -26,12 +26,16 @@ from dataclasses import field
 import functools
 from pathlib import Path
 from typing import Any
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.problems import did_you_mean
+
+if TYPE_CHECKING:
+    from rt_robot_os.topics.ports import PortOwner
 
 
 @dataclass(frozen=True)
@@ -77,13 +81,8 @@ def _driver_names() -> Sequence[str]:
 def _driver(name: str) -> Kind:
     from rt_robot_os.devices.registry import DRIVERS
     cls = DRIVERS.load(name)
-
-    def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
-        device = cls(section, values)
-        return PartTopics(device.publications(), device.reads())
-
-    return Kind(cls.fields(), topics, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
-                has_safe_state=cls.has_safe_state())
+    return _with_ports(cls, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
+                       has_safe_state=cls.has_safe_state())
 
 
 def _module_names() -> Sequence[str]:
@@ -94,13 +93,15 @@ def _module_names() -> Sequence[str]:
 def _module(name: str) -> Kind:
     from rt_robot_os.modules import registry
     cls = registry.module_class(name)
+    return _with_ports(cls, has_safe_state=cls.has_safe_state(), is_coroutine=cls.is_coroutine())
 
+
+def _with_ports(cls: type[PortOwner], **facts: Any) -> Kind:
     def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
-        module = cls(section, values)
-        return PartTopics(module.publications(), module.reads())
+        part = cls(section, values)
+        return PartTopics(part.publications(), part.reads())
 
-    return Kind(cls.fields(), topics, has_safe_state=cls.has_safe_state(),
-                is_coroutine=cls.is_coroutine())
+    return Kind(cls.fields(), topics, **facts)
 
 
 def _simulator_names() -> Sequence[str]:

@@ -43,6 +43,8 @@ from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.mirror import Policy
+from rt_robot_os.link.server import COMMAND_PRIORITY
+from rt_robot_os.link.server import SERVICE_PRIORITY
 from rt_robot_os.logger import LEVELS
 from rt_robot_os.schema import hints_of
 from rt_robot_os.schema import inline
@@ -105,12 +107,12 @@ class CoreSettings:
         1.0, 'time without a sign of life after which the core is reported; after three times '
         'that one that the node has started is started anew', 's', 0.1, 60.0)
     link_priority: int = _priority(
-        2, 'kernel priority of what serves clients: below what matters')
+        SERVICE_PRIORITY, 'kernel priority of what serves clients: below what matters')
     link_gather_ms: float = setting(
         5.0, 'samples that are mirrored within this time of those before go out together: the '
         'core spends less on each; 0: each at once', 'ms', 0.0, 1000.0)
     command_priority: int = _priority(
-        50, 'kernel priority at which samples from ROS are published')
+        COMMAND_PRIORITY, 'kernel priority at which samples from ROS are published')
     spin_us: float = setting(
         0.0, 'wake this much early and spin up to the release: less jitter for computing time; '
         '0: sleep', 'us', 0.0, SPIN_MAXIMUM_NS / NS_PER_US)

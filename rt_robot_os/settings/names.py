@@ -20,6 +20,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from rt_robot_os.topics.bus import TOPIC_NAME
+
 TOKEN_RULE: Final = "letters, digits and '_', not beginning with a digit"
 
 # What rmw allows a whole topic name: 255 less the prefix that DDS gets.
@@ -45,7 +47,7 @@ def topic_problem(name: str, example: str = 'imu/data') -> str | None:
     """
     if len(name) > LONGEST_TOPIC:
         return f'must be at most {LONGEST_TOPIC} characters'
-    if all(is_token(token) for token in name.split('/')):
+    if TOPIC_NAME.fullmatch(name):
         return None
     return f"must be names of {TOKEN_RULE}, separated by '/', such as {example}"
 

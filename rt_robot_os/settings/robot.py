@@ -51,6 +51,7 @@ from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.wiring import check_mirrors
 from rt_robot_os.settings.wiring import check_ports
 from rt_robot_os.settings.wiring import TopicTable
+from rt_robot_os.topics.topic import is_depth
 
 
 def read_robot(
@@ -126,7 +127,7 @@ def _fill_table(
 def _read_topic(branch: Branch, name: str, problems: Problems) -> Section:
     section = read_section(branch, name, declared(TopicSettings), problems, ('fixed',))
     depth = section.values.get('depth', 1)
-    if depth & (depth - 1):
+    if not is_depth(depth):
         remedy = f'must be a power of two, such as {1 << (depth - 1).bit_length()}'
         section.reject('depth', remedy, problems)
     section.values['fixed'] = _read_fixed(branch, name, problems)

@@ -41,7 +41,7 @@ from rt_robot_os.topics.topic import TopicStatistics
 from rt_robot_os.topics.trigger import AllOf
 from rt_robot_os.topics.trigger import Every
 
-_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+TOPIC_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 class Bus:
@@ -76,7 +76,7 @@ class Bus:
             number is out of range or contradicts that of an earlier declaration.
         :raises LayoutError: the message cannot be laid out like this.
         """
-        if not _NAME.fullmatch(name):
+        if not TOPIC_NAME.fullmatch(name):
             raise TopicError(f'topic {name!r}: a name is made of letters, digits and _ in parts '
                              "that begin with a letter or _, joined by '/', such as imu/data")
         check_numbers(name, depth, rate_hz, max_subscribers)

@@ -194,13 +194,18 @@ class Topic:
             subscribers=tuple(s.statistics() for s in self.subscribers))
 
 
+def is_depth(number: int) -> bool:
+    """Tell whether a ring may have so many slots: a power of two."""
+    return 1 <= number <= DEPTH_MAXIMUM and not number & (number - 1)
+
+
 def check_numbers(name: str, depth: Any, rate_hz: Any, max_subscribers: Any) -> None:
     """
     Look at the numbers that a topic is declared with.
 
     :raises TopicError: one is of the wrong kind or out of range; the text names it.
     """
-    if not _is_int(depth) or not 1 <= depth <= DEPTH_MAXIMUM or depth & (depth - 1):
+    if not _is_int(depth) or not is_depth(depth):
         raise TopicError(f'topic {name!r}: depth {depth!r} must be a power of two from 1 to '
                          f'{DEPTH_MAXIMUM}')
     number = _is_int(rate_hz) or isinstance(rate_hz, float)
