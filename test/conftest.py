@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections import Counter
 import os
 from pathlib import Path
@@ -32,9 +33,19 @@ ROOT = Path(__file__).resolve().parents[1]
 # What tests of several folders use.
 sys.path.insert(0, str(ROOT / 'test' / 'shared'))
 
-# Read when rclpy makes its first context, so it is set before any test module is imported.
-os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
+# Read when rclpy makes its first context, so it is set before any test module is imported. Processes
+# of one run (see pytest_cmdline_main) have neighbouring domains, so that no two have the same.
+if 'PYTEST_XDIST_WORKER' in os.environ:
+    number = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw')) + 1
+    os.environ['ROS_DOMAIN_ID'] = str((int(os.environ['ROS_DOMAIN_ID']) + number) % 101 + 1)
+else:
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# Hundreds of processes are started here: each that compiles the package anew takes half as long again.
+if sys.dont_write_bytecode and 'PYTHONPYCACHEPREFIX' not in os.environ:
+    os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+    os.environ['PYTHONPYCACHEPREFIX'] = compiled = tempfile.mkdtemp(prefix='rt_robot_os_pyc_')
+    atexit.register(shutil.rmtree, compiled, ignore_errors=True)
 # A shell that starts the tests in the background has Ctrl-C ignored, which children inherit: those
 # that are to be interrupted would run on.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -52,6 +63,22 @@ else:
         derandomize='CI' in os.environ, database=None,
         suppress_health_check=[HealthCheck.too_slow])
     hypothesis_settings.load_profile('package')
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """
+    Run the whole suite in several processes where pytest-xdist is installed.
+
+    Most end-to-end tests wait more than they compute. A selection runs in one process, as does
+    what the user says (`-n 0`, `--pdb`, `-p no:xdist`).
+    """
+    option = config.option
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    if (whole and config.pluginmanager.hasplugin('xdist') and option.numprocesses is None
+            and not option.usepdb and not option.collectonly):
+        option.numprocesses = len(os.sched_getaffinity(0)) + 1
+        option.dist = 'worksteal'
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -53,13 +53,17 @@ def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = TIMEOUT
 
 
 class Program:
-    """A program of this package as a child process, with its output."""
+    """
+    A program of this package as a child process, with its output.
+
+    :param prelude: code that the process runs first, to shorten a time that no setting says.
+    """
 
     def __init__(self, module: str, *arguments: str, env: dict[str, str] | None = None,
-                 prefix: tuple[str, ...] = ()) -> None:
+                 prefix: tuple[str, ...] = (), prelude: str = '') -> None:
         path, _, function = module.partition(':')
         function = function or 'main'
-        code = f'import sys; from {path} import {function}; sys.exit({function}())'
+        code = f'{prelude}\nimport sys; from {path} import {function}; sys.exit({function}())'
         self.process = subprocess.Popen(
             [*prefix, sys.executable, '-c', code, *arguments], cwd='/',
             env={**os.environ, 'PYTHONPATH': os.pathsep.join(
@@ -123,22 +127,24 @@ class World:
             self._executor.spin_once(timeout_sec=0.05)
 
     def start(self, module: str, *arguments: str, prefix: tuple[str, ...] = (),
-              **env: str) -> Program:
-        program = Program(module, *arguments, prefix=prefix,
+              prelude: str = '', **env: str) -> Program:
+        program = Program(module, *arguments, prefix=prefix, prelude=prelude,
                           env={'RT_ROBOT_OS_RUNTIME_DIR': str(self.folder), **env})
         self.programs.append(program)
         return program
 
-    def robot(self, parameters: str | None = None, *arguments: str, prefix: tuple[str, ...] = (),
-              **env: str) -> Program:
-        """Start the robot with this YAML, or with the package's own configuration."""
-        ros: list[str] = []
+    def robot(self, parameters: str | None = None, *arguments: str, **options: Any) -> Program:
+        """
+        Start the robot with this YAML, or with the package's own configuration.
+
+        Diagnostics come often, as many tests wait for the next ones.
+        """
+        ros = ['-p', 'diagnostics_rate_hz:=10.0']
         if parameters is not None:
             path = self.folder / 'test.yaml'
             path.write_text(parameters)
-            ros = ['--params-file', str(path)]
-        return self.start('rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments,
-                          prefix=prefix, **env)
+            ros += ['--params-file', str(path)]
+        return self.start('rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments, **options)
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""

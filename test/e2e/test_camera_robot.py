@@ -72,12 +72,13 @@ def number(message: Any) -> int:
     return number_of(np.array(message.data, np.uint8).reshape(message.height, message.width, 3))
 
 
-def workers() -> list[int]:
-    """Give the processes that capture, of whatever robot."""
+def workers(world: Any) -> list[int]:
+    """Give the processes that capture for this robot."""
     found = []
     for each in Path('/proc').iterdir():
         try:
-            if each.name.isdigit() and b'capture.worker' in (each / 'cmdline').read_bytes():
+            if (each.name.isdigit() and b'capture.worker' in (each / 'cmdline').read_bytes()
+                    and os.fsencode(world.folder) in (each / 'environ').read_bytes()):
                 found.append(int(each.name))
         except OSError:
             continue
@@ -120,7 +121,8 @@ def test_a_capture_that_crashes_or_is_unplugged_comes_back_and_others_run(
     images, levels = world.listen(Image, '/camera/image_raw'), world.listen(
         Float32, '/sound/level')
     robot = world.robot(ROBOT.replace(
-        'faults: []', "faults: ['crash at 3 for 0.2', 'unplug at 6 for 1']"))
+        'faults: []', "faults: ['crash at 1 for 0.2', 'unplug at 3 for 0.5', "
+        "'crash at 12 for 0.2', 'unplug at 18 for 0.5']"))
     robot.wait_for_line('its capture process ended without a word')
     heard = len(levels)
     robot.wait_for_line("active again after 'its capture process ended")
@@ -149,7 +151,6 @@ def test_a_folder_of_pictures_is_captured_by_a_process_of_its_own(
         picture = np.full((240, 320, 3), 20 * value, np.uint8)
         pillow.fromarray(picture).save(folder / f'p{value}.png')
     packed = world.listen(CompressedImage, '/camera/jpeg')
-    before = set(workers())
     robot = world.robot(ROBOT.replace(
         'port: sim\n', f'port: {folder}\n', 1).replace(
         '      sim: {faults: []}\n',
@@ -161,7 +162,7 @@ def test_a_folder_of_pictures_is_captured_by_a_process_of_its_own(
     assert packed[0].format == 'jpeg'
     # Numbers in names count as numbers; a picture may be missing where the machine is busy.
     assert set(values) <= set(range(12)) and len(set(values)) > 6
-    for pid in set(workers()) - before:  # the process is killed: the host starts another one
+    for pid in workers(world):  # the process is killed: the host starts another one
         os.kill(pid, signal.SIGKILL)
     robot.wait_for_line('its capture process ended without a word')
     seen = len(packed)

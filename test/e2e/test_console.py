@@ -47,7 +47,7 @@ class Talker(Module):
 
     def step(self):
         self.jobs += 1
-        self.log.info('job %d says a lot: %s', self.jobs, 'x' * 200)
+        self.log.info('job %d says a lot: ' + 'x' * LENGTH, self.jobs)
         if self.jobs % 50 == 0:
             self.log.error('trouble %d', self.jobs)
             self.log.debug('detail %d', self.jobs)
@@ -66,8 +66,8 @@ robot:
 """
 
 
-def environment(world: Any) -> dict[str, str]:
-    (world.folder / 'noisy_module.py').write_text(MODULE)
+def environment(world: Any, length: int = 200) -> dict[str, str]:
+    (world.folder / 'noisy_module.py').write_text(MODULE.replace('LENGTH', str(length)))
     return {'PYTHONPATH': os.pathsep.join(
         [str(world.folder), str(ROOT), os.environ.get('PYTHONPATH', '')])}
 
@@ -85,14 +85,15 @@ def test_a_console_that_nobody_reads_holds_up_neither_samples_nor_the_end(
     safe = world.listen(Twist, '/cmd_vel_safe')
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     parameters = world.folder / 'test.yaml'
-    parameters.write_text(ROBOT.replace('RATE', '1000.0'))
+    parameters.write_text(ROBOT.replace('RATE', '1000.0').replace(
+        'core: {', 'diagnostics_rate_hz: 10.0\n    core: {'))
     read, write = os.pipe()
     try:
         code = 'import sys; from rt_robot_os.clients.ros.program import main; sys.exit(main())'
         process = subprocess.Popen(
             [sys.executable, '-c', code, '--ros-args', '--params-file', str(parameters)],
             cwd='/', stdout=write, stderr=write, env={
-                **os.environ, **environment(world), 'RT_ROBOT_OS_RUNTIME_DIR': str(world.folder)})
+                **os.environ, **environment(world, length=1900), 'RT_ROBOT_OS_RUNTIME_DIR': str(world.folder)})
         try:
             until(lambda: int(log_values(diagnostics).get('untold', 0)) > 500, 'lines untold')
             assert 'were not told' in log_values(diagnostics)['message']

@@ -46,7 +46,7 @@ def strike(function):
 def create_node(*arguments, **options):
     node = made(*arguments, **options)
     publisher = node.create_publisher(String, '/chatter', 10)
-    node.create_timer(0.02, lambda: publisher.publish(String(data='hello')))
+    node.create_timer(0.005, lambda: publisher.publish(String(data='hello')))
     if moment == 'subscribing':
         node.create_subscription = strike(node.create_subscription)
     return node

@@ -52,12 +52,12 @@ def guard_of(client: LinkClient) -> TaskStatistics:
     return next(t for t in client.statistics().tasks if t.name == 'guard')
 
 
-def start_apart(world: Any) -> tuple[Any, Any, LinkClient]:
+def start_apart(world: Any, parameters: str = ROBOT) -> tuple[Any, Any, LinkClient]:
     """Start a core by itself, a node that attaches to it, and a client that watches."""
     path = world.folder / 'test.yaml'
-    path.write_text(ROBOT)
+    path.write_text(parameters)
     core = world.start('rt_robot_os.core.program', '--ros-args', '--params-file', str(path))
-    robot = world.robot(ROBOT)
+    robot = world.robot(parameters)
     robot.wait_for_line('connected to the core')
     return core, robot, LinkClient(world.folder / 'robot.sock', 'watch')
 
@@ -75,15 +75,17 @@ def releases_account_for_all(task: TaskStatistics) -> bool:
 
 
 def test_a_stopped_ros_side_loses_only_its_own_samples(world: Any, until: Until) -> None:
-    _, robot, watch = start_apart(world)
+    # Fast, and each sample in a packet of its own: a socket of any size is soon full.
+    _, robot, watch = start_apart(world, ROBOT.replace('rate_hz: 200.0', 'rate_hz: 1000.0').replace(
+        'spawn: false', 'spawn: false, link_gather_ms: 0.0'))
     with watch:
         before = guard_of(watch)
         robot.process.send_signal(signal.SIGSTOP)
         until(lambda: guard_of(watch).runs > before.runs + 600, '600 more jobs', 60.0)
         during = guard_of(watch)
         assert releases_account_for_all(during)
-        # The whole time on the grid, none left out: 5 ms each.
-        assert during.gap_maximum_ns < 5_000_000 * (during.missed + 2)
+        # The whole time on the grid, none left out: 1 ms each.
+        assert during.gap_maximum_ns < 1_000_000 * (during.missed + 2)
         mirror = until(lambda: (m := mirrors_of(watch, 'robot')) and m['full'] and m,
                        'a full socket', 60.0)
         robot.process.send_signal(signal.SIGCONT)
@@ -122,13 +124,15 @@ def test_a_core_started_anew_is_found_again_by_its_node(world: Any, until: Until
     until(lambda: safe, 'messages from the new core')
 
 
+# Soon, and again for machines that have not started the robot by then.
+FAULTS = "'{0} at 0.7 for 0.6', '{0} at 4 for 0.6', '{0} at 12 for 0.6', '{0} at 30 for 0.6'"
 DEVICES = """
 robot:
   ros__parameters:
     core: {{cpu: -2, scheduler_priority: 0}}
     devices: [imu, gps]
     imu: {{type: witmotion, port: sim, rate_hz: 200.0, timeout_s: 0.3, retry_s: 0.1,
-          retry_max_s: 0.2, sim: {{faults: ['{fault}']}}}}
+          retry_max_s: 0.2, sim: {{faults: [{faults}]}}}}
     gps: {{type: nmea, port: sim, rate_hz: 100.0}}
     mirrors: [imu_data]
     imu_data: {{topic: imu/data}}
@@ -136,12 +140,11 @@ robot:
 
 
 @pytest.mark.parametrize(('fault', 'reason'), [
-    ('unplug at 1 for 1', 'gone'), ('silent at 1 for 1', 'silent'),
-    ('garbage at 1 for 1', 'no valid frame')])
+    ('unplug', 'gone'), ('silent', 'silent'), ('garbage', 'no valid frame')])
 def test_a_faulty_device_is_named_recovers_and_never_delays_the_other(
         world: Any, until: Until, fault: str, reason: str) -> None:
     imu = world.listen(Imu, '/imu/data')
-    robot = world.robot(DEVICES.format(fault=fault))
+    robot = world.robot(DEVICES.format(faults=FAULTS.format(fault)))
     robot.wait_for_line(reason)
     seen = len(imu)
     robot.wait_for_line('imu]: active again')
@@ -158,7 +161,7 @@ def test_a_missing_device_is_reported_with_the_remedy_and_the_other_works(
         world: Any, until: Until) -> None:
     imu = world.listen(Imu, '/imu/data')
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
-    yaml = DEVICES.format(fault='silent at 1000 for 1').replace(
+    yaml = DEVICES.format(faults='').replace(
         'gps: {type: nmea, port: sim', f'gps: {{type: nmea, port: {world.folder}/nowhere')
     world.robot(yaml)
     until(lambda: len(imu) > 50, 'the other device')

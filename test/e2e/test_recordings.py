@@ -177,7 +177,7 @@ def imu_bytes(recorded: list[Sample]) -> bytes:
         + magnetic_field_frame(*r[6:], scale_t=1.5e-7) for r in recorded)
 
 
-@pytest.mark.parametrize(('count', 'played'), [(400, True), (13500, False)],
+@pytest.mark.parametrize(('count', 'played'), [(150, True), (5000, False)],
                          ids=['played at 100 Hz', 'as fast as it arrives'])
 def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
         world: Any, until: Until, data_dir: Path, count: int, played: bool) -> None:

@@ -31,6 +31,13 @@ from sensor_msgs.msg import Imu  # noqa: E402
 Until = Callable[..., Any]
 
 
+# What is not a setting: for how long the node waits for a first /clock before it warns.
+PATIENT_FOR_HALF_A_SECOND = """
+from rt_robot_os.clients.ros import ros_time
+ros_time._PATIENCE_S = 0.5
+"""
+
+
 def seconds(message: Any) -> float:
     return float(message.header.stamp.sec + message.header.stamp.nanosec / 1e9)
 
@@ -40,7 +47,7 @@ def test_stamps_follow_a_clock_and_without_one_the_robot_runs_on(
     imu = world.listen(Imu, '/imu/data')
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = world.robot(None, '-p', 'core.cpu:=-2', '-p', 'core.scheduler_priority:=0',
-                        '-p', 'use_sim_time:=true')
+                        '-p', 'use_sim_time:=true', prelude=PATIENT_FOR_HALF_A_SECOND)
     robot.wait_for_line('nobody publishes /clock')
     now = world.node.get_clock().now().nanoseconds / 1e9
     until(lambda: len(diagnostics) > 2 and imu, 'diagnostics and samples without a clock')

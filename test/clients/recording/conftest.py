@@ -132,8 +132,30 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
 
 
 @pytest.fixture(scope='module')
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Run one core of the default robot for the tests that only look on; give its folder."""
+    with tempfile.TemporaryDirectory(prefix='rtr') as folder:
+        made = Robot(Path(folder), tmp_path_factory.mktemp('running'))
+        try:
+            made.core()
+            yield made.folder
+        finally:
+            made.close()
+
+
+@pytest.fixture
+def beside(running: Path, tmp_path: Path) -> Iterator[Robot]:
+    """Give what starts programs beside a core that runs already."""
+    made = Robot(running, tmp_path)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture(scope='session')
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Record the default robot from its first moment on."""
+    """Record the default robot from its first moment on; who changes it works on a copy."""
     output = tmp_path_factory.mktemp('recording')
     with tempfile.TemporaryDirectory(prefix='rtr') as folder:
         made = Robot(Path(folder), output)

@@ -112,13 +112,12 @@ def test_a_recording_cut_short_is_replayed_up_to_there(recording: Path, robot: A
     assert 'cut short' in text
 
 
-def test_a_recording_in_the_middle_of_a_run_settles(robot: Any) -> None:
-    robot.core()
-    bag = robot.output / 'bag'
-    recorder, log = robot.record('-o', str(bag))
-    robot.wait_for_messages(log, recorder, 500)
-    assert robot.end(recorder) == 0
-    code, text = robot.run(REPLAY, str(bag))
+def test_a_recording_in_the_middle_of_a_run_settles(beside: Any) -> None:
+    bag = beside.output / 'bag'
+    recorder, log = beside.record('-o', str(bag))
+    beside.wait_for_messages(log, recorder, 500)
+    assert beside.end(recorder) == 0
+    code, text = beside.run(REPLAY, str(bag))
     assert 'began in the middle of the run' in text
     # A filter remembers everything, so it is never the same; the others are.
     assert 'attitude/imu: never the same' in text
@@ -162,13 +161,12 @@ def test_another_format_is_named(recording: Path, robot: Any) -> None:
     assert 'of format 99' in text and '9.1' in text
 
 
-def test_without_a_schedule_nothing_is_replayed(recording: Path, robot: Any) -> None:
-    robot.core()
-    bag = robot.output / 'bag'
-    recorder, log = robot.record('-o', str(bag), '--no-bytes')
-    robot.wait_for_messages(log, recorder, 300)
-    robot.end(recorder)
-    code, text = robot.run(REPLAY, str(bag))
+def test_without_a_schedule_nothing_is_replayed(beside: Any) -> None:
+    bag = beside.output / 'bag'
+    recorder, log = beside.record('-o', str(bag), '--no-bytes')
+    beside.wait_for_messages(log, recorder, 300)
+    beside.end(recorder)
+    code, text = beside.run(REPLAY, str(bag))
     assert code == 2
     assert 'made with --no-bytes' in text
 
