@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import atexit
 from collections import Counter
 import os
 from pathlib import Path
@@ -33,19 +32,19 @@ ROOT = Path(__file__).resolve().parents[1]
 # What tests of several folders use.
 sys.path.insert(0, str(ROOT / 'test' / 'shared'))
 
-# Read when rclpy makes its first context, so it is set before any test module is imported. Processes
-# of one run (see pytest_cmdline_main) have neighbouring domains, so that no two have the same.
+# Read when rclpy makes its first context, so it is set before any test module is imported.
+# Processes of one run have neighbouring domains, so that no two have the same.
 if 'PYTEST_XDIST_WORKER' in os.environ:
     number = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw')) + 1
     os.environ['ROS_DOMAIN_ID'] = str((int(os.environ['ROS_DOMAIN_ID']) + number) % 101 + 1)
 else:
     os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# Hundreds of processes are started here: each that compiles the package anew takes half as long again.
+# Hundreds of processes are started here, and compiling the package anew is a third of their time.
+COMPILED = ''
 if sys.dont_write_bytecode and 'PYTHONPYCACHEPREFIX' not in os.environ:
     os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
-    os.environ['PYTHONPYCACHEPREFIX'] = compiled = tempfile.mkdtemp(prefix='rt_robot_os_pyc_')
-    atexit.register(shutil.rmtree, compiled, ignore_errors=True)
+    os.environ['PYTHONPYCACHEPREFIX'] = COMPILED = tempfile.mkdtemp(prefix='rt_robot_os_pyc_')
 # A shell that starts the tests in the background has Ctrl-C ignored, which children inherit: those
 # that are to be interrupted would run on.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -79,6 +78,12 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
             and not option.usepdb and not option.collectonly):
         option.numprocesses = len(os.sched_getaffinity(0)) + 1
         option.dist = 'worksteal'
+
+
+def pytest_unconfigure() -> None:
+    """Remove what the children have compiled."""
+    if COMPILED:
+        shutil.rmtree(COMPILED, ignore_errors=True)
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -144,7 +144,8 @@ class World:
             path = self.folder / 'test.yaml'
             path.write_text(parameters)
             ros += ['--params-file', str(path)]
-        return self.start('rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments, **options)
+        return self.start(
+            'rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments, **options)
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""

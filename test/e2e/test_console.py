@@ -93,7 +93,8 @@ def test_a_console_that_nobody_reads_holds_up_neither_samples_nor_the_end(
         process = subprocess.Popen(
             [sys.executable, '-c', code, '--ros-args', '--params-file', str(parameters)],
             cwd='/', stdout=write, stderr=write, env={
-                **os.environ, **environment(world, length=1900), 'RT_ROBOT_OS_RUNTIME_DIR': str(world.folder)})
+                **os.environ, **environment(world, length=1900),
+                'RT_ROBOT_OS_RUNTIME_DIR': str(world.folder)})
         try:
             until(lambda: int(log_values(diagnostics).get('untold', 0)) > 500, 'lines untold')
             assert 'were not told' in log_values(diagnostics)['message']

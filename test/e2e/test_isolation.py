@@ -76,7 +76,8 @@ def releases_account_for_all(task: TaskStatistics) -> bool:
 
 def test_a_stopped_ros_side_loses_only_its_own_samples(world: Any, until: Until) -> None:
     # Fast, and each sample in a packet of its own: a socket of any size is soon full.
-    _, robot, watch = start_apart(world, ROBOT.replace('rate_hz: 200.0', 'rate_hz: 1000.0').replace(
+    _, robot, watch = start_apart(world, ROBOT.replace(
+        'rate_hz: 200.0', 'rate_hz: 1000.0').replace(
         'spawn: false', 'spawn: false, link_gather_ms: 0.0'))
     with watch:
         before = guard_of(watch)
