@@ -46,11 +46,11 @@ class LiveSettings:
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
-        """Give everything that can be set."""
+        """Return everything that can be set."""
         return cls.SETTINGS
 
     def value(self, name: str) -> Any:
-        """Give a setting; a changed one as it will be in the next job."""
+        """Return a setting; a changed one as it will be in the next job."""
         return self._changes.get(name, self.settings[name])
 
     def change(self, name: str, value: Any) -> Any:

@@ -107,7 +107,7 @@ class _Old(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         """
-        Give what has the name in the new place.
+        Return what has the name in the new place.
 
         :raises AttributeError: it is not there either.
         """

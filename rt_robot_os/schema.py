@@ -220,13 +220,13 @@ def inline(default: Any) -> Any:
 
 @functools.cache
 def hints_of(cls: type) -> Mapping[str, Any]:
-    """Give the annotated type of each field of a dataclass."""
+    """Return the annotated type of each field of a dataclass."""
     return get_type_hints(cls)
 
 
 @functools.cache
 def declared(cls: type) -> tuple[Field, ...]:
-    """Give the settings of a dataclass, in order."""
+    """Return the settings of a dataclass, in order."""
     hints = hints_of(cls)
     found: list[Field] = []
     everything: Mapping[str, dataclasses.Field[Any]] = getattr(cls, '__dataclass_fields__')

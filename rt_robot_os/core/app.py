@@ -167,7 +167,7 @@ class Core:
                 max_subscribers=device.max_subscribers)
 
     def _attach(self, owners: Mapping[str, object]) -> None:
-        """Say who answers requests, tells statistics, and is looked after, in this order."""
+        """Attach the parts in this order: it is that of requests, statistics and the watch."""
         host, statistics = self.host, self.host.statistics
         self.taps.attach(host)
         KernelRequests(self.kernel, self.stop, self.note).attach(host)

@@ -174,7 +174,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
 
 
 def _device_folder(path: Path) -> Path:
-    """Give the folder of the simulated devices, beside the socket."""
+    """Return the folder of the simulated devices, beside the socket."""
     return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
 
 

@@ -149,7 +149,7 @@ class BlackBoxKeeper:
             for part in live_parts(self._kernel, reason, self.facts()):
                 connection.send(marshal.dumps((number, part)))
             self._waiting += 1
-        except (OSError, ValueError) as error:  # the latter of a text that is no plain one
+        except (OSError, ValueError) as error:  # ValueError: a text that cannot be encoded
             self.lost += 1
             self._note(Severity.ERROR, 'not saved: its writer does not take it '
                        f'({error}); look for its message above')

@@ -27,8 +27,8 @@ from rt_robot_os.units import NS_PER_US
 INTERVAL_NS = NS_PER_S
 _SHORTEST_GUESS_NS = 20 * NS_PER_US
 _MARGIN = 2
-# So many intervals without a gap that is wide enough: less margin then, then less than the
-# longest, later a word to people.
+# Intervals without a gap that is wide enough, after which the margin is given up, then a gap for
+# the shortest run suffices, and at last it is reported.
 _PATIENCE = 10
 _IMPATIENCE = 30
 _OVERDUE = 60
@@ -71,7 +71,7 @@ class SlackCollector:
 
     @property
     def longest_ns(self) -> int:
-        """Give the computing time of the longest of the last collections."""
+        """Return the computing time of the longest of the last collections."""
         return max(self._took_ns)
 
     def _collect(self) -> int:

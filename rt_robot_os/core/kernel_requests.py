@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What clients may do to the kernel: let tasks run again, reset statistics, stop it all."""
+"""What clients may do to the kernel: re-arm tasks, reset statistics, stop the core."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class KernelRequests:
         host.statistics.add_facts(self._facts)
 
     def _facts(self) -> dict[str, Any]:
-        """Tell what the kernel counts that belongs to no task."""
+        """Return what the kernel counts that belongs to no task."""
         kernel, now_ns = self._kernel, self._kernel.now_ns()
         return {'pid': os.getpid(), 'now_ns': now_ns, 'elapsed_ns': now_ns - kernel.start_ns,
                 'wakeups': kernel.wakeups, 'overhead_ns': kernel.overhead_ns,
@@ -62,7 +62,7 @@ class KernelRequests:
                 'stolen_maximum_ns': kernel.stolen.times.maximum_ns}
 
     def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
-        """Let a task that is held make jobs again, or all of them."""
+        """Re-arm a task that is held, or all of them."""
         kernel = self._kernel
         name = arguments.get('task', '')
         tasks = [kernel.task(text_of(arguments, 'task'))] if name else held(kernel)

@@ -91,7 +91,7 @@ class LiveParameters:
                    'wanted': entry.field.wanted()}
 
     def digest(self) -> int:
-        """Give a number that is another one when a value is."""
+        """Return a number that is another one when a value is."""
         return zlib.crc32(repr([place.get() for _, place in self._places.values()]).encode())
 
     def change(self, name: str, value: Any) -> Any:
@@ -140,7 +140,7 @@ def _place(name: str, tasks: Mapping[str, Task], owners: Mapping[str, LiveSettin
 
 
 def _rate_of(period_ns: int) -> float:
-    """Give the shortest number of all rates that have this period: 30, not 30.0000003."""
+    """Return the shortest number of all rates that have this period: 30, not 30.0000003."""
     for digits in range(1, 18):
         rate_hz = float(f'{NS_PER_S / period_ns:.{digits}g}')
         if period_from_rate(rate_hz) == period_ns:

@@ -145,7 +145,7 @@ CORE_PARTS: Final[PluginRegistry[CorePart]] = PluginRegistry(
 
 def installed_parts() -> tuple[type[CorePart], ...]:
     """
-    Give the parts that are installed, by name in order.
+    Return the parts that are installed, by name in order.
 
     :raises ConfigError: one of them cannot be imported.
     """

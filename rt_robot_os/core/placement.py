@@ -43,7 +43,7 @@ def choose_cpu(wanted: int, lock: LockFile) -> int:
     """
     folder = os.open(lock.path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        _lock(folder)  # of two that start together the second sees the first
+        _lock(folder)  # so that of two that start together the second sees the first
         if wanted == ANY:
             taken = [cpu for facts in running_cores().values()
                      if isinstance(cpu := facts.get('cpu'), int) and cpu >= 0]
@@ -64,6 +64,6 @@ def _lock(folder: int) -> None:
 
 
 def least_used(allowed: Collection[int], taken: Iterable[int]) -> int:
-    """Give the CPU with the fewest robots; of equals the last: Linux is busy on the first."""
+    """Return the CPU with the fewest robots; of equals the last: Linux is busy on the first."""
     robots = Counter(taken)
     return min(allowed, key=lambda cpu: (robots[cpu], -cpu))

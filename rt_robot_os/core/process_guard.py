@@ -57,7 +57,7 @@ class ProcessGuard:
 
     def equip(self, watchdog: Watchdog | None) -> list[RtResult]:
         """
-        Open everything that the watchdog shall move and feed.
+        Open everything that the watchdog feeds.
 
         :return: what became of each step.
         """

@@ -61,6 +61,6 @@ class RealtimeProcess:
         return self.results
 
     def close(self) -> None:
-        """Let the CPU sleep as deeply as it likes; may be called twice."""
+        """Release the CPU latency request; may be called twice."""
         if self._cpu_latency is not None:
             self._cpu_latency.close()

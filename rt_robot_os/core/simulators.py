@@ -94,7 +94,7 @@ class Simulators:
 
     def news(self) -> list[str]:
         """
-        Give what is new of the simulated devices; never waits.
+        Return what is new of the simulated devices; never waits.
 
         Two system calls: for the lowest task, a few times a second.
         """

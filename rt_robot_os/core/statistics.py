@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The statistics of a core: whoever owns a matter adds what is to be told of it."""
+"""The statistics of a core, from sources that its parts add."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Facts = Callable[[], Mapping[str, Any]]
 
 
 class Statistics:
-    """What is told of the tasks, of all that was added, and of the core itself, in this order."""
+    """The statistics of the tasks, of all sources, and of the core itself, in this order."""
 
     def __init__(self, kernel: Kernel, requests: Requests, warn: Callable[[str], object]) -> None:
         """

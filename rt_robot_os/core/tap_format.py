@@ -108,17 +108,17 @@ class ScheduleRecord(NamedTuple):
 
 
 def device_topic(device: str) -> str:
-    """Give the topic of a device's bytes."""
+    """Return the topic of a device's bytes."""
     return f'device/{device}/bytes'
 
 
 def is_tap(topic: str) -> bool:
-    """Say whether a topic is one of the taps."""
+    """Return whether a topic is one of the taps."""
     return topic == SCHEDULE_TOPIC or bool(tapped_device(topic))
 
 
 def tapped_device(topic: str) -> str:
-    """Give the device whose bytes a topic holds; empty when it is no such topic."""
+    """Return the device whose bytes a topic holds; empty when it is no such topic."""
     parts = topic.split('/')
     return parts[1] if len(parts) == 3 and topic == device_topic(parts[1]) else ''
 
@@ -135,7 +135,7 @@ def device_front(kind: TapKind, moment: int, idle: Sequence[int]) -> bytes:
 
 def split_array(cdr: bytes | memoryview) -> tuple[bytes, bytes]:
     """
-    Give what stands in front of the data, and the data.
+    Return what stands in front of the data, and the data.
 
     :raises ValueError: it is no UInt8MultiArray of ours.
     """

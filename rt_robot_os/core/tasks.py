@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""From what the configuration declares of a task to what the kernel takes."""
+"""Tasks of the kernel from the settings of devices and modules."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rt_robot_os.settings.tasks import kernel_keywords
 
 
 def declaration(task: TaskSettings, kernel: Kernel) -> dict[str, Any]:
-    """Give the keywords of :meth:`rt_robot_os.kernel.Kernel.add_task`."""
+    """Return the keywords of :meth:`rt_robot_os.kernel.Kernel.add_task`."""
     return {**kernel_keywords(task),
             'resources': tuple(kernel.resource(name) for name in task.resources)}
 
@@ -85,6 +85,6 @@ def held(kernel: Kernel) -> list[Task]:
 
 
 def resource_names(settings: RobotSettings) -> tuple[str, ...]:
-    """Give the names of what tasks share, in the order of the file."""
+    """Return the names of what tasks share, in the order of the file."""
     tasks = [*(each.task for each in settings.devices), *(each.task for each in settings.modules)]
     return tuple(dict.fromkeys(name for task in tasks for name in task.resources))

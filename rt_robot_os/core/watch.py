@@ -28,10 +28,10 @@ LOOKS_A_SECOND = 10
 
 class Watch:
     """
-    The task ``core/watch``: below all others, so that whatever it does holds up nobody.
+    The task ``core/watch``, the lowest: whatever it does is preempted by all others.
 
-    What was added is called in order; reports are written last, so that what is told on the way
-    is among them.
+    Functions are called in the order in which they were added; reports are written last, so that
+    theirs are among them.
     """
 
     def __init__(self, kernel: Kernel, reports: Reports) -> None:

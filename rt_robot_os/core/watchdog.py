@@ -43,7 +43,7 @@ from rt_robot_os.units import NS_PER_S
 
 class Pulse:
     """
-    The judgement of one task, from look to look.
+    The health of one critical task, from check to check.
 
     A job that keeps its deadline ends at most a deadline after its release, and the one before
     ended no earlier than at its own release, a period before. So between the ends of two jobs lie
@@ -60,7 +60,7 @@ class Pulse:
         self._alive_ns = start_ns + task.spec.phase_ns
 
     def look(self, now_ns: int) -> str:
-        """Say why the task is not healthy; empty when it is. Safe in the real-time loop."""
+        """Return why the task is not healthy; empty when it is. Safe in the real-time loop."""
         task = self.task
         task.account()
         if task.state is not TaskState.ACTIVE:
@@ -155,7 +155,7 @@ class Watchdog:
             self.handle.push(now_ns + TIMEOUTS_UNTIL_DEATH * self._timeout_ns)
 
     def leave(self) -> None:
-        """Let go of the process that ends in order; after a trip it keeps its last deadline."""
+        """Stop the dead-man timer of a process that ends in order; after a trip it goes on."""
         if self.handle is not None and not self.tripped:
             self.handle.release()
 

@@ -25,7 +25,7 @@ _EXPONENT: Final = 0.1902632
 
 def altitude_m(pressure_pa: float, sea_level_pa: float = SEA_LEVEL_PA) -> float:
     """
-    Give the altitude at which the standard atmosphere has a pressure.
+    Return the altitude at which the standard atmosphere has a pressure.
 
     :param pressure_pa: above zero.
     :param sea_level_pa: pressure at altitude 0 (QNH), above zero.
@@ -34,14 +34,14 @@ def altitude_m(pressure_pa: float, sea_level_pa: float = SEA_LEVEL_PA) -> float:
 
 
 def altitude_slope_m_pa(pressure_pa: float, sea_level_pa: float = SEA_LEVEL_PA) -> float:
-    """Give the change of altitude with pressure, negative; for variances."""
+    """Return the change of altitude with pressure, negative; for variances."""
     ratio = pressure_pa / sea_level_pa
     return -_SCALE_M * _EXPONENT * float(ratio ** _EXPONENT) / pressure_pa
 
 
 def pressure_pa(altitude: float, sea_level_pa: float = SEA_LEVEL_PA) -> float:
     """
-    Give the pressure at an altitude, the inverse of :func:`altitude_m`.
+    Return the pressure at an altitude, the inverse of :func:`altitude_m`.
 
     :param altitude: in m, below 44 km.
     """

@@ -74,13 +74,13 @@ class AxisMap:
         return found
 
     def determinant(self) -> float:
-        """Give 1.0 for a rotation, -1.0 for a mirror image."""
+        """Return 1.0 for a rotation, -1.0 for a mirror image."""
         a, b, c = self.axes
         even = (a, b, c) in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
         return math.prod(self.signs) * (1.0 if even else -1.0)
 
     def inverse(self) -> AxisMap:
-        """Give the map that leads back."""
+        """Return the map that leads back."""
         back = [self.axes.index(i) for i in range(3)]
         return AxisMap((back[0], back[1], back[2]),
                        (self.signs[back[0]], self.signs[back[1]], self.signs[back[2]]))
@@ -115,7 +115,7 @@ class Calibration:
                                 for m, o, s in zip(measured, self.offset, self.scale)])
 
     def undo(self, corrected: Sequence[float]) -> Vector:
-        """Give what the sensor showed."""
+        """Return what the sensor showed."""
         x, y, z = self.axes.inverse().apply(corrected)
         return (x / self.scale[0] + self.offset[0], y / self.scale[1] + self.offset[1],
                 z / self.scale[2] + self.offset[2])

@@ -193,7 +193,7 @@ class Device(PortOwner, ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device; may be called at any time and twice, and does not raise."""
+        """Close the device; may be called at any time and twice, and does not raise."""
 
     @abstractmethod
     def read(self, now_ns: int) -> int:
@@ -261,7 +261,7 @@ class Device(PortOwner, ABC):
 
     def diagnosis(self) -> str:
         """
-        Say what the bytes are that came although no frame was valid; empty when it cannot.
+        Return what the bytes are that came although no frame was valid; empty when it cannot.
 
         Asked once each time the device is given up and its port closed, by the task of low
         priority that recovers devices: it may take milliseconds.
@@ -270,14 +270,14 @@ class Device(PortOwner, ABC):
 
     def unused(self) -> str:
         """
-        Say what the valid frames are that gave no sample, and what to do; empty when it cannot.
+        Return what the valid frames are that gave no sample, and what to do; empty when it cannot.
 
         Asked once each time that samples stay away.
         """
         return ''
 
     def silence(self) -> str:
-        """Say what to check when nothing comes; asked once each time the device is given up."""
+        """Return what to check when nothing comes; asked once each time the device is given up."""
         return self.IF_SILENT
 
     @classmethod
@@ -325,4 +325,4 @@ class Device(PortOwner, ABC):
 
     @abstractmethod
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""

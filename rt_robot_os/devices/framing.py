@@ -63,7 +63,7 @@ class StreamDecoder(ABC, Generic[FrameT]):
 
     @property
     def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes that wait for the rest of their frame."""
         return len(self._pending)
 
     def reset(self) -> None:
@@ -111,7 +111,7 @@ class FrameDecoder(StreamDecoder[FrameT]):
     @abstractmethod
     def end(self, buffer: bytes, at: int) -> int:
         """
-        Say where a frame ends.
+        Return where a frame ends.
 
         :param at: where one of ``STARTS`` stands; the bytes of the shortest frame are there.
         :return: index just after its last byte. When more bytes are needed to know that: any index

@@ -69,7 +69,7 @@ def imu_settings(
 
 
 def imu_publications(settings: Mapping[str, Any]) -> tuple[TopicSpec, ...]:
-    """Say what such a unit publishes: Imu, and MagneticField unless its topic is empty."""
+    """Return what such a unit publishes: Imu, and MagneticField unless its topic is empty."""
     fixed = {'header.frame_id': settings['frame_id']}
     kinds = [(settings['topic'], 'sensor_msgs/msg/Imu')]
     if settings['mag_topic']:
@@ -126,5 +126,5 @@ class ImuFiller:
 
 
 def diagonal(first: float, second: float, third: float) -> npt.NDArray[np.float64]:
-    """Give the nine numbers of the covariance of three standard deviations."""
+    """Return the nine numbers of the covariance of three standard deviations."""
     return np.diag((first * first, second * second, third * third)).reshape(9)

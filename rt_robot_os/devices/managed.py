@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One device under the SensorManager: polled, read on interrupt, given up, opened again.
+One device under the SensorManager: polled, read on interrupt, closed after a fault, reopened.
 
-A fault is never final: the port is closed and opened again after a pause that doubles up to a
-limit, and starts over once a frame arrived. Valid frames that give no sample are no fault, for
-the device is alive, but a warning that says what to do.
+A fault is never final: the port is closed and opened again after a back-off that doubles up to a
+limit, and is reset once a frame arrived. Valid frames that give no sample are no fault, for the
+device is alive, but a warning that says what to do.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
 _CHECKS_PER_TIMEOUT = 8
-# Of the main topic; so long may a sample be late before that is told.
+# Periods of the main topic by which a sample may be late before that is reported.
 _PERIODS_WITHOUT_SAMPLE = 3
 
 
@@ -159,7 +159,7 @@ class ManagedDevice:
             self.rest()
 
     def rest(self) -> None:
-        """Bring what moves to rest if its port is open; what is wrong with that is told."""
+        """Bring what moves to rest if its port is open; an error is reported."""
         if not self.guards or not self._port_open or self._at_rest:
             return
         self._at_rest = True
@@ -316,7 +316,7 @@ class ManagedDevice:
             self._kernel.now_ns() - last_ns if last_ns else -1, counters)
 
     def _fault(self, reason: str) -> None:
-        """Give the device up for a while."""
+        """Close the device until its back-off is over."""
         reason = reason.removeprefix(f'{self.device.name}: ')
         self.reason = reason
         self.faults += 1

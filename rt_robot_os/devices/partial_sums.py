@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Sums of any part of a buffer in constant time, for checksums of frames that may begin anywhere.
+Prefix sums: the sum of any part of a buffer in constant time, for checksums of frames.
 
 Where many false beginnings stand close together, each with a long frame behind it, adding up each
 of those frames would cost a thousand times what good frames do. Running sums of the whole buffer
@@ -45,14 +45,14 @@ class PartialSums:
         self._second = b''
 
     def sum8(self, buffer: bytes, begin: int, end: int) -> int:
-        """Give the sum of the bytes from ``begin``, at least 1, up to before ``end``."""
+        """Return the sum of the bytes from ``begin``, at least 1, up to before ``end``."""
         if self._is_cheap(buffer, end - begin):
             return sum(buffer[begin:end]) & 0xFF
         first = self._first
         return first[end - 1] - first[begin - 1] & 0xFF
 
     def fletcher8(self, buffer: bytes, begin: int, end: int) -> tuple[int, int]:
-        """Give the sum, and the sum of the sums up to each byte."""
+        """Return the sum, and the sum of the sums up to each byte."""
         if self._is_cheap(buffer, end - begin):
             content = buffer[begin:end]
             # The second sum is that of the first n sums: each byte counts once for itself and
@@ -65,7 +65,7 @@ class PartialSums:
                 second[end - 1] - second[begin - 1] - (end - begin) * before & 0xFF)
 
     def _is_cheap(self, buffer: bytes, size: int) -> bool:
-        """Say whether to add up the part alone; if not, the running sums are there."""
+        """Return whether to add up the part alone; if not, the running sums are there."""
         if buffer is not self._buffer:
             self._buffer = buffer
             self._asked = 0

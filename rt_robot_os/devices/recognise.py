@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Which device is it: for the diagnosis of one that sends nothing valid, or of a wrong chip.
+Recognise devices by their bytes: for the diagnosis of one that sends nothing valid.
 
 The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
 tell which device it is, as far as one of the table of devices declares what recognises them, in
@@ -70,7 +70,7 @@ class Recognisers:
         self._known: tuple[_Known, ...] | None = None
 
     def prepare(self) -> tuple[_Known, ...]:
-        """Import them, once, so that the loop need not. One that is broken disturbs no other."""
+        """Import them once, outside of the loop; one that is broken disturbs no other."""
         if self._known is None:
             found = [each for name, parts in all_parts() for each in _known_of(name, parts)]
             # What a driver reads is asked about first.
@@ -79,7 +79,7 @@ class Recognisers:
 
     def recognised(self, data: bytes, baud: int) -> str:
         """
-        Say whose bytes they are, and what to do; empty when that is not known.
+        Return whose bytes they are, and what to do; empty when that is not known.
 
         Other packages are asked first: their devices often speak a dialect of what is known here.
         It asks all devices until one is sure: not for the task of a device.

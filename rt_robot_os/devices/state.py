@@ -81,7 +81,7 @@ class RecoverySettings:
 
 def of_arrival(declared: Mapping[str, Any], guards: bool) -> dict[str, Any]:
     """
-    Give what holds for the task that reads on arrival as well; the grid is the other's.
+    Return what holds for the task that reads on arrival as well; the grid is the other's.
 
     :param guards: it brings the device to rest when the other task does not: it must go on.
     """
@@ -95,7 +95,7 @@ def of_arrival(declared: Mapping[str, Any], guards: bool) -> dict[str, Any]:
 
 
 def reason_of(error: Exception) -> str:
-    """Say what went wrong; anything but a DeviceError is a defect of the driver: say where."""
+    """Return what went wrong; anything but a DeviceError is a defect of the driver: say where."""
     if isinstance(error, DeviceError):
         return str(error)
     place = error.__traceback__

@@ -55,7 +55,7 @@ class Wait(ABC):
         """Undo :meth:`begin`."""
 
     def result(self) -> Any:
-        """Give what ``await`` gives."""
+        """Return what ``await`` gives."""
         return None
 
     def __await__(self) -> Generator[Wait, Any, Any]:
@@ -122,7 +122,7 @@ class Event:
         self._set = False
 
     def wait(self) -> Wait:
-        """Give something to await: over when the event is set."""
+        """Return something to await: over when the event is set."""
         return _EventWait(self)
 
 
@@ -251,7 +251,7 @@ class Ticks:
         self._next_ns = kernel.now_ns()
 
     def next(self) -> Wait:  # noqa: A003
-        """Give something to await: over at the next point of the grid."""
+        """Return something to await: over at the next point of the grid."""
         now_ns = self._kernel.now_ns()
         self._next_ns += self.period_ns
         if self._next_ns < now_ns:

@@ -63,7 +63,7 @@ class FailureReport:
 
     @property
     def told(self) -> str:
-        """Give the error and where it came from, a line a call."""
+        """Return the error and where it came from, a line a call."""
         return self.error + ''.join(
             f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
 

@@ -31,7 +31,7 @@ LAST_LIMIT_NS = 1 << 63
 
 def bucket(duration_ns: int) -> int:
     """
-    Give the number of the bucket of a duration.
+    Return the number of the bucket of a duration.
 
     :param duration_ns: from 0 to ``LAST_LIMIT_NS`` (292 years), which is not included.
     """
@@ -73,7 +73,7 @@ class Summary:
 
 def percentile(counts: Sequence[int], total: int, part: float, maximum_ns: int) -> int:
     """
-    Give the duration that a part of all durations does not exceed.
+    Return the duration that a part of all durations does not exceed.
 
     :param counts: one number a bucket.
     :param total: their sum.

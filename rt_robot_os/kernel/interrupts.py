@@ -122,7 +122,7 @@ class InterruptSources:
             self._poll.register(self._masked.pop().fd, select.POLLIN)
 
     def ready(self, now_ns: int) -> list[Source]:
-        """Give the sources that are readable and not too early; safe in the real-time loop."""
+        """Return the sources that are readable and not too early; safe in the real-time loop."""
         found = []
         for fd, _ in self._poll.poll(0):
             source = self._sources[fd]

@@ -174,12 +174,12 @@ class Kernel(Scheduler):
         return task
 
     def sleep(self, delay_ns: int) -> Until:
-        """Give something to await: over after a delay."""
+        """Return something to await: over after a delay."""
         return Until(self.now_ns() + delay_ns)
 
     def every(self, rate_hz: float) -> Ticks:
         """
-        Give a grid of times to await, which begins now.
+        Return a grid of times to await, which begins now.
 
         :raises TaskError: the rate is out of range.
         """

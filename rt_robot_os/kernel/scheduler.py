@@ -403,7 +403,7 @@ class Scheduler(Releases):
         task.follow_up = True
 
     def _strike(self, task: Task) -> TaskAborted:
-        """Give what is to be raised in the task on the top of the stack, at once."""
+        """Return what is to be raised in the task on the top of the stack, at once."""
         now_ns = self.now_ns()
         used_ns = now_ns - task.start_ns - self._stolen_ns
         task.struck = False

@@ -167,7 +167,7 @@ def checked_period_ns(name: str, rate_hz: float) -> int:
 
 
 def broken(spec: TaskSpec, *, preemptive: bool = True, can_be_safe: bool = True) -> list[str]:
-    """Say which rules a declaration breaks; each text begins with its keyword."""
+    """Return which rules a declaration breaks; each text begins with its keyword."""
     declared = vars(spec)
     return [rule.value.format(**declared) for rule in contradictions(
         **declared, preemptive=preemptive, can_be_safe=can_be_safe)]

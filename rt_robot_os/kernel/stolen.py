@@ -79,7 +79,7 @@ class Stolen:
 
     def claim(self, now_ns: int, window_ns: int) -> int:
         """
-        Say how much of a time that looks long Linux took, and count it; locked.
+        Return how much of a time that looks long Linux took, and count it; locked.
 
         :param window_ns: the time, up to now.
         """

@@ -208,12 +208,12 @@ class Task:
 
     @property
     def rate_hz(self) -> float:
-        """Give the rate in force; 0 when only events release the task."""
+        """Return the rate in force; 0 when only events release the task."""
         return NS_PER_S / self.period_ns if self.period_ns else 0.0
 
     @property
     def last_miss(self) -> DeadlineMiss | None:
-        """Give the latest job that ended after its deadline; not for the real-time loop."""
+        """Return the latest job that ended after its deadline; not for the real-time loop."""
         return None if self.miss is None else DeadlineMiss(*self.miss, self.suspects)
 
     def reset_statistics(self) -> None:

@@ -63,7 +63,7 @@ class TraceLog:
         return self.total - len(self._events)
 
     def events(self) -> tuple[TraceEvent, ...]:
-        """Give the kept events, oldest first."""
+        """Return the kept events, oldest first."""
         return tuple(self._events)
 
     def text(self, times: bool = False) -> str:

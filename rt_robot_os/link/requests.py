@@ -139,7 +139,7 @@ def shown(value: Any) -> str:
 
 def text_of(arguments: Arguments, key: str) -> str:
     """
-    Give an argument that must be a text.
+    Return an argument that must be a text.
 
     :raises LinkError: it is none that others can read.
     """
@@ -151,7 +151,7 @@ def text_of(arguments: Arguments, key: str) -> str:
 
 def number_of(arguments: Arguments, key: str, default: float) -> float:
     """
-    Give an argument that must be a number from 0.
+    Return an argument that must be a number from 0.
 
     :raises LinkError: it is none.
     """
@@ -162,13 +162,13 @@ def number_of(arguments: Arguments, key: str, default: float) -> float:
 
 
 def reason_of(session: Session, arguments: Arguments) -> str:
-    """Give the reason that a client has for what it asks."""
+    """Return the reason that a client has for what it asks."""
     return safe_line(str(arguments.get('reason', f'asked by {session.name}')))
 
 
 def value_of(arguments: Arguments) -> Any:
     """
-    Give the value of a parameter, whatever its type.
+    Return the value of a parameter, whatever its type.
 
     :raises LinkError: it is, or holds, a text that others cannot read.
     """

@@ -114,7 +114,7 @@ def tell(program: str, error: Exception) -> None:
 
 
 def told_simulated(settings: RobotSettings) -> str:
-    """Say which devices are simulated, and how to have real ones when nobody asked for that."""
+    """Return which devices are simulated, and how to have real ones when nobody asked for that."""
     text = f'simulated: {", ".join(settings.simulated)}'
     if settings.simulation_asked:
         return text

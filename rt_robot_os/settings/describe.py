@@ -161,7 +161,7 @@ def describe(catalogue: Catalogue | None = None) -> str:
 
 
 def _without_task(cls: type) -> Sequence[Field]:
-    """Give the settings of a section; those of tasks have a table of their own."""
+    """Return the settings of a section; those of tasks have a table of their own."""
     task = declared(TaskSettings)
     return [field for field in declared(cls) if cls is TaskSettings or field not in task]
 

@@ -129,7 +129,7 @@ def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashabl
 
 @functools.cache
 def installed() -> Catalogue:
-    """Give the catalogue of this installation; imports a driver or module when it is named."""
+    """Return the catalogue of this installation; imports a driver or module when it is named."""
     return Catalogue(
         drivers=_Registry('driver', _driver_names, _driver),
         modules=_Registry('module', _module_names, _module, open_ended=True),

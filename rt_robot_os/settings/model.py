@@ -355,7 +355,7 @@ class RobotSettings:
 
     @property
     def simulated(self) -> tuple[str, ...]:
-        """Give the names of the devices that are simulated."""
+        """Return the names of the devices that are simulated."""
         return tuple(device.name for device in self.devices if device.port == SIM_PORT)
 
 

@@ -35,13 +35,13 @@ _MESSAGE = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 
 
 def is_token(name: str) -> bool:
-    """Tell whether a name is one ROS token: a device, a node, one part of a topic."""
+    """Return whether a name is one ROS token: a device, a node, one part of a topic."""
     return _TOKEN.fullmatch(name) is not None
 
 
 def topic_problem(name: str, example: str = 'imu/data') -> str | None:
     """
-    Say what is wrong with the name of a topic inside the robot.
+    Return what is wrong with the name of a topic inside the robot.
 
     :return: None for tokens separated by single slashes, else the remedy.
     """
@@ -53,7 +53,7 @@ def topic_problem(name: str, example: str = 'imu/data') -> str | None:
 
 
 def ros_topic_problem(name: str) -> str | None:
-    """Say what is wrong with a ROS topic name, which may also begin with '/' or '~/'."""
+    """Return what is wrong with a ROS topic name, which may also begin with '/' or '~/'."""
     for prefix in ('~/', '/'):
         if name.startswith(prefix):
             return topic_problem(name[len(prefix):], f'{prefix}imu/data')
@@ -61,14 +61,14 @@ def ros_topic_problem(name: str) -> str | None:
 
 
 def message_problem(name: str) -> str | None:
-    """Say what is wrong with the spelling of a message type."""
+    """Return what is wrong with the spelling of a message type."""
     if _MESSAGE.fullmatch(name):
         return None
     return 'must be package/msg/Type, such as geometry_msgs/msg/Twist'
 
 
 def namespace_problem(name: str) -> str | None:
-    """Say what is wrong with a namespace: '/' or tokens, each behind a slash."""
+    """Return what is wrong with a namespace: '/' or tokens, each behind a slash."""
     if name == '/' or (name.startswith('/') and topic_problem(name[1:]) is None):
         return None
     return f"must be '/' or begin with '/', in names of {TOKEN_RULE}, such as /lab"
@@ -80,7 +80,7 @@ def full_name(namespace: str, node: str) -> str:
 
 
 def full_topic(name: str, namespace: str, node: str) -> str:
-    """Give the whole name of a ROS topic, as ``ros2 topic list`` shows it."""
+    """Return the whole name of a ROS topic, as ``ros2 topic list`` shows it."""
     if name.startswith('/'):
         return name
     if name.startswith('~/'):

@@ -70,7 +70,7 @@ def select(root: RawMap, namespace: str, node: str, problems: Problems) -> NodeP
 
 
 def matches(pattern: list[str], name: list[str]) -> bool:
-    """Tell whether the tokens of a section's name, with wildcards, cover a node's full name."""
+    """Return whether the tokens of a section's name, with wildcards, cover a node's full name."""
     reached = {0}
     for token in pattern:
         if token == '**':

@@ -80,7 +80,7 @@ class ParameterDescription:
         return not self.live
 
     def refusal(self, value: Any) -> str | None:
-        """Say what is against a new value; None when it may be used."""
+        """Return what is against a new value; None when it may be used."""
         remedy = problem_of(self.field, value)
         if not remedy and self.task is not None:
             section = self.name.partition('.')[0]
@@ -119,7 +119,7 @@ class RobotParameters:
         return found.refusal(value)
 
     def live_values(self) -> dict[str, Any]:
-        """Give the parameters that may change while the robot runs, by dotted name."""
+        """Return the parameters that may change while the robot runs, by dotted name."""
         return dict(self._live)
 
     def set(self, name: str, value: Any) -> None:  # noqa: A003
@@ -172,7 +172,7 @@ def changed(
     settings: RobotSettings, name: str, value: Any, catalogue: Catalogue | None = None,
 ) -> RobotSettings:
     """
-    Give the settings with one change; :class:`RobotParameters` takes many.
+    Return the settings with one change; :class:`RobotParameters` takes many.
 
     :raises ConfigError: :func:`check_change` has something against it.
     """

@@ -66,16 +66,16 @@ class Part:
 
     @property
     def name(self) -> str:
-        """Give the name of its section."""
+        """Return the name of its section."""
         return self.section.name
 
     @property
     def enabled(self) -> bool:
-        """Say whether it is to run."""
+        """Return whether it is to run."""
         return self.section.values.get('enabled', True) is not False
 
     def own(self) -> Mapping[str, Any]:
-        """Give the values of the class's own settings."""
+        """Return the values of the class's own settings."""
         return self.section.pick(self.kind.fields if self.kind else ())
 
 
@@ -229,6 +229,6 @@ def _when_read(part: Part) -> str:
 
 
 def task_of(part: Part) -> TaskSettings:
-    """Give what a part declares of its task; a wrong value is replaced by its default."""
+    """Return what a part declares of its task; a wrong value is replaced by its default."""
     task: TaskSettings = made(TaskSettings, frozen(part.section.values))
     return task

@@ -67,7 +67,7 @@ class Problems:
         self.add(origin, f'{name} = {show(value)}: {remedy}')
 
     def lines(self) -> tuple[str, ...]:
-        """Give one line a problem, each once, by file and line."""
+        """Return one line a problem, each once, by file and line."""
         ordered = sorted(self._found, key=lambda found: found[:2])
         lines = tuple(dict.fromkeys(text for _, _, text in ordered))
         if self._dropped:
@@ -110,7 +110,7 @@ def _is_text(value: str) -> bool:
 
 
 def description_of(field: Field) -> str:
-    """Give the description as a sentence without full stop, however its author wrote it."""
+    """Return the description as a sentence without full stop, however its author wrote it."""
     text = field.description.removesuffix('.')
     return text[:1].upper() + text[1:]
 
@@ -177,7 +177,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Say which known name is nearest, or which names there are."""
+    """Return which known name is nearest, or which names there are."""
     names = known if isinstance(known, Names) else sorted(set(known))
     guess = names.nearest(name) if isinstance(names, Names) else nearest(name, names)
     if guess:

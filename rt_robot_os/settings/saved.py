@@ -48,7 +48,7 @@ _REMEDY: Final = 'give a file in a folder that can be written'
 
 def saved_path(file: str, robot: str) -> Path:
     """
-    Give the file that is written.
+    Return the file that is written.
 
     :param file: the setting ``parameters_file``.
     :param robot: name of the robot's files, as from ``link.paths.robot_name``.
@@ -98,13 +98,13 @@ def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, An
 
 
 def _configuration(files: Sequence[str], path: Path) -> list[str]:
-    """Give the files that tell one robot from another of its name."""
+    """Return the files that tell one robot from another of its name."""
     return [file for file in files if file != os.path.realpath(path)
             and not os.path.basename(file).startswith(_TEMPORARY)]
 
 
 def told_saved(path: Path, values: Mapping[str, Any]) -> str:
-    """Say what :func:`save` has done."""
+    """Return what :func:`save` has done."""
     if not values:
         return f'nothing differs from the configuration that was loaded; {path} is not needed'
     return f'{path}: {", ".join(f"{name} = {value!r}" for name, value in sorted(values.items()))}'

@@ -57,13 +57,13 @@ _MORE: Final = {'devices': {'port', 'baud', 'sim'}, 'topics': {'fixed'}}
 
 @functools.cache
 def _top() -> frozenset[str]:
-    """Give the keys at the top, which name no section of a list."""
+    """Return the keys at the top, which name no section of a list."""
     return frozenset({each.name for each in declared(RobotSettings)} | set(SECTIONS))
 
 
 @functools.cache
 def _telling() -> Mapping[str, set[str]]:
-    """Give the keys that only the sections of one list have, by list."""
+    """Return the keys that only the sections of one list have, by list."""
     keys = {name: [each.name for each in declared(kind)] for name, kind in LISTS.items()}
     often = Counter(itertools.chain(*keys.values()))
     return {name: {key for key in found if often[key] == 1} | _MORE.get(name, set())
@@ -85,7 +85,7 @@ class Section:
     origins: dict[str, Origin] = field(default_factory=dict)
 
     def where(self, key: str) -> Origin:
-        """Say where a key was written, or else its section."""
+        """Return where a key was written, or else its section."""
         return self.origins.get(key, self.origin)
 
     def reject(self, key: str, remedy: str, problems: Problems) -> None:
@@ -93,7 +93,7 @@ class Section:
         problems.value(self.where(key), f'{self.name}.{key}', self.values.pop(key), remedy)
 
     def pick(self, fields: Sequence[Field]) -> Mapping[str, Any]:
-        """Give the values of some fields."""
+        """Return the values of some fields."""
         return {each.name: self.values[each.name] for each in fields if each.name in self.values}
 
 
@@ -185,7 +185,7 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
 
 
 def texts(section: Branch) -> Iterable[str]:
-    """Give the texts of a section, at any depth."""
+    """Return the texts of a section, at any depth."""
     return (leaf.value for leaf in flatten(section).values() if isinstance(leaf.value, str))
 
 

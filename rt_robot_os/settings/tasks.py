@@ -83,7 +83,7 @@ Uses = Mapping[str, 'PartTopics | None']
 
 
 def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
-    """Give what a task declares in the keywords of ``Kernel.add_task``; without resources."""
+    """Return what a task declares in the keywords of ``Kernel.add_task``; without resources."""
     return {
         'phase_ns': round(task.phase_us * NS_PER_US),
         'deadline_ns': round(task.deadline_us * NS_PER_US),
@@ -101,7 +101,7 @@ def contradictions(
     rate_hz: float | None, task: TaskSettings, *, cooperative: str = '', never_safe: str = '',
 ) -> Iterator[tuple[str, str]]:
     """
-    Give what is wrong with one declaration, as (key, remedy).
+    Yield what is wrong with one declaration, as (key, remedy).
 
     :param rate_hz: 0 when only events release the task; None when it is not known.
     :param cooperative: where the cooperative dispatcher was chosen; empty without it.
@@ -278,7 +278,7 @@ def _keep_circles(followers: dict[str, dict[str, str]]) -> None:
 
 
 def _circle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
-    """Give the shortest way from a module back to itself; empty when there is none."""
+    """Return the shortest way from a module back to itself; empty when there is none."""
     came_from: dict[str, str] = {}
     waiting = deque([start])
     while waiting:

@@ -61,7 +61,7 @@ class Leaf:
     lines: tuple[int, ...] = ()
 
     def item_origin(self, index: int) -> Origin:
-        """Say where one item of a list stands."""
+        """Return where one item of a list stands."""
         if index < len(self.lines):
             return Origin(self.origin.file, self.lines[index])
         return self.origin

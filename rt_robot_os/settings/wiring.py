@@ -79,7 +79,7 @@ class TopicTable:
         return f'nobody declares this topic, {did_you_mean(topic, self.names)}'
 
     def message(self, topic: str) -> str:
-        """Give the type of a declared topic."""
+        """Return the type of a declared topic."""
         return self.declared[topic].spec.message
 
     def add_uses(

@@ -37,10 +37,10 @@ class Plug(Protocol):
     """Where a device is plugged in: what the server waits on."""
 
     def fileno(self) -> int:
-        """Give a file descriptor that is readable when the driver wants something."""
+        """Return a file descriptor that is readable when the driver wants something."""
 
     def has_reader(self) -> bool:
-        """Say whether that file descriptor can be waited on."""
+        """Return whether that file descriptor can be waited on."""
 
     def plug(self) -> None:
         """
@@ -66,7 +66,7 @@ class Place:
         self._i2c: I2cPort | None = None
 
     def i2c(self) -> I2cPort:
-        """Give the one I2C bus that all chips of the robot are on."""
+        """Return the one I2C bus that all chips of the robot are on."""
         if self._i2c is None:
             self._i2c = I2cPort(self.folder / 'i2c-sim')
         return self._i2c
@@ -101,7 +101,7 @@ class Simulated(ABC):
     @property
     @abstractmethod
     def path(self) -> Path:
-        """Give the path that the driver opens."""
+        """Return the path that the driver opens."""
 
     @abstractmethod
     def check_speed(self) -> None:
@@ -121,7 +121,7 @@ class Simulated(ABC):
 
     @abstractmethod
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
 
     @abstractmethod
     def close(self) -> None:

@@ -141,7 +141,7 @@ class SimulatedDevice(Simulated):
 
     @property
     def path(self) -> Path:
-        """Give the path that the driver opens."""
+        """Return the path that the driver opens."""
         return self.port.link
 
     def prepare(self) -> None:
@@ -154,7 +154,7 @@ class SimulatedDevice(Simulated):
     @abstractmethod
     def sample(self, time_s: float) -> bytes:
         """
-        Give the bytes of one sample.
+        Return the bytes of one sample.
 
         :param time_s: since the start.
         """
@@ -218,7 +218,7 @@ class SimulatedDevice(Simulated):
             self._send(data, active)
 
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
         if not self._started:
             return 0
         short = 'short' in self._plan.active(self._now_ns)
@@ -256,7 +256,7 @@ class SimulatedDevice(Simulated):
                 f'{self._baud}: lower rate_hz or raise baud'])
 
     def statistics(self) -> SimulatedStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         return SimulatedStatistics(
             self._samples, self._skipped, self.port.bytes_sent, self.port.bytes_dropped)
 

@@ -75,7 +75,7 @@ class FaultEvent:
     duration_ns: int
 
     def covers(self, moment_ns: int) -> bool:
-        """Say whether it is active."""
+        """Return whether it is active."""
         return self.start_ns <= moment_ns < self.start_ns + self.duration_ns
 
 
@@ -111,11 +111,11 @@ class FaultPlan:
         self._events.append(FaultEvent(fault, now_ns, check(fault, duration_s, self._known)))
 
     def active(self, moment_ns: int) -> frozenset[str]:
-        """Give the faults that are active."""
+        """Return the faults that are active."""
         return frozenset(e.fault for e in self._events if e.covers(moment_ns))
 
     def next_ns(self, after_ns: int) -> int | None:
-        """Say when a fault begins or ends next; None when none will."""
+        """Return when a fault begins or ends next; None when none will."""
         edges = [edge for e in self._events for edge in (e.start_ns, e.start_ns + e.duration_ns)]
         return min((edge for edge in edges if edge > after_ns), default=None)
 

@@ -58,10 +58,10 @@ class Chip(Protocol):
         """
 
     def holds_bus(self, now_ns: int) -> bool:
-        """Say whether it holds the bus, so that nobody can use it."""
+        """Return whether it holds the bus, so that nobody can use it."""
 
     def takes_bus(self, now_ns: int) -> bool:
-        """Say whether the bus goes away with it."""
+        """Return whether the bus goes away with it."""
 
 
 def transfer_ns(written: int, read: int, clock_hz: int = CLOCK_HZ) -> int:
@@ -103,7 +103,7 @@ class EmulatedBus:
                                f'{other.name}: give each its own'])
 
     def absent(self, now_ns: int) -> bool:
-        """Say whether the bus itself is away."""
+        """Return whether the bus itself is away."""
         return any(chip.takes_bus(now_ns) for chip in self._chips.values())
 
     def transfer(

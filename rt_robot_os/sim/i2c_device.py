@@ -153,15 +153,15 @@ class SimulatedChip(Simulated):
         return answer
 
     def holds_bus(self, now_ns: int) -> bool:
-        """Say whether it holds the bus, so that nobody can use it."""
+        """Return whether it holds the bus, so that nobody can use it."""
         return self._started and 'hold' in self._plan.active(now_ns)
 
     def takes_bus(self, now_ns: int) -> bool:
-        """Say whether the bus goes away with it."""
+        """Return whether the bus goes away with it."""
         return self._started and 'vanish' in self._plan.active(now_ns)
 
     def time_s(self, now_ns: int) -> float:
-        """Give the time since the start; it stands still while the fault stuck is on."""
+        """Return the time since the start; it stands still while the fault stuck is on."""
         return (now_ns - self._start_ns) / NS_PER_S if self._stuck_at is None else self._stuck_at
 
     def start(self, now_ns: int) -> None:
@@ -195,7 +195,7 @@ class SimulatedChip(Simulated):
 
     @property
     def path(self) -> Path:
-        """Give the path that the driver opens."""
+        """Return the path that the driver opens."""
         return self._path
 
     def check_speed(self) -> None:
@@ -215,7 +215,7 @@ class SimulatedChip(Simulated):
         self.port.serve(now_ns)
 
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
         events = (self._plan.next_ns(self._now_ns), self.port.next_ns(), self._now_ns + _IDLE_NS)
         return min(e for e in events if e is not None) if self._started else 0
 

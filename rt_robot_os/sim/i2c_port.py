@@ -82,7 +82,7 @@ class I2cPort:
         self._busy_until_ns = 0
 
     def link(self, name: str) -> Path:
-        """Give the path of a device; it is made when the bus is plugged in."""
+        """Return the path of a device; it is made when the bus is plugged in."""
         path = self.socket_path.with_name(name)
         if path not in self._links:
             self._links.append(path)
@@ -90,15 +90,15 @@ class I2cPort:
 
     @property
     def plugged(self) -> bool:
-        """Say whether the socket is there."""
+        """Return whether the socket is there."""
         return self._listener is not None
 
     def fileno(self) -> int:
-        """Give a file descriptor that is readable when somebody wants something; or -1."""
+        """Return a file descriptor that is readable when somebody wants something; or -1."""
         return -1 if self._poll is None else self._poll.fileno()
 
     def has_reader(self) -> bool:
-        """Say whether that file descriptor can be waited on."""
+        """Return whether that file descriptor can be waited on."""
         return self._poll is not None
 
     def plug(self) -> None:
@@ -153,7 +153,7 @@ class I2cPort:
                 self._send(descriptor, packet)
 
     def next_ns(self) -> int | None:
-        """Say when the next answer is due; None when none is."""
+        """Return when the next answer is due; None when none is."""
         return min((each[0] for each in self._answers), default=None)
 
     def _make_listener(self) -> socket.socket:

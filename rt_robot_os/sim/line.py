@@ -88,7 +88,7 @@ class SerialLine:
 
     def next_ns(self, chunk: int | None = None) -> int | None:
         """
-        Say when it is worth to take the next bytes; None when the line is idle.
+        Return when it is worth to take the next bytes; None when the line is idle.
 
         :param chunk: bytes to wait for, if not what suits the speed.
         """
@@ -101,7 +101,7 @@ class SerialLine:
 
 def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
     """
-    Say what a receiver hears that is set to another speed.
+    Return what a receiver hears that is set to another speed.
 
     It waits for a start bit that is still there in its middle, then samples eight bits in theirs,
     at its own pace; a stop bit that is none does not keep it from handing the byte over, as on

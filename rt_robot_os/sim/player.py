@@ -150,12 +150,12 @@ class Player:
 
     @property
     def done(self) -> bool:
-        """Say whether everything has been played."""
+        """Return whether everything has been played."""
         return self._at >= len(self._pieces) and not self._line.waiting
 
     @property
     def over(self) -> bool:
-        """Say whether it may be unplugged: all has been played, and fetched or given up."""
+        """Return whether it may be unplugged: all has been played, and fetched or given up."""
         return self.done and (self._now_ns - self._last_sent_ns > _LINGER_NS
                               or not self.port.has_reader())
 
@@ -177,7 +177,7 @@ class Player:
         self._send(now_ns)
 
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
         if self._round_ns is None:
             return self._now_ns + _LOOK_FOR_READER_NS if self._wait and self.port.plugged else 0
         line_ns = self._line.next_ns()
@@ -226,7 +226,7 @@ class Player:
         return True
 
     def _rest_ns(self) -> int:
-        """Give the time from the last piece of a round to the first of the next."""
+        """Return the time from the last piece of a round to the first of the next."""
         times = sorted({offset_ns for offset_ns, _ in self._pieces})
         step_ns = times[-1] - times[-2] if len(times) > 1 else 0
         return round(step_ns / self._speed)

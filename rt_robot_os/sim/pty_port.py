@@ -54,11 +54,11 @@ class PtyPort:
 
     @property
     def plugged(self) -> bool:
-        """Say whether the link is there."""
+        """Return whether the link is there."""
         return self._master >= 0
 
     def fileno(self) -> int:
-        """Give the file descriptor of our end, -1 when unplugged."""
+        """Return the file descriptor of our end, -1 when unplugged."""
         return self._master
 
     def plug(self) -> None:
@@ -98,7 +98,7 @@ class PtyPort:
         self._master = -1
 
     def has_reader(self) -> bool:
-        """Say whether somebody has the port open."""
+        """Return whether somebody has the port open."""
         return self.plugged and not any(
             events & select.POLLHUP for _, events in self._poll.poll(0))
 

@@ -47,13 +47,13 @@ class Pumped(Protocol):
 
     @property
     def port(self) -> Plug:
-        """Give where it is plugged in."""
+        """Return where it is plugged in."""
 
     def pump(self, now_ns: int) -> None:
         """Do everything that is due by now."""
 
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
 
     def close(self) -> None:
         """Unplug."""

@@ -49,16 +49,16 @@ class TcpPlug(PtyPort):
 
     @property
     def url(self) -> str:
-        """Give the port as a driver has it."""
+        """Return the port as a driver has it."""
         return f'tcp://127.0.0.1:{self._number}'
 
     @property
     def plugged(self) -> bool:
-        """Say whether connections are taken."""
+        """Return whether connections are taken."""
         return self._listener is not None
 
     def fileno(self) -> int:
-        """Give the file descriptor of the connection, -1 without one."""
+        """Return the file descriptor of the connection, -1 without one."""
         return -1 if self._client is None else self._client.fileno()
 
     def plug(self) -> None:
@@ -84,7 +84,7 @@ class TcpPlug(PtyPort):
             listener.close()
 
     def has_reader(self) -> bool:
-        """Say whether somebody is connected; takes who waits."""
+        """Return whether somebody is connected; takes who waits."""
         if self._client is None and self._listener is not None:
             try:
                 self._client = self._listener.accept()[0]

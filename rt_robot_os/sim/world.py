@@ -60,14 +60,14 @@ def noisy(vector: Vector, deviation: float, chance: random.Random) -> Vector:
 # --- a body that is turned by hand: roll and pitch swing, yaw goes round -------------------------
 
 def attitude(time_s: float) -> Vector:
-    """Give roll, pitch and yaw in rad, yaw from -pi to pi; east, north, up."""
+    """Return roll, pitch and yaw in rad, yaw from -pi to pi; east, north, up."""
     roll = _SWING_RAD[0] * math.sin(2 * math.pi * _SWING_HZ[0] * time_s)
     pitch = _SWING_RAD[1] * math.sin(2 * math.pi * _SWING_HZ[1] * time_s)
     return roll, pitch, math.remainder(_TURN_RAD_S * time_s, 2 * math.pi)
 
 
 def angular_velocity(time_s: float) -> Vector:
-    """Give the rate of the attitude in rad/s about the device's axes."""
+    """Return the rate of the attitude in rad/s about the device's axes."""
     roll, pitch, _ = attitude(time_s)
     swing = [amplitude * 2 * math.pi * hz * math.cos(2 * math.pi * hz * time_s)
              for amplitude, hz in zip(_SWING_RAD, _SWING_HZ)]
@@ -77,7 +77,7 @@ def angular_velocity(time_s: float) -> Vector:
 
 
 def quaternion(time_s: float) -> tuple[float, float, float, float]:
-    """Give the attitude as w, x, y, z."""
+    """Return the attitude as w, x, y, z."""
     (cr, sr), (cp, sp), (cy, sy) = (
         (math.cos(angle / 2), math.sin(angle / 2)) for angle in attitude(time_s))
     return (cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy,
@@ -130,13 +130,13 @@ class Air:
         self._random = chance
 
     def altitude_m(self, time_s: float) -> float:
-        """Give the altitude."""
+        """Return the altitude."""
         s = self._settings
         swing: float = s['swing_m']
         return float(s['altitude_m']) + swing * math.sin(2 * math.pi * time_s / s['swing_s'])
 
     def measure(self, time_s: float) -> tuple[float, float]:
-        """Give pressure in Pa, with noise, and temperature in degrees C."""
+        """Return pressure in Pa, with noise, and temperature in degrees C."""
         noise: float = self._settings['noise_pa']
         return (pressure_pa(self.altitude_m(time_s)) + self._random.gauss(0.0, noise),
                 float(self._settings['temperature_c']))

@@ -88,7 +88,7 @@ class ActuatorContract:
 
     @pytest.fixture
     def rig(self, tmp_path: Path) -> Iterator[ActuatorRig]:
-        """Give a robot of one actuator."""
+        """Yield a robot of one actuator."""
         with self._made(tmp_path) as made:
             yield made
 

@@ -195,7 +195,7 @@ class Topic:
 
 
 def is_depth(number: int) -> bool:
-    """Tell whether a ring may have so many slots: a power of two."""
+    """Return whether a ring may have so many slots: a power of two."""
     return 1 <= number <= DEPTH_MAXIMUM and not number & (number - 1)
 
 

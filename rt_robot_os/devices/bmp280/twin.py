@@ -38,7 +38,7 @@ _STANDBY_NS: Final = {field: pause for pause, field in chip.STANDBY_NS.items()}
 
 
 def encode(trimming: chip.Trimming, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
-    """Give the raw readings, pressure and temperature, nearest to physical values."""
+    """Return the raw readings, pressure and temperature, nearest to physical values."""
     return raw_readings(chip.compensate, trimming, (pressure_pa, temperature_c), 0, _RAW_MAXIMUM)
 
 
@@ -120,7 +120,7 @@ class SimulatedBmp280(RegisterChip):
 
     @staticmethod
     def _conversion_ns(control: int) -> int:
-        """Give the typical time, 13 % below the longest; 0 when one of the two is off."""
+        """Return the typical time, 13 % below the longest; 0 when one of the two is off."""
         over_t = _OVERSAMPLING.get(control >> 5, 16 if control >> 5 else 0)
         over_p = _OVERSAMPLING.get(control >> 2 & 7, 16 if control >> 2 & 7 else 0)
         if not over_t or not over_p:

@@ -88,12 +88,12 @@ class Trimming(NamedTuple):
         return None if blank or not found.t1 or not found.p1 else found
 
     def pack(self) -> bytes:
-        """Give the bytes of the registers."""
+        """Return the bytes of the registers."""
         return _TRIMMING.pack(*self)
 
 
 def conversion_ns(oversampling_temperature: int, oversampling_pressure: int) -> int:
-    """Give the longest time of a conversion."""
+    """Return the longest time of a conversion."""
     return 1_250_000 + 2_300_000 * oversampling_temperature + (
         2_300_000 * oversampling_pressure + 575_000)
 

@@ -37,7 +37,7 @@ _CHIP_ID: Final = 0x50
 
 
 def encode(scaled: chip.Scaled, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
-    """Give the raw readings, pressure and temperature, nearest to physical values."""
+    """Return the raw readings, pressure and temperature, nearest to physical values."""
     return raw_readings(chip.compensate, scaled, (pressure_pa, temperature_c), 0, _RAW_MAXIMUM)
 
 

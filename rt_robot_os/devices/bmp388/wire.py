@@ -87,11 +87,11 @@ class Trimming(NamedTuple):
         return None if blank or not found.t1 or not found.t2 else found
 
     def pack(self) -> bytes:
-        """Give the bytes of the registers."""
+        """Return the bytes of the registers."""
         return _TRIMMING.pack(*self)
 
     def scaled(self) -> Scaled:
-        """Give the coefficients that the formulas use."""
+        """Return the coefficients that the formulas use."""
         offsets = (0, 0, 0, 1 << 14, 1 << 14, 0, 0, 0, 0, 0, 0, 0, 0, 0)
         return tuple((value - offset) * factor
                      for value, offset, factor in zip(self, offsets, _FACTORS))
@@ -101,7 +101,7 @@ Scaled = tuple[float, ...]
 
 
 def conversion_ns(oversampling_temperature: int, oversampling_pressure: int) -> int:
-    """Give the longest time of a conversion."""
+    """Return the longest time of a conversion."""
     return 234_000 + 392_000 + 2_020_000 * oversampling_pressure + (
         163_000 + 2_020_000 * oversampling_temperature)
 

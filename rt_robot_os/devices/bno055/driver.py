@@ -108,7 +108,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         self._refused = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Imu, and MagneticField and Temperature with a topic."""
+        """Return what is published: Imu, and MagneticField and Temperature with a topic."""
         settings = self.settings
         found = imu_publications(settings)
         if settings['temperature_topic']:
@@ -139,7 +139,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         self._wrong_ids = 0
 
     def is_set_up(self) -> bool:
-        """Say whether the set-up is done."""
+        """Return whether the set-up is done."""
         return self._setup.done
 
     def write(self, now_ns: int) -> None:
@@ -202,7 +202,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; lost are requests that got no answer."""
+        """Return the counters as they are now; lost are requests that got no answer."""
         return self._counters(lost_samples=self._lost, contradicted=self._refused)
 
     def _go_on(self, step: Step, frame: Bno055Frame, arrival_ns: int) -> None:

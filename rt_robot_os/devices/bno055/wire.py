@@ -84,7 +84,7 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
     PATTERN = rb'\xbb(?:[\x01\x2e]|\Z)|\xee(?:[\x01-\x0a]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where an answer ends, 0 when there is none of that kind."""
+        """Return where an answer ends, 0 when there is none of that kind."""
         second = buffer[at + 1]
         if buffer[at] == STATUS:
             return at + 2 if second in STATUSES else 0
@@ -101,7 +101,7 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
 
 
 def _plausible(buffer: bytes, at: int) -> bool:
-    """Say whether the quaternion of a block is a rotation, or nothing."""
+    """Return whether the quaternion of a block is a rotation, or nothing."""
     w, x, y, z = _QUATERNION(buffer, at + _QUATERNION_AT)
     length = w * w + x * x + y * y + z * z
     return not length or -_TOLERANCE < length - _UNIT < _TOLERANCE

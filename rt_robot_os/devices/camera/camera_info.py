@@ -52,7 +52,7 @@ class CameraCalibration:
 
     @property
     def fixed(self) -> dict[str, object]:
-        """Give what is fixed at declaration."""
+        """Return what is fixed at declaration."""
         return {'distortion_model': self.model, 'd': len(self.d)}
 
     def fill(self, message: Any) -> None:
@@ -64,7 +64,7 @@ class CameraCalibration:
 
 
 def uncalibrated(width: int, height: int) -> CameraCalibration:
-    """Give what CameraInfo says of a camera without calibration: K[0] is 0."""
+    """Return what CameraInfo says of a camera without calibration: K[0] is 0."""
     return CameraCalibration(width, height, '', (), (0.0,) * 9, (0.0,) * 9, (0.0,) * 12)
 
 

@@ -135,7 +135,7 @@ class Camera(CaptureDevice):
             self._info.fill(self._calibration.msg)
 
     def slot_bytes(self) -> int:
-        """Give the most bytes of a picture, both kinds of it."""
+        """Return the most bytes of a picture, both kinds of it."""
         return self._raw_bytes + self._packed_bytes
 
     def check(self) -> None:

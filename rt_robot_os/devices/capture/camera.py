@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a camera's process hands on: the pictures of a source, in the form that is asked for.
+The frames of a camera: the pictures of a source, in the size and encoding that are asked for.
 
 Pillow compresses them; it is imported where it is needed.
 """
@@ -58,7 +58,7 @@ class Picture:
         return first, second
 
     def levels(self) -> tuple[float, float]:
-        """Give nothing: it is silent."""
+        """Return nothing: it is silent."""
         return 0.0, 0.0
 
 
@@ -84,7 +84,7 @@ class CameraFrames:
             self._image = Image
 
     def frames(self) -> Iterator[Picture]:
-        """Give picture after picture."""
+        """Yield picture after picture."""
         settings = self._settings
         wanted = (settings['height'], settings['width'])
         seq = 0
@@ -127,7 +127,7 @@ class CameraFrames:
         return packed.getvalue()
 
     def close(self) -> None:
-        """Let go of the source."""
+        """Close the source."""
         self._source.close()
 
 

@@ -69,7 +69,7 @@ def connect(path: str | os.PathLike[str]) -> socket.socket:
 
 
 def is_socket(port: str) -> bool:
-    """Say whether a port is a socket that somebody serves, such as a simulated camera."""
+    """Return whether a port is a socket that somebody serves, such as a simulated camera."""
     try:
         return stat.S_ISSOCK(os.stat(port).st_mode)
     except (OSError, ValueError):
@@ -106,7 +106,7 @@ class CaptureDevice(Device):
 
     @abstractmethod
     def slot_bytes(self) -> int:
-        """Give the most bytes of a frame, all parts of it."""
+        """Return the most bytes of a frame, all parts of it."""
 
     @abstractmethod
     def handle(self, frame: CapturedFrame, data: memoryview) -> int:
@@ -177,7 +177,7 @@ class CaptureDevice(Device):
         self._lost = 0
 
     def fileno(self) -> int | None:
-        """Give the file descriptor that becomes readable with each frame."""
+        """Return the file descriptor that becomes readable with each frame."""
         return None if self._connection is None else self._connection.fileno()
 
     def read(self, now_ns: int) -> int:
@@ -233,7 +233,7 @@ class CaptureDevice(Device):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; lost are frames without a slot, and overruns."""
+        """Return the counters as they are now; lost are frames without a slot, and overruns."""
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,

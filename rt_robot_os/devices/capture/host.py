@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What starts the processes that capture: each connection to its socket gets one.
+The host of the capture processes: it starts one for each connection to its socket.
 
 The core cannot start a process while it runs: that is a native call of up to a millisecond, and
 the child would begin with the core's priority and on its CPU. So this small process is started
@@ -54,7 +54,7 @@ class CaptureHost:
         self._listener: socket.socket | None = None
 
     def fileno(self) -> int:
-        """Give the descriptor that is readable when somebody connects; -1 while it is closed."""
+        """Return the descriptor that is readable when somebody connects; -1 while it is closed."""
         return -1 if self._listener is None else self._listener.fileno()
 
     def open(self) -> None:  # noqa: A003
@@ -83,7 +83,7 @@ class CaptureHost:
         self._listener = listener
 
     def serve(self) -> None:
-        """Start what is asked for and bury what has ended; does not block for long."""
+        """Start workers for new connections and reap those that ended; does not block long."""
         self.workers = [worker for worker in self.workers if worker.poll() is None]
         while self._listener is not None:
             try:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What a device of the core and the process that captures for it say to each other.
+The protocol between a device of the core and the process that captures for it.
 
 A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``:
 what is wanted, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers
 ``READY``, then sends a ``FRAME`` for each slot that it has filled, and gets the slot back in a
-``GIVE_BACK``. A ``PROBLEM`` is its last word: a text for people.
+``GIVE_BACK``. A ``PROBLEM`` is its last packet: the reason, as text.
 """
 
 from __future__ import annotations
@@ -115,5 +115,5 @@ def parse_json(packet: bytes | memoryview) -> dict[str, Any]:
 
 
 def problem(text: str) -> bytes:
-    """Make the packet that says why it does not work."""
+    """Make the packet with the reason why nothing can be captured."""
     return bytes([Kind.PROBLEM]) + text.encode('utf-8', 'replace')[:4000]

@@ -219,7 +219,7 @@ class OpenCvCapture:
 
 
 def is_camera(port: str) -> bool:
-    """Say whether a path is a device and not a file."""
+    """Return whether a path is a device and not a file."""
     try:
         return stat.S_ISCHR(os.stat(port).st_mode)
     except OSError:

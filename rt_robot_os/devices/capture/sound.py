@@ -207,14 +207,14 @@ class Block:
         return size, 0
 
     def levels(self) -> tuple[float, float]:
-        """Give root mean square and peak of all channels, in dB below full scale."""
+        """Return root mean square and peak of all channels, in dB below full scale."""
         level = self.samples.astype(np.float64) / FULL_SCALE
         return decibel(math.sqrt(float(np.mean(level * level)))), decibel(
             float(np.max(np.abs(level), initial=0.0)))
 
 
 def decibel(ratio: float) -> float:
-    """Give a ratio of amplitudes in dB, digital silence as ``SILENCE_DB``."""
+    """Return a ratio of amplitudes in dB, digital silence as ``SILENCE_DB``."""
     return max(SILENCE_DB, 20 * math.log10(ratio)) if ratio > 0 else SILENCE_DB
 
 
@@ -231,7 +231,7 @@ class SoundBlocks:
         return self._source.overruns
 
     def frames(self) -> Iterator[Block]:
-        """Give block after block."""
+        """Yield block after block."""
         seq = 0
         while True:
             read = self._source.read()

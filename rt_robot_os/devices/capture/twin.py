@@ -49,7 +49,7 @@ class CapturePlug(CaptureHost):
     """Where a simulated camera is plugged in."""
 
     def has_reader(self) -> bool:
-        """Say whether somebody can connect."""
+        """Return whether somebody can connect."""
         return self.fileno() >= 0
 
     def plug(self) -> None:
@@ -107,7 +107,7 @@ class SimulatedCapture(Simulated):
 
     @property
     def path(self) -> Path:
-        """Give the path that the driver opens."""
+        """Return the path that the driver opens."""
         path: Path = self.port.path
         return path
 
@@ -139,7 +139,7 @@ class SimulatedCapture(Simulated):
             self.port.signal(signal.SIGCONT)
 
     def next_event_ns(self) -> int:
-        """Say when ``pump`` has to be called next."""
+        """Return when ``pump`` has to be called next."""
         edge = self.faults.next_ns(self._now_ns)
         return min(self._now_ns + _ROUND_NS, edge or self._now_ns + _ROUND_NS)
 

@@ -15,8 +15,8 @@
 """
 The process that captures for one device, on a connection that it inherits.
 
-It has ordinary priority and keeps off the CPU of a core that is pinned. It ends when the core
-closes the connection, also while a library hangs: a thread waits for nothing else.
+It has ordinary priority and does not run on the CPU of a pinned core. It ends when the core closes
+the connection, also while a library hangs: a thread waits for that alone.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Captured(Protocol):
 
     @property
     def stamp_ns(self) -> int:
-        """Give the moment of its capture on CLOCK_MONOTONIC."""
+        """Return the moment of its capture on CLOCK_MONOTONIC."""
 
     @property
     def seq(self) -> int:
@@ -61,7 +61,7 @@ class Captured(Protocol):
         """
 
     def levels(self) -> tuple[float, float]:
-        """Give the level and the peak of sound, in dB below full scale."""
+        """Return the level and the peak of sound, in dB below full scale."""
 
 
 class Source(Protocol):
@@ -69,11 +69,11 @@ class Source(Protocol):
 
     @property
     def overruns(self) -> int:
-        """Say how often it lost something."""
+        """Return how often it lost something."""
 
     def frames(self) -> Iterator[Captured]:
         """
-        Give frame after frame; waits for each.
+        Yield frame after frame; waits for each.
 
         :raises DeviceError: it is gone, at its end, or sends nonsense.
         """
@@ -124,7 +124,7 @@ class Worker:
         self.dropped = 0
 
     def place(self) -> None:
-        """Keep off the CPUs of the core, with ordinary priority."""
+        """Take ordinary priority, and leave the CPU of a pinned core alone."""
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         everywhere = set(range(os.cpu_count() or 1))
         others = everywhere - set(self.wanted['avoid_cpus'])

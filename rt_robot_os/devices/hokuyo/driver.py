@@ -116,7 +116,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._other_count = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: LaserScan."""
+        """Return what is published: LaserScan."""
         s = self.settings
         fixed = {'header.frame_id': s['frame_id'], 'ranges': self._count, 'intensities': 0}
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/LaserScan', fixed, s['depth'],
@@ -131,7 +131,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         ] if self.settings['configure'] else [], _REMEDY)
 
     def is_set_up(self) -> bool:
-        """Say whether the device has been told to scan."""
+        """Return whether the device has been told to scan."""
         return self._setup.done
 
     def write(self, now_ns: int) -> None:
@@ -170,7 +170,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; contradictions are scans of another size."""
+        """Return the counters as they are now; contradictions are scans of another size."""
         return self._counters(contradicted=self._other_counts)
 
     def unused(self) -> str:

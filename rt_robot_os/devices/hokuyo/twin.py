@@ -65,7 +65,7 @@ class SimulatedHokuyo(SimulatedDevice):
         self._received = b''
 
     def sample(self, time_s: float) -> bytes:
-        """Give one scan, nothing before it is told to scan."""
+        """Return one scan, nothing before it is told to scan."""
         if not self._scan:
             return b''
         first, last = int(self._scan[2:6]), int(self._scan[6:10])
@@ -103,7 +103,7 @@ class SimulatedHokuyo(SimulatedDevice):
 
 def room(angles: Ranges) -> Ranges:
     """
-    Give the distances in m to the walls, or to the pillar before them.
+    Return the distances in m to the walls, or to the pillar before them.
 
     :param angles: in rad, 0 along the longer side of the room.
     """

@@ -82,7 +82,7 @@ class ScipFrame(NamedTuple):
 
     @property
     def command(self) -> bytes:
-        """Give the two letters of the command."""
+        """Return the two letters of the command."""
         return self.echo[:2]
 
 
@@ -177,7 +177,7 @@ def _informs(line: bytes) -> bool:
 
 
 def checksum(content: bytes) -> int:
-    """Give the character that stands at the end of a line."""
+    """Return the character that stands at the end of a line."""
     return (sum(content) & _BITS) + _BASE
 
 
@@ -262,6 +262,6 @@ def _characters(number: int, count: int) -> bytes:
 
 
 def is_scip(data: bytes) -> bool:
-    """Say whether some bytes are of a scan, which is longer than what is looked at."""
+    """Return whether some bytes are of a scan, which is longer than what is looked at."""
     lines = [line for line in data.split(b'\n')[1:-1] if len(line) == LINE_CHARACTERS + 1]
     return len(lines) > 2 and all(checksum(line[:-1]) == line[-1] for line in lines)

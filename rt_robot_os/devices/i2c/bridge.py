@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The bridge to a real I2C bus: the process that waits in the kernel in place of the core.
+The bridge to a real I2C bus: a process that waits for the bus, so that the core need not.
 
 It is the program ``i2c_bridge``, started with the core and, should it end, again when a device is
 opened. It ends by itself when this process does: its standard input is a pipe from here.

@@ -84,7 +84,7 @@ class I2cConnection(Protocol):
 
     @property
     def gone(self) -> bool:
-        """Say whether it is of no use any more, and has to be opened anew."""
+        """Return whether it is of no use any more, and has to be opened anew."""
 
     def begin(self, address: int, data: bytes, size: int) -> None:
         """
@@ -95,13 +95,13 @@ class I2cConnection(Protocol):
 
     def answer(self) -> bytes | None:
         """
-        Give the answer to the last transaction, None while there is none; does not wait.
+        Return the answer to the last transaction, None while there is none; does not wait.
 
         :raises OSError: it failed, with the errno that Linux has for it.
         """
 
     def fileno(self) -> int | None:
-        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+        """Return the descriptor that becomes readable with an answer; None when it is at once."""
 
     def close(self) -> None:
         """Let go; does not raise."""
@@ -126,7 +126,7 @@ class DirectConnection:
 
     def answer(self) -> bytes | None:
         """
-        Give the answer.
+        Return the answer.
 
         :raises OSError: it failed.
         """
@@ -136,7 +136,7 @@ class DirectConnection:
         return answer
 
     def fileno(self) -> int | None:
-        """Give nothing to wait for."""
+        """Return nothing to wait for."""
         return None
 
     def close(self) -> None:
@@ -211,7 +211,7 @@ class I2cBus:
 
     @property
     def gone(self) -> bool:
-        """Say whether the bus itself went away; it has to be opened anew."""
+        """Return whether the bus itself went away; it has to be opened anew."""
         return self.connection.gone
 
     def _failed(self, transfer: Transfer, error: OSError) -> DeviceError:
@@ -301,7 +301,7 @@ class I2cBuses:
 
     @property
     def open_count(self) -> int:
-        """Give the number of open buses."""
+        """Return the number of open buses."""
         return len(self._open) + len(self._left)
 
     def _connect(self, path: str) -> SocketConnection:
@@ -328,7 +328,7 @@ BUSES: Final = I2cBuses()
 
 
 def _mode(path: str) -> int:
-    """Give what kind of file it is; 0 when it is not there."""
+    """Return what kind of file it is; 0 when it is not there."""
     try:
         return stat.S_IFMT(os.stat(path).st_mode)
     except (OSError, ValueError):

@@ -137,7 +137,7 @@ class I2cDevice(Device):
 
     def then(self, step: Step, due_ns: int) -> int:
         """
-        Say what is done next, and not before when.
+        Return what is done next, and not before when.
 
         :return: 0, the number of samples published.
         """
@@ -176,7 +176,7 @@ class I2cDevice(Device):
             raise
 
     def close(self) -> None:
-        """Give the bus back; may be called twice and does not raise."""
+        """Release the bus; may be called twice and does not raise."""
         self.then(self._not_open, 0)
         self._under_way = self._not_yielded = None
         bus, self._bus = self._bus, None
@@ -184,7 +184,7 @@ class I2cDevice(Device):
             self.buses.give_back(bus)
 
     def fileno(self) -> int | None:
-        """Give the descriptor that becomes readable with an answer; None when it is at once."""
+        """Return the descriptor that becomes readable with an answer; None when it is at once."""
         return None if self._bus is None else self._bus.connection.fileno()
 
     def read(self, now_ns: int) -> int:
@@ -240,7 +240,7 @@ class I2cDevice(Device):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         return DeviceStatistics(
             bytes_read=self._bytes_read, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected_frames, last_frame_ns=self._last_frame_ns,
@@ -315,7 +315,7 @@ class I2cDevice(Device):
             f'{chip} has {ids}: {probably}')
 
     def probably(self) -> Transactions[str]:
-        """Say which chip it probably is and what to do; asks the bus."""
+        """Yield which chip it probably is and what to do; asks the bus."""
         for register, names in known_chips().items():
             name = names.get((yield self.fetch(register, 1))[0])
             if name is not None:

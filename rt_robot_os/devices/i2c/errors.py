@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the errors of an I2C bus mean, and what to do about each."""
+"""The errors of an I2C bus: their meaning and their remedy."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _GONE: Final = (errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET, errno.
 
 
 def is_gone(error: OSError) -> bool:
-    """Say whether the open bus is of no use any more after this error."""
+    """Return whether the open bus is of no use any more after this error."""
     return error.errno in _GONE
 
 
 def open_error(path: str, error: OSError) -> DeviceError:
-    """Say why a bus cannot be opened."""
+    """Return why a bus cannot be opened."""
     if isinstance(error, DeviceError):
         return error
     if error.errno in (errno.EACCES, errno.EPERM):
@@ -52,7 +52,7 @@ def open_error(path: str, error: OSError) -> DeviceError:
 
 
 def transfer_error(path: str, address: int, error: OSError) -> DeviceError:
-    """Say why a transaction failed."""
+    """Return why a transaction failed."""
     if isinstance(error, DeviceError):
         return error
     return DeviceError(f'{place(path, address)}: {_remedy(path, address, error)}')

@@ -115,7 +115,7 @@ class SocketConnection:
         return None
 
     def fileno(self) -> int:
-        """Give the descriptor that becomes readable with an answer."""
+        """Return the descriptor that becomes readable with an answer."""
         return self._socket.fileno()
 
     def close(self) -> None:

@@ -74,7 +74,7 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         self._wrong = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Range."""
+        """Return what is published: Range."""
         s = self.settings
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/Range',
                           {'header.frame_id': s['frame_id']}, s['depth'], s['output_rate_hz']),)
@@ -109,9 +109,9 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         return 1
 
     def is_set_up(self) -> bool:
-        """Say whether its readings have the unit that is set."""
+        """Return whether its readings have the unit that is set."""
         return not self._other_digits
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; contradictions are readings of another unit."""
+        """Return the counters as they are now; contradictions are readings of another unit."""
         return self._counters(contradicted=self._wrong)

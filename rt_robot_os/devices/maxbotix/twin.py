@@ -36,7 +36,7 @@ class SimulatedMaxBotix(SimulatedRange):
     BAUD = 9600
 
     def sample(self, time_s: float) -> bytes:
-        """Give one reading."""
+        """Return one reading."""
         s = self.settings
         unit_m, digits, no_target = UNITS[s['unit']]
         distance_m = self.distance_m(time_s) + self.random.gauss(0.0, RANGE_NOISE_M)

@@ -67,7 +67,7 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
     PATTERN = rb'R(?:[0-9]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where the line ends; where the next R stands, if the line was cut off there."""
+        """Return where the line ends; where the next R stands, if the line was cut off there."""
         if buffer[at + 1] not in _DIGITS:
             return 0
         limit = at + _LONGEST
@@ -89,6 +89,6 @@ def reading(value: int, digits: int = 4) -> bytes:
 
 
 def is_maxbotix(data: bytes) -> bool:
-    """Say whether most of some bytes are readings: they have no checksum."""
+    """Return whether most of some bytes are readings: they have no checksum."""
     decoder = MaxBotixDecoder()
     return len(decoder.feed(data)) > 1 and decoder.rejected_bytes < len(data) // 4

@@ -84,7 +84,7 @@ class Microphone(CaptureDevice):
         self._by_key: dict[str, SamplePublisher] = {}
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Int16MultiArray, Float32 twice, TimeReference."""
+        """Return what is published: Int16MultiArray, Float32 twice, TimeReference."""
         s = self.settings
         block, channels = s['block'], s['channels']
         kinds: dict[str, tuple[str, dict[str, object]]] = {
@@ -106,7 +106,7 @@ class Microphone(CaptureDevice):
         self._by_key = dict(zip(self._wanted, self._publishers, strict=True))
 
     def slot_bytes(self) -> int:
-        """Give the bytes of a block."""
+        """Return the bytes of a block."""
         return self._size
 
     def check(self) -> None:

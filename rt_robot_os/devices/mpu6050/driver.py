@@ -110,7 +110,7 @@ class Mpu6050(I2cDevice):
         self._check_ns = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Imu, and Temperature unless its topic is empty."""
+        """Return what is published: Imu, and Temperature unless its topic is empty."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
         kinds = [(s['topic'], 'sensor_msgs/msg/Imu')]
@@ -235,7 +235,7 @@ class Mpu6050(I2cDevice):
 
 def _divider(name: str, rate_hz: float) -> int:
     """
-    Give the divider of the base rate.
+    Return the divider of the base rate.
 
     :raises ConfigError: there is none for this rate.
     """
@@ -248,5 +248,5 @@ def _divider(name: str, rate_hz: float) -> int:
 
 
 def _diagonal(stddev: float) -> npt.NDArray[np.float64]:
-    """Give the nine numbers of a covariance with equal axes."""
+    """Return the nine numbers of a covariance with equal axes."""
     return np.diag((stddev * stddev,) * 3).reshape(9)

@@ -39,7 +39,7 @@ _GYRO_RANGES: Final = {field: limit for limit, field in chip.GYRO_RANGES_DEG_S.i
 
 
 def counts(value: float, unit: float) -> int:
-    """Give a value in counts of a unit, limited to what 16 bit hold."""
+    """Return a value in counts of a unit, limited to what 16 bit hold."""
     return min(max(round(value / unit), -32768), 32767)
 
 

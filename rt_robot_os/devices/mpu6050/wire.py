@@ -96,5 +96,5 @@ def frames(data: bytes) -> list[Frame]:
 
 
 def pack(frame: Frame) -> bytes:
-    """Give the bytes of a frame."""
+    """Return the bytes of a frame."""
     return _FRAME.pack(*frame)

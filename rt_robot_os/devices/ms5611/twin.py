@@ -30,7 +30,7 @@ _TIMES_NS: Final = dict(chip.OVERSAMPLING.values())
 
 
 def with_checksum(words: tuple[int, ...]) -> chip.Words:
-    """Give the PROM with a right checksum."""
+    """Return the PROM with a right checksum."""
     blank = (*words[:7], words[7] & 0xFFF0)
     return (*blank[:7], blank[7] | chip.crc4(blank))
 
@@ -40,7 +40,7 @@ PROM: Final = with_checksum((0, 40127, 36924, 23317, 23282, 33464, 28312, 0x5A00
 
 
 def encode(prom: chip.Words, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
-    """Give the raw readings, pressure and temperature, nearest to physical values."""
+    """Return the raw readings, pressure and temperature, nearest to physical values."""
     return raw_readings(chip.compensate, prom, (pressure_pa, temperature_c), 1, _RAW_MAXIMUM)
 
 

@@ -53,7 +53,7 @@ def crc4(prom: Words) -> int:
 
 
 def valid(prom: Words) -> bool:
-    """Say whether the PROM holds what the factory wrote; a blank one does not."""
+    """Return whether the PROM holds what the factory wrote; a blank one does not."""
     return prom[7] & 0xF == crc4(prom) and any(prom[1:7])
 
 

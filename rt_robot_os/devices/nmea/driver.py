@@ -86,7 +86,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._others: set[str] = set()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: NavSatFix, and TimeReference unless its topic is empty."""
+        """Return what is published: NavSatFix, and TimeReference unless its topic is empty."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
@@ -135,13 +135,13 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         return samples
 
     def unused(self) -> str:
-        """Say which sentences came."""
+        """Return which sentences came."""
         return (f'it sends {", ".join(sorted(self._others)) or "nothing"} but none of GGA, GNS, '
                 'RMC and GLL, which hold a position: let the receiver send one of them; if it is '
                 'another device, choose its driver')
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         return self._counters(contradicted=self._contradicted)
 
     def _take_position(self, sentence: PositionSentence, arrival_ns: int) -> int:

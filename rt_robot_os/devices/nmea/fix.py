@@ -106,7 +106,7 @@ class Fix:
     covariance_type: int = COVARIANCE_UNKNOWN
 
     def withdrawn(self) -> Fix:
-        """Give the same instant without the fix."""
+        """Return the same instant without the fix."""
         return Fix(STATUS_NO_FIX, self.service, self.time_ns)
 
 
@@ -164,7 +164,7 @@ class FixBuilder:
         return valid
 
     def fix(self, sentence: PositionSentence) -> Fix:
-        """Give the position of a sentence."""
+        """Return the position of a sentence."""
         moment = sentence.time_ns
         fix = Fix(STATUS_NO_FIX, self._service, moment)
         if claims_fix(sentence) and sentence.position_deg and not self.is_void(moment):
@@ -176,7 +176,7 @@ class FixBuilder:
         return fix
 
     def is_void(self, time_ns: int | None) -> bool:
-        """Say whether the last RMC takes back what is of this time of day."""
+        """Return whether the last RMC takes back what is of this time of day."""
         return time_ns is not None and time_ns == self._void_ns
 
     def _covariance(
@@ -199,13 +199,13 @@ class FixBuilder:
 
 
 def claims_fix(sentence: PositionSentence) -> bool:
-    """Say whether the quality is one of a fix, and satellites were used, as far as is told."""
+    """Return whether the quality is one of a fix, and satellites were used, as far as is told."""
     return sentence.quality in _STATUS and sentence.satellites != 0
 
 
 def utc_of(rmc: PositionSentence) -> tuple[int, int] | None:
     """
-    Give date and time of an RMC sentence.
+    Return date and time of an RMC sentence.
 
     :return: seconds since 1970 and nanoseconds; None if absent or beyond ``builtin_interfaces``.
     """

@@ -198,7 +198,7 @@ def _field(fields: _Fields, index: int, absent: str = '') -> str:
 
 
 def _quality(warns: bool, mode: str) -> int:
-    """Give the quality of a sentence with a status; before NMEA 2.3 it has no mode."""
+    """Return the quality of a sentence with a status; before NMEA 2.3 it has no mode."""
     if warns:
         return NO_FIX
     return _QUALITY_OF_MODE.get(mode, AUTONOMOUS)

@@ -65,7 +65,7 @@ class FixSource:
 
     @property
     def is_known(self) -> bool:
-        """Say whether the receiver has shown what it sends."""
+        """Return whether the receiver has shown what it sends."""
         return self._source is not None
 
     def take(self, sentence: PositionSentence, arrival_ns: int) -> list[Timed]:
@@ -95,13 +95,13 @@ class FixSource:
         return []
 
     def idle(self, now_ns: int) -> list[Timed]:
-        """Give what was held when no second sentence comes."""
+        """Return what was held when no second sentence comes."""
         if self._held and now_ns - self._held[0][1] > _LONGEST_CYCLE_NS:
             return self._decide()
         return []
 
     def _takes_over(self, sentence: PositionSentence) -> bool:
-        """Say whether a sentence is better than those of the source, if there is one."""
+        """Return whether a sentence is better than those of the source, if there is one."""
         rank = _RANKS[sentence.kind]
         if self._source is None:
             return rank == 0

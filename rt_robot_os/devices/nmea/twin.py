@@ -60,7 +60,7 @@ class SimulatedNmea(SimulatedDevice):
     BAUD = 9600
 
     def sample(self, time_s: float) -> bytes:
-        """Give the sentences of one epoch."""
+        """Return the sentences of one epoch."""
         settings = self.settings
         time = START + timedelta(seconds=round(time_s, 2))
         latitude_deg, longitude_deg, course_deg = self.position(time_s)
@@ -80,11 +80,11 @@ class SimulatedNmea(SimulatedDevice):
         return b''.join(made[kind]() for kind in settings['sentences'])
 
     def foreign(self) -> bytes:
-        """Give what an inertial measurement unit sends."""
+        """Return what an inertial measurement unit sends."""
         return witmotion.acceleration_frame(0.0, 0.0, 9.8)
 
     def position(self, time_s: float) -> tuple[float, float, float]:
-        """Give latitude, longitude and course (clockwise from north), all in degrees."""
+        """Return latitude, longitude and course (clockwise from north), all in degrees."""
         settings = self.settings
         radius_m = settings['radius_m']
         angle = settings['speed_m_s'] / radius_m * time_s

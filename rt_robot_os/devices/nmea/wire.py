@@ -64,13 +64,13 @@ class NmeaFrame(NamedTuple):
 
     @property
     def address(self) -> str:
-        """Give what stands before the first comma, such as ``GPGGA``."""
+        """Return what stands before the first comma, such as ``GPGGA``."""
         return self.content.partition(',')[0]
 
 
 def sentence_end(buffer: bytes, at: int) -> int:
     """
-    Say where the sentence that begins at an index ends.
+    Return where the sentence that begins at an index ends.
 
     :return: index just after its line end, one behind the buffer while it may go on, or 0 when
         none begins here. Too long a sentence is for the caller to notice.
@@ -85,13 +85,13 @@ def sentence_end(buffer: bytes, at: int) -> int:
 
 
 def checked(sentence: bytes) -> bytes | None:
-    """Give what is between ``$`` and ``*``, None when the checksum behind it is another."""
+    """Return what is between ``$`` and ``*``, None when the checksum behind it is another."""
     content, _, checksum = sentence[1:].partition(b'*')
     return content if xor(content) == int(checksum[:2], 16) else None
 
 
 def xor(content: bytes) -> int:
-    """Give the NMEA checksum of what stands between ``$`` and ``*``."""
+    """Return the NMEA checksum of what stands between ``$`` and ``*``."""
     return reduce(operator.xor, content, 0)
 
 
@@ -198,10 +198,10 @@ def _degrees_minutes(degrees: float, digits: int) -> str:
 
 
 def is_sentences(data: bytes) -> bool:
-    """Say whether there is a sentence in some bytes."""
+    """Return whether there is a sentence in some bytes."""
     return bool(NmeaDecoder().feed(data))
 
 
 def is_of_receiver(data: bytes) -> bool:
-    """Say whether there is a sentence of a satellite receiver in some bytes."""
+    """Return whether there is a sentence of a satellite receiver in some bytes."""
     return any(frame.address[2:] in _OF_RECEIVERS for frame in NmeaDecoder().feed(data))

@@ -68,7 +68,7 @@ class Frame(Protocol):
 
     @property
     def end(self) -> int:
-        """Give the index."""
+        """Return the index."""
 
 
 FrameT = TypeVar('FrameT', bound=Frame)
@@ -92,7 +92,7 @@ class Decoder(Protocol[FrameOutT]):
 
     @property
     def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes that wait for the rest of their frame."""
 
     def feed(self, data: bytes) -> Sequence[FrameOutT]:
         """Take the next bytes of the stream and give the frames that they complete."""
@@ -185,7 +185,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """Forget what belongs to the stream so far: the port has just been opened."""
 
     def is_set_up(self) -> bool:
-        """Say whether the device does its work; what it says before is no sign that it will."""
+        """Return whether the device does its work; what it says before is no sign that it will."""
         return True
 
     def idle(self, now_ns: int) -> int:
@@ -234,7 +234,7 @@ class SerialDevice(Device, Generic[FrameT]):
             port.close()
 
     def fileno(self) -> int | None:
-        """Give the file descriptor of the port, None when it is closed."""
+        """Return the file descriptor of the port, None when it is closed."""
         return None if self._port is None else self._port.fileno()
 
     def read(self, now_ns: int) -> int:
@@ -264,7 +264,7 @@ class SerialDevice(Device, Generic[FrameT]):
         return samples
 
     def _next_part(self, now_ns: int) -> bytes:
-        """Give what this job decodes of what waits; the port is left alone."""
+        """Return what this job decodes of what waits; the port is left alone."""
         if self.tap is not None:
             self.tap.read(now_ns, b'')
         left = self._left
@@ -300,15 +300,15 @@ class SerialDevice(Device, Generic[FrameT]):
             raise DeviceError(f'{self.name}: {error}') from error
 
     def diagnosis(self) -> str:
-        """Say whose bytes those are that came and made no frame."""
+        """Return whose bytes those are that came and made no frame."""
         return RECOGNISERS.recognised(self._strange, self._baud)
 
     def silence(self) -> str:
-        """Say what to check when nothing comes."""
+        """Return what to check when nothing comes."""
         return silence_of(self._port) or self.IF_SILENT
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         return self._counters()
 
     def _counters(self, *, lost_samples: int = 0, contradicted: int = 0,
@@ -332,17 +332,17 @@ class SerialDevice(Device, Generic[FrameT]):
 
     @property
     def is_live(self) -> bool:
-        """Say whether its bytes are those of the world, not of a recording or a test."""
+        """Return whether its bytes are those of the world, not of a recording or a test."""
         return self.make_port is open_port
 
     @property
     def pending_bytes(self) -> int:
-        """Give the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes that wait for the rest of their frame."""
         return self._decoder.pending_bytes
 
     @property
     def waiting_bytes(self) -> int:
-        """Give the number of bytes that wait for a later job."""
+        """Return the number of bytes that wait for a later job."""
         return len(self._left)
 
     def _opened(self) -> Port:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Commands that a device has to acknowledge, one after the other, without ever waiting."""
+"""Handshakes: commands that a device has to acknowledge, one after the other; never waits."""
 
 from __future__ import annotations
 
@@ -68,21 +68,21 @@ class Handshake:
 
     @property
     def step(self) -> Step | None:
-        """Give the command that is not acknowledged yet, None when all are."""
+        """Return the command that is not acknowledged yet, None when all are."""
         return self._steps[0] if self._steps else None
 
     @property
     def done(self) -> bool:
-        """Say whether all commands are acknowledged."""
+        """Return whether all commands are acknowledged."""
         return not self._steps
 
     def ready(self, now_ns: int) -> bool:
-        """Say whether all commands are acknowledged, and the pause after the last is over."""
+        """Return whether all commands are acknowledged, and the pause after the last is over."""
         return not self._steps and now_ns >= self._due_ns
 
     def due(self, now_ns: int) -> bytes | None:
         """
-        Give what is to be sent now, None when there is nothing.
+        Return what is to be sent now, None when there is nothing.
 
         :raises DeviceError: the device has not answered any of the tries.
         """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where hosts are: names are looked up in another process, since the system's resolver waits.
+Look up the names of hosts in another process, since the system's resolver blocks.
 
 The first look-up is begun when the device is made and mostly over when its port is opened. Later
 ones keep the answer fresh; nobody waits for them. Who writes IP addresses needs none of it.
@@ -58,7 +58,7 @@ class HostAddress(NamedTuple):
     host: str
 
     def sockaddr(self, port: int) -> tuple[Any, ...]:
-        """Give what socket functions want; asks nobody."""
+        """Return what socket functions want; asks nobody."""
         return socket.getaddrinfo(self.host, port, self.family, socket.SOCK_STREAM, 0,
                                   socket.AI_NUMERICHOST)[0][4]
 
@@ -96,7 +96,7 @@ class HostName:
 
     def take(self) -> HostAddress:
         """
-        Give an address, with each call the next one of those that the host has; does not wait.
+        Return an address, with each call the next one of those that the host has; does not wait.
 
         :raises DeviceError: the name is not known, or still being looked up.
         """
@@ -159,5 +159,5 @@ HOSTS: Final[dict[str, HostName]] = {}
 
 
 def host_name(name: str) -> HostName:
-    """Give the one of a name."""
+    """Return the one of a name."""
     return HOSTS.setdefault(name, HostName(name))

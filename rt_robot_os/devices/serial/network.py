@@ -124,7 +124,7 @@ class TcpPort(StreamPort):
             self.write(_GPSD_WATCH)
 
     def silence(self) -> str:
-        """Say what to check when it is not connected; then it is up to the device."""
+        """Return what to check when it is not connected; then it is up to the device."""
         try:
             self._socket.getpeername()
         except OSError:
@@ -182,7 +182,7 @@ class UdpPort:
             raise self._problem(error) from error
 
     def fileno(self) -> int:
-        """Give the file descriptor, for waiting until it is readable; -1 when closed."""
+        """Return the file descriptor, for waiting until it is readable; -1 when closed."""
         return self._socket.fileno()
 
     def read(self) -> bytes:
@@ -236,11 +236,11 @@ class UdpPort:
             raise self._problem(error) from error
 
     def more(self) -> dict[str, Value]:
-        """Give what only this kind of port has to tell."""
+        """Return what only this kind of port has to tell."""
         return {'foreign_datagrams': self.foreign_datagrams} if self._listens else {}
 
     def silence(self) -> str:
-        """Say what to check when nothing comes."""
+        """Return what to check when nothing comes."""
         if self._listens:
             return (f'nothing comes to {self._address.text}: check that the device sends to the '
                     'address of this machine and to this port, and firewalls')

@@ -44,7 +44,7 @@ class Port(Protocol):
     dropped_write_bytes: int
 
     def fileno(self) -> int:
-        """Give the descriptor that becomes readable with what arrives."""
+        """Return the descriptor that becomes readable with what arrives."""
 
     def read(self) -> bytes:
         """Take what is there without blocking, empty when that is nothing."""
@@ -75,7 +75,7 @@ def prepare_port(port: str) -> None:
     try:
         address = network_address(port)
     except ValueError:
-        return  # opening it says so
+        return  # opening it reports the error
     if address is not None and numeric(address.host) is None:
         host_name(address.host).prepare()
 
@@ -100,12 +100,12 @@ def open_port(port: str, baud: int | None) -> Port:
 
 
 def silence_of(port: Port | None) -> str:
-    """Say what a port says about nothing coming; empty when it says nothing."""
+    """Return what a port says about nothing coming; empty when it says nothing."""
     silence = getattr(port, 'silence', None)
     return str(silence()) if silence is not None else ''
 
 
 def more_of(port: Port | None) -> dict[str, Value]:
-    """Give what only this kind of port has to tell, by name."""
+    """Return what only this kind of port has to tell, by name."""
     more = getattr(port, 'more', None)
     return dict(more()) if more is not None else {}

@@ -65,11 +65,11 @@ class StreamPort(ABC):
         self._fd = -1
 
     def silence(self) -> str:
-        """Say what to check when nothing comes; empty when that is up to the device."""
+        """Return what to check when nothing comes; empty when that is up to the device."""
         return ''
 
     def fileno(self) -> int:
-        """Give the file descriptor, for waiting until it is readable; -1 when closed."""
+        """Return the file descriptor, for waiting until it is readable; -1 when closed."""
         return self._fd
 
     def read(self) -> bytes:

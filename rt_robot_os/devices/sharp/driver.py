@@ -101,7 +101,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._wrong = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: a Range for each channel."""
+        """Return what is published: a Range for each channel."""
         s = self.settings
         tails = [f'_{c}' for c in self._places] if len(self._places) > 1 else ['']
         return tuple(TopicSpec(
@@ -125,7 +125,7 @@ class Sharp(SerialDevice[NmeaFrame]):
             raise DeviceError(f'{self.name}: it sends {self._stranger}')
 
     def is_set_up(self) -> bool:
-        """Say whether the channels that are set come."""
+        """Return whether the channels that are set come."""
         return not self._strangers
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
@@ -152,7 +152,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         return 1
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; contradictions are voltages that cannot be."""
+        """Return the counters as they are now; contradictions are voltages that cannot be."""
         return self._counters(contradicted=self._wrong)
 
     def _unknown(self, what: str) -> None:
@@ -168,7 +168,7 @@ class Sharp(SerialDevice[NmeaFrame]):
 
 
 def _reading(frame: NmeaFrame) -> tuple[int, int] | None:
-    """Give channel and millivolts; None when the sentence is no reading."""
+    """Return channel and millivolts; None when the sentence is no reading."""
     if frame.address != ADC_ADDRESS:
         return None
     fields = frame.sentence.partition(b'*')[0].split(b',')

@@ -38,7 +38,7 @@ class SimulatedSharp(SimulatedRange):
     BAUD = 115200
 
     def sample(self, time_s: float) -> bytes:
-        """Give one reading of each channel."""
+        """Return one reading of each channel."""
         coefficient_m, exponent = SHARP_FITS[self.settings['model']]
         distance_m = max(self.distance_m(time_s) + self.random.gauss(0.0, RANGE_NOISE_M), 0.01)
         volts = (distance_m / coefficient_m) ** (1 / exponent)
@@ -46,5 +46,5 @@ class SimulatedSharp(SimulatedRange):
                         for channel in range(self.settings['channels']))
 
     def foreign(self) -> bytes:
-        """Give what an inertial measurement unit sends."""
+        """Return what an inertial measurement unit sends."""
         return acceleration_frame(0.0, 0.0, 9.8)

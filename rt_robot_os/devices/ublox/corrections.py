@@ -119,7 +119,7 @@ class Corrections:
             self._fail(str(error), now_ns)
 
     def take(self) -> bytes:
-        """Give the next message that is ready, empty when none is; safe in the loop."""
+        """Return the next message that is ready, empty when none is; safe in the loop."""
         try:
             return self._ready.popleft()
         except IndexError:
@@ -133,7 +133,7 @@ class Corrections:
         self._ready.clear()
 
     def report(self, now_ns: int) -> dict[str, Value]:
-        """Give what people want to know of it."""
+        """Return what people want to know of it."""
         return {
             'corrections': self.problem or 'coming',
             'corrections_age_s': (now_ns - self._last_ns) / NS_PER_S if self._last_ns else -1.0,

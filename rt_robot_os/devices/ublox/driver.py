@@ -129,7 +129,7 @@ class Ublox(SerialDevice[UbxFrame]):
                 self._gga)
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: NavSatFix, and velocity and time with a topic."""
+        """Return what is published: NavSatFix, and velocity and time with a topic."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
@@ -163,7 +163,7 @@ class Ublox(SerialDevice[UbxFrame]):
             corrections=self._corrections is not None) if settings['configure'] else None
 
     def is_set_up(self) -> bool:
-        """Say whether the set-up is done."""
+        """Return whether the set-up is done."""
         return self._setup is None or self._setup.done
 
     def close(self) -> None:
@@ -210,7 +210,7 @@ class Ublox(SerialDevice[UbxFrame]):
         return 0
 
     def unused(self) -> str:
-        """Say what it sends instead of NAV-PVT."""
+        """Return what it sends instead of NAV-PVT."""
         what = 'NMEA sentences' if self._sentences else 'other UBX messages'
         return (f'it sends {what} and no NAV-PVT: set configure: true, let it send NAV-PVT with '
                 'u-center, or choose type: nmea')
@@ -222,7 +222,7 @@ class Ublox(SerialDevice[UbxFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         more: dict[str, Value] = {}
         if self._high_precision:
             more['fixes_without_high_precision'] = self._without_high_precision
@@ -251,7 +251,7 @@ class Ublox(SerialDevice[UbxFrame]):
         return self._publish_fix(pvt, precise, self._waiting_ns)
 
     def _gga(self) -> bytes:
-        """Give the position for a caster; not in the loop."""
+        """Return the position for a caster; not in the loop."""
         pvt = self._latest
         utc = _utc(pvt) if pvt is not None and pvt.has_fix else None
         if pvt is None or utc is None:
@@ -349,7 +349,7 @@ def _fill_velocity(twist: Any, pvt: NavPvt) -> None:
 
 
 def _utc(pvt: NavPvt) -> tuple[int, int] | None:
-    """Give seconds since 1970 and nanoseconds; None when not valid, or no such moment."""
+    """Return seconds since 1970 and nanoseconds; None when not valid, or no such moment."""
     if not pvt.has_date:
         return None
     try:

@@ -52,7 +52,7 @@ class RtcmFrame(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Give the bytes of the whole frame."""
+        """Return the bytes of the whole frame."""
         return len(self.data)
 
 
@@ -69,7 +69,7 @@ class RtcmDecoder(FrameDecoder[RtcmFrame]):
         self._crc = PartialCrc()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where a message ends, 0 when none begins here."""
+        """Return where a message ends, 0 when none begins here."""
         length = buffer[at + 1] << 8 | buffer[at + 2]
         # A header found by chance holds up what follows, for seconds on a slow link: most have a
         # number that no message has.
@@ -91,12 +91,12 @@ def _number(buffer: bytes, at: int) -> int:
 
 
 def _is_number(number: int) -> bool:
-    """Say whether messages have such a number: those of the standard, or of a maker."""
+    """Return whether messages have such a number: those of the standard, or of a maker."""
     return 1000 < number < 1400 or number > 4000
 
 
 def crc24q(content: bytes, crc: int = 0) -> int:
-    """Give the checksum of some bytes."""
+    """Return the checksum of some bytes."""
     for byte in content:
         crc = (crc << 8 & 0xFFFFFF) ^ _TABLE[crc >> 16 ^ byte]
     return crc
@@ -115,7 +115,7 @@ class PartialCrc:
         self._states: list[int] = [0]
 
     def of(self, buffer: bytes, begin: int, end: int) -> int:
-        """Give the checksum of a part of at most 1029 bytes."""
+        """Return the checksum of a part of at most 1029 bytes."""
         if end - begin <= _SHORT:
             return crc24q(buffer[begin:end])
         if buffer is not self._buffer:
@@ -151,7 +151,7 @@ _TABLE: Final = tuple(_shifted(byte << 16, 8) for byte in range(256))
 
 
 def _powers() -> tuple[int, ...]:
-    """Give x to the power of 8 n, modulo the polynomial: what n zero bytes multiply with."""
+    """Return x to the power of 8 n, modulo the polynomial: what n zero bytes multiply with."""
     found = [1]
     for _ in range(_OVERHEAD + MAX_PAYLOAD):
         found.append(_shifted(found[-1], 8))

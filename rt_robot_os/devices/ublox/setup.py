@@ -64,7 +64,7 @@ class UbloxSetup:
 
     def due(self, now_ns: int) -> bytes | None:
         """
-        Give what is to be sent now, None when there is nothing.
+        Return what is to be sent now, None when there is nothing.
 
         :raises DeviceError: the receiver does not answer, or refuses what it has to do.
         """

@@ -71,7 +71,7 @@ class SimulatedUblox(SimulatedNmea):
         self._keys = _known_keys(self.settings['generation'])
 
     def sample(self, time_s: float) -> bytes:
-        """Give one epoch."""
+        """Return one epoch."""
         self._time_s = time_s
         fixed = time_s >= self.settings['first_fix_s']
         latitude_deg, longitude_deg, course_deg = self.position(time_s)
@@ -124,7 +124,7 @@ class SimulatedUblox(SimulatedNmea):
 
 
 def _known_keys(generation: int) -> frozenset[int]:
-    """Give the keys that a receiver has; one of generation 10 has one port and takes no RTCM."""
+    """Return the keys that a receiver has; one of generation 10 has one port and takes no RTCM."""
     keys = {wire.RATE_MEAS, wire.RATE_NAV}
     for port in wire.PORTS[:1] if generation > 9 else wire.PORTS:
         keys |= {port.ubx_out, port.nav_pvt}

@@ -123,23 +123,23 @@ class NavPvt(NamedTuple):
 
     @property
     def has_date(self) -> bool:
-        """Say whether date and time are valid, and the leap seconds known."""
+        """Return whether date and time are valid, and the leap seconds known."""
         return self.valid & 0x07 == 0x07
 
     @property
     def has_fix(self) -> bool:
-        """Say whether there is a position within the receiver's limits."""
+        """Return whether there is a position within the receiver's limits."""
         return bool(self.flags & 0x01 and FIX_2D <= self.fix_type <= FIX_AND_DEAD_RECKONING
                     and not self.flags3 & 0x01)
 
     @property
     def is_differential(self) -> bool:
-        """Say whether corrections were applied, of SBAS or others."""
+        """Return whether corrections were applied, of SBAS or others."""
         return bool(self.flags & 0x02)
 
     @property
     def carrier(self) -> int:
-        """Give the carrier phase solution: 0 none, 1 floating, 2 fixed."""
+        """Return the carrier phase solution: 0 none, 1 floating, 2 fixed."""
         return self.flags >> 6
 
 
@@ -175,7 +175,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
         self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where a message or sentence ends, 0 when none begins here."""
+        """Return where a message or sentence ends, 0 when none begins here."""
         if buffer[at] != _FIRST:
             end = sentence_end(buffer, at)
             return end if end <= at + MAX_SENTENCE else 0
@@ -198,7 +198,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
 
 
 def fletcher(content: bytes) -> bytes:
-    """Give the checksum of what stands between sync and checksum."""
+    """Return the checksum of what stands between sync and checksum."""
     first = second = 0
     for byte in content:
         first += byte
@@ -350,17 +350,17 @@ def make_nav_hpposllh(
 
 
 def time_of_week_ms(time: datetime) -> int:
-    """Give the time of the GPS week."""
+    """Return the time of the GPS week."""
     return (round(time.timestamp() * 1000) + (_LEAP_S - _GPS_EPOCH_S) * 1000) % _WEEK_MS
 
 
 def _split(value: float, parts: int = 100) -> tuple[int, int]:
-    """Give the whole part and the rest, which has the same sign."""
+    """Return the whole part and the rest, which has the same sign."""
     whole = round(value)
     rest = whole - int(whole / parts) * parts
     return (whole - rest) // parts, rest
 
 
 def is_ubx(data: bytes) -> bool:
-    """Say whether there is a message in some bytes."""
+    """Return whether there is a message in some bytes."""
     return any(frame.kind for frame in UbxDecoder().feed(data))

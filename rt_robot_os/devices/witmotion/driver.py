@@ -113,7 +113,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         self._check_speed()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Imu, and MagneticField unless its topic is empty."""
+        """Return what is published: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 
     def restart(self) -> None:
@@ -148,7 +148,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now."""
+        """Return the counters as they are now."""
         return self._counters(lost_samples=self._sets.lost)
 
     def _publish_imu(self, complete: ImuSet) -> None:
@@ -170,7 +170,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
     def _orientation(
         self, parts: Mapping[int, tuple[int, int, int, int]],
     ) -> tuple[float, float, float, float] | None:
-        """Give x, y, z, w, None when the device gave no orientation."""
+        """Return x, y, z, w, None when the device gave no orientation."""
         raw = parts.get(wire.QUATERNION)
         if raw is not None:
             length = math.hypot(*raw)

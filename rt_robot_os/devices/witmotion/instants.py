@@ -98,7 +98,7 @@ class ImuSetAssembler:
 
     @property
     def broken(self) -> bool:
-        """Say whether bytes were rejected inside of the present instant."""
+        """Return whether bytes were rejected inside of the present instant."""
         return self._broken
 
     def add(self, frame: WitMotionFrame, arrival_ns: int, since_ns: int) -> list[ImuSet]:

@@ -49,7 +49,7 @@ class SimulatedWitMotion(SimulatedDevice):
         self._received = b''
 
     def sample(self, time_s: float) -> bytes:
-        """Give the frames that are enabled."""
+        """Return the frames that are enabled."""
         roll, pitch, yaw = world.attitude(time_s)
         noise, chance = self.settings['noise'], self.random
         force = world.noisy(world.body_vector(time_s, world.GRAVITY_M_S2),

@@ -200,15 +200,15 @@ def command(register: int, value: int) -> bytes:
 
 
 def output_mask(kinds: tuple[int, ...]) -> int:
-    """Give the value of the output register for frames with these IDs."""
+    """Return the value of the output register for frames with these IDs."""
     return sum(1 << (kind - 0x50) for kind in set(kinds))
 
 
 def is_witmotion(data: bytes) -> bool:
-    """Say whether some bytes are frames: two that touch, for a sum may be good by chance."""
+    """Return whether some bytes are frames: two that touch, for a sum may be good by chance."""
     return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
 
 
 def is_bluetooth(data: bytes) -> bool:
-    """Say whether some bytes are of a Bluetooth model: three packets of 20 bytes that touch."""
+    """Return whether some bytes are of a Bluetooth model: three packets of 20 bytes that touch."""
     return _BLUETOOTH(data) is not None

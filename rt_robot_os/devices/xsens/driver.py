@@ -110,7 +110,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._lost = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published: Imu, and MagneticField unless its topic is empty."""
+        """Return what is published: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 
     def restart(self) -> None:
@@ -128,7 +128,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._setup = Handshake(self.name, steps, _REMEDY)
 
     def is_set_up(self) -> bool:
-        """Say whether the set-up is done."""
+        """Return whether the set-up is done."""
         return self._setup.done
 
     def write(self, now_ns: int) -> None:
@@ -167,7 +167,7 @@ class Xsens(SerialDevice[XbusFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Give the counters as they are now; contradictions are messages with broken items."""
+        """Return the counters as they are now; contradictions are messages with broken items."""
         return self._counters(lost_samples=self._lost, contradicted=self._parser.malformed)
 
     def _publish(self, sample: MtSample, arrival_ns: int) -> int:
@@ -201,7 +201,7 @@ class Xsens(SerialDevice[XbusFrame]):
                 self._lost += gap
 
     def _difference(self, payload: bytes) -> str:
-        """Say how what the device will send differs from what it was asked for."""
+        """Return how what the device will send differs from what it was asked for."""
         answer = dict(wire.read_output_configuration(payload))
         if not answer:
             return ''
@@ -217,7 +217,7 @@ class Xsens(SerialDevice[XbusFrame]):
         return ''
 
     def _wanted(self) -> tuple[tuple[int, int], ...]:
-        """Give identifiers and rates, after a look at rate and line."""
+        """Return identifiers and rates, after a look at rate and line."""
         settings = self.settings
         rate_hz: float = settings['output_rate_hz']
         if rate_hz != round(rate_hz) or not 1 <= rate_hz <= 2000:
@@ -241,12 +241,12 @@ class Xsens(SerialDevice[XbusFrame]):
 
 
 def _finite(numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
-    """Give the numbers, None when there are none or one of them is not finite."""
+    """Return the numbers, None when there are none or one of them is not finite."""
     return numbers if numbers is not None and math.isfinite(sum(numbers)) else None
 
 
 def _rotation(sample: MtSample) -> tuple[float, float, float, float] | None:
-    """Give the orientation as x, y, z, w; None when there is none to rely on."""
+    """Return the orientation as x, y, z, w; None when there is none to rely on."""
     q = sample.quaternion
     if q is None or (sample.status is not None and not sample.status & mtdata2.FILTER_VALID):
         return None

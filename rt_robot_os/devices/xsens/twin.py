@@ -62,7 +62,7 @@ class SimulatedXsens(SimulatedDevice):
         self._decoder = XbusDecoder()
 
     def sample(self, time_s: float) -> bytes:
-        """Give one message, nothing while the device is being configured."""
+        """Return one message, nothing while the device is being configured."""
         if not self._measuring:
             return b''
         self._counter = (self._counter + 1) & 0xFFFF

@@ -79,7 +79,7 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
         self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where a message ends, 0 when none begins here."""
+        """Return where a message ends, 0 when none begins here."""
         if buffer[at + 1] != _BUS:
             return 0
         length = buffer[at + 3]
@@ -166,5 +166,5 @@ def read_output_configuration(payload: bytes) -> tuple[tuple[int, int], ...]:
 
 
 def is_xbus(data: bytes) -> bool:
-    """Say whether there is a message with a payload in some bytes."""
+    """Return whether there is a message with a payload in some bytes."""
     return any(frame.payload for frame in XbusDecoder().feed(data))

@@ -52,7 +52,7 @@ _TAKEN: Final = frozenset(
 
 
 def name_problem(noun: str, name: str, longest: int) -> str:
-    """Say what is wrong with a name; empty when nothing is."""
+    """Return what is wrong with a name; empty when nothing is."""
     rule = (f'must have 2 to {longest} lower-case letters, digits and single _, begin with a '
             'letter and not end with _')
     if not re.fullmatch(r'[a-z](_?[a-z0-9])+', name) or len(name) > longest:
@@ -63,7 +63,7 @@ def name_problem(noun: str, name: str, longest: int) -> str:
 
 
 def problems_of(package: str, driver: str, module: str) -> list[str]:
-    """Say what is wrong with the names that were given."""
+    """Return what is wrong with the names that were given."""
     found = [name_problem('package', package, LONGEST_PACKAGE)]
     if not found[0] and importlib.util.find_spec(package) is not None:
         found.append(f'package {package!r}: Python has a module of that name already: choose '
@@ -116,7 +116,7 @@ class Package:
         self.files |= {f'resource/{package}': '', f'{package}/__init__.py': ''}
 
     def _computed(self, driver: str, module: str) -> dict[str, str]:
-        """Give the parts that depend on what there is."""
+        """Return the parts that depend on what there is."""
         groups = {
             'devices': driver,
             'modules': module and f'{module}:@Module@'}
