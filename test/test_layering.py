@@ -56,6 +56,10 @@ TWIN = re.compile(r'devices\.\w+\.twin')
 TWIN_MAY_IMPORT = re.compile(
     r'devices\.(\w+\.(twin|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
     r'|(errors|linux|plugins|reports|schema|sim|units)(\..*)?')
+# The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
+# declares names, for every process, and imports nothing.
+WIRE = re.compile(r'devices\.\w+\.(wire|mtdata2|rtcm)')
+WIRE_MAY_IMPORT = re.compile(r'devices\.(\w+\.(wire|mtdata2|rtcm)|framing|partial_sums)|units')
 # The frame of the twins finds them in the table of devices, which names drivers and imports none.
 TABLE = f'{PACKAGE}.devices.table'
 MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', 'sim', 'testing')
@@ -184,6 +188,17 @@ def test_the_core_knows_no_kind_of_device_or_module() -> None:
     assert [str(one) for one in OWN
             if _layer(one.importer) == 'core' and _layer(one.imported) in ('devices', 'modules')
             and one.imported not in allowed] == []
+
+
+def test_the_bytes_of_a_device_need_neither_its_driver_nor_its_twin() -> None:
+    folders = {name.rpartition('.')[0] for name in MODULES if name.endswith('.twin')}
+    assert len(folders) > 10
+    assert [str(one) for one in OWN
+            if WIRE.fullmatch(one.importer.partition('.')[2])
+            and not WIRE_MAY_IMPORT.fullmatch(one.imported.partition('.')[2])] == []
+    assert [str(one) for one in OWN if one.importer in folders
+            and one.importer != f'{PACKAGE}.devices.capture'
+            and one.imported != f'{PACKAGE}.devices.parts'] == []
 
 
 def test_a_library_is_imported_only_where_it_belongs() -> None:

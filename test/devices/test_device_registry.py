@@ -128,6 +128,11 @@ def test_the_devices_of_this_package() -> None:
         SIMULATORS.load(name)
 
 
+def test_a_folder_with_a_driver_is_a_device() -> None:
+    folders = {path.parent.name for path in Path(devices.__file__).parent.glob('*/driver.py')}
+    assert folders == set(DRIVERS.names()) - set(DRIVERS.foreign_names())
+
+
 def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:
     drivers = imported_by(
         'from rt_robot_os.devices.registry import DRIVERS\n'
