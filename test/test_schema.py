@@ -12,17 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A field says what is wrong with a value, whatever the value is."""
+"""A field says what is wrong with a value, and a dataclass declares the fields it is made of."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
+from typing import ClassVar
 
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
+from rt_robot_os.schema import inline
+from rt_robot_os.schema import made
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import setting
 
 RATE = Field('rate_hz', float, 1.0, 'rate', 'Hz', 0.1, 4_000_000.0)
 LEVELS = Field('levels', list, (), 'levels', '', 1, 9, item=int)
@@ -59,3 +66,41 @@ def test_no_value_raises(value: Any, kind: type) -> None:
         Field('x', kind, None, 'x'))
     if field.problem(value) is None:
         assert isinstance(field.coerce(value), kind)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A part whose settings stand among those of the whole."""
+
+    length_m: float = setting(0.5, 'length', 'm', 0.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a robot might declare of itself."""
+
+    name: str
+    type: str = setting(REQUIRED, 'what it is')  # noqa: A003
+    enabled: ClassVar[bool] = setting(True, 'whether it is there')
+    arm: Arm = inline(Arm())
+    speeds: tuple[float, ...] = setting((1.0,), 'speeds', 'm/s', 0.0, 5.0, live=True)
+    arms: tuple[Arm, ...] = setting((), 'names of its arms')
+    limit: int | None = setting(0, 'limit', choices=(0, 1))
+
+
+def test_a_dataclass_is_the_one_declaration_of_its_settings() -> None:
+    assert declared(Machine) == (
+        Field('type', str, REQUIRED, 'what it is'),
+        Field('enabled', bool, True, 'whether it is there'),
+        Field('length_m', float, 0.5, 'length', 'm', 0.0, 2.0),
+        Field('speeds', list, (1.0,), 'speeds', 'm/s', 0.0, 5.0, item=float, live=True),
+        Field('arms', list, (), 'names of its arms'),
+        Field('limit', int, 0, 'limit', choices=(0, 1)))
+
+
+def test_an_object_is_made_of_what_was_read() -> None:
+    values = {'type': 'crane', 'enabled': True, 'length_m': 1.5, 'limit': 1}
+    assert made(Machine, values, name='a') == Machine('a', 'crane', Arm(1.5), limit=1)
+    assert made(Machine, {}, name='a', type='crane') == Machine('a', 'crane')
+    with pytest.raises(TypeError, match='type'):
+        made(Machine, {}, name='a')
