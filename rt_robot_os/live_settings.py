@@ -26,7 +26,7 @@ from rt_robot_os.schema import Field
 
 class LiveSettings:
     """
-    What devices and modules have in common: a name, settings, and their change between two jobs.
+    The base of devices and modules: a name, settings, and their change between two jobs.
 
     :cvar SETTINGS: what can be set; fields with ``live=True`` while the robot runs as well.
     :ivar settings: the values in force, by name; those of one job never change during it.

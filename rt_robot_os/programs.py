@@ -118,7 +118,7 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
 
 def tell(name: str, what: object, details: Iterable[str] = ()) -> None:
     """
-    Say on standard error, where somebody still reads, what is wrong.
+    Write on standard error what is wrong; does nothing when nobody reads there any more.
 
     :param name: of the program.
     :param details: a line each below it.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the SensorManager is told of a device, and what it tells."""
+"""The state and the statistics of a device under the SensorManager, and its time-outs."""
 
 from __future__ import annotations
 

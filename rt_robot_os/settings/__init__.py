@@ -14,7 +14,7 @@
 
 
 """
-Settings: ROS 2 parameter files to frozen, checked facts, with every problem told at once.
+Settings: ROS 2 parameter files to frozen, checked facts; every problem is reported at once.
 
 Nothing is opened here, and nothing of ROS 2 is needed.
 """

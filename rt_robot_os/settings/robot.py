@@ -148,7 +148,7 @@ def _silent_topics(
     parts: Sequence[Part], topics: Sequence[Section],
     uses: Mapping[str, PartTopics | None],
 ) -> Iterator[TopicSettings]:
-    """Give the topics of what is not enabled: who reads or mirrors them waits, and that is all."""
+    """Yield the topics of parts that are not enabled: readers and mirrors of them just wait."""
     published = {section.values['topic'] or section.name for section in topics}
     for part in parts:
         if part.enabled:

@@ -87,7 +87,7 @@ def parse_ros_args(argv: Sequence[str], node: str = 'robot') -> RosArguments:
 
 
 def split(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Part what stands in ``--ros-args ... --`` from the rest."""
+    """Separate the arguments in ``--ros-args ... --`` from the others."""
     ours: list[str] = []
     rest: list[str] = []
     inside = False

@@ -145,7 +145,7 @@ class Sections:
     The sections that are in a list.
 
     :ivar listed: by list, then by name in the order of the list.
-    :ivar loose: names and texts of what belongs to no list, as far as anybody can tell.
+    :ivar loose: names and texts of sections that belong to no known list.
     """
 
     listed: dict[str, dict[str, Branch]] = field(

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Finds what contradicts itself in the declarations of tasks, alone and together."""
+"""Finds contradictions in the declarations of tasks, in one alone and in several together."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@
 """
 A simulated chip on an emulated I2C bus, with faults.
 
-What the chip measures happens in the time that each transaction and each ``pump`` is told.
+Its time is the one that each transaction and each ``pump`` is given.
 """
 
 from __future__ import annotations

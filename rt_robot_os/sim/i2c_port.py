@@ -142,7 +142,7 @@ class I2cPort:
                 if connection is None:
                     self._accept()
                 elif what & _HUNG_UP:
-                    # Whoever asked has given up, and perhaps asked again: nobody wants it done.
+                    # The client has given up, and perhaps asked again: nobody wants it done.
                     self._drop(descriptor)
                 else:
                     self._take(connection, now_ns)

@@ -24,7 +24,7 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _BITS_PER_BYTE: Final = 10
-# Waking for every byte is for nobody: a UART's own buffer has 16, USB adapters collect for 1 ms.
+# No real port wakes for every byte: a UART buffers 16, USB adapters collect for 1 ms.
 _FIFO: Final = 16
 
 
@@ -88,7 +88,7 @@ class SerialLine:
 
     def next_ns(self, chunk: int | None = None) -> int | None:
         """
-        Return when it is worth to take the next bytes; None when the line is idle.
+        Return when the next bytes are worth taking; None when the line is idle.
 
         :param chunk: bytes to wait for, if not what suits the speed.
         """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whose the paths of simulated devices are: one simulator serves each, and none outlives it."""
+"""Locks on the paths of simulated devices: each is served by one simulator, and ends with it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def hold_paths(folder: Path, names: Iterable[str]) -> list[LockFile]:
 
 
 def release(held: Iterable[LockFile]) -> None:
-    """Let go of the paths; may be called twice."""
+    """Release the paths; may be called twice."""
     for lock in held:
         lock.release()
 

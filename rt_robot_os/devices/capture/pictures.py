@@ -66,7 +66,7 @@ class PictureSource(Protocol):
         """Begin anew; only a source with an end is asked to."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 class Grid:
@@ -214,7 +214,7 @@ class OpenCvCapture:
         self._any = False
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Close the camera."""
         self._capture.release()
 
 

@@ -66,7 +66,7 @@ class BlockSource(Protocol):
         """Begin anew; only a source with an end is asked to."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 class Tone:
@@ -245,7 +245,7 @@ class SoundBlocks:
             seq += 1
 
     def close(self) -> None:
-        """Let go of the source."""
+        """Close the source."""
         self._source.close()
 
 

@@ -79,7 +79,7 @@ class Source(Protocol):
         """
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 def source_of(kind: str, settings: dict[str, Any]) -> Source:

@@ -46,7 +46,7 @@ from rt_robot_os.units import NS_PER_S
 FIRST_ADDRESS: Final = 0x08
 LAST_ADDRESS: Final = 0x77
 
-# Longer than what an adapter has for one transaction, since several devices may wait for a bus.
+# Longer than the time-out of an adapter, since several devices may wait for one bus.
 ANSWER_TIMEOUT_NS: Final = 300 * NS_PER_MS
 
 

@@ -88,7 +88,7 @@ def run(argv: Sequence[str]) -> int:
             port.unplug()
             bus.close()
             if arguments.with_parent:
-                with contextlib.suppress(OSError):  # somebody has tidied up
+                with contextlib.suppress(OSError):  # it has been removed already
                     port.socket_path.parent.rmdir()
     return OK
 

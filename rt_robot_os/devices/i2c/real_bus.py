@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What waits on a real I2C bus: one transaction after the other, for whoever asks the bridge."""
+"""The transactions of the bridge on a real I2C bus: one after the other; waits for the bus."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """Forget what belongs to the stream so far: the port has just been opened."""
 
     def is_set_up(self) -> bool:
-        """Return whether the device does its work; what it says before is no sign that it will."""
+        """Return whether the device works; frames before that are no sign of life."""
         return True
 
     def idle(self, now_ns: int) -> int:

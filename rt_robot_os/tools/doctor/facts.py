@@ -82,7 +82,7 @@ def allowed_cpus(system: System) -> list[int]:
 
 
 def core_cpu(system: System) -> int | None:
-    """Give the CPU that the core would be on; None when it asks for none, or for a missing one."""
+    """Return the CPU that the core would be on; None when it asks for none or a missing one."""
     asked, online = asked_cpu(system), online_cpus(system)
     return asked if asked in online or not online else None
 
