@@ -41,12 +41,12 @@ import time
 
 from rich.console import Console
 from rt_robot_os.clients.top.controls import Controls
-from rt_robot_os.clients.top.layout import Choices
+from rt_robot_os.clients.top.core_source import Source
 from rt_robot_os.clients.top.live import drawn
 from rt_robot_os.clients.top.live import screen
 from rt_robot_os.clients.top.rows import Snapshot
+from rt_robot_os.clients.top.screen_layout import Choices
 from rt_robot_os.clients.top.snapshot import compare
-from rt_robot_os.clients.top.source import Source
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path

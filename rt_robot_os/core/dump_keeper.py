@@ -26,9 +26,9 @@ import socket
 import subprocess
 
 from rt_robot_os.core.part import Host
+from rt_robot_os.dumps.dump_parts import live_parts
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
-from rt_robot_os.dumps.parts import live_parts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import reason_of
 from rt_robot_os.linux.process import start_child

@@ -14,7 +14,7 @@
 
 
 """
-The file of a dump: the parts of :mod:`rt_robot_os.dumps.parts` as JSON lines, compressed.
+The file of a dump: the parts of :mod:`rt_robot_os.dumps.dump_parts` as JSON lines, compressed.
 
 ``zcat`` shows it. A file is there as a whole or not at all: it is written under another name and
 renamed.
@@ -33,9 +33,9 @@ import os
 from pathlib import Path
 import zlib
 
-from rt_robot_os.dumps.parts import DamagedError
-from rt_robot_os.dumps.parts import Joiner
-from rt_robot_os.dumps.parts import Part
+from rt_robot_os.dumps.dump_parts import DamagedError
+from rt_robot_os.dumps.dump_parts import Joiner
+from rt_robot_os.dumps.dump_parts import Part
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.kernel.black_box import BlackBoxDump
 

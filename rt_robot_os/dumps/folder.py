@@ -26,7 +26,7 @@ import re
 
 from rt_robot_os.dumps.dump_file import SUFFIX
 from rt_robot_os.dumps.dump_file import write_parts
-from rt_robot_os.dumps.parts import Part
+from rt_robot_os.dumps.dump_parts import Part
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.linux.folders import ros_home
 

@@ -18,8 +18,8 @@
 from __future__ import annotations
 
 from rt_robot_os.clients.top.columns import TABLES
-from rt_robot_os.clients.top.layout import Choices
-from rt_robot_os.clients.top.layout import PARTS
+from rt_robot_os.clients.top.screen_layout import Choices
+from rt_robot_os.clients.top.screen_layout import PARTS
 
 INTERVALS_S = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0)
 _FILTER_MAXIMUM = 40

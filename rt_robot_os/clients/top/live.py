@@ -36,13 +36,13 @@ from rich.text import Text
 from rt_robot_os.clients.top.columns import Line
 from rt_robot_os.clients.top.controls import Controls
 from rt_robot_os.clients.top.controls import split_keys
-from rt_robot_os.clients.top.layout import body
-from rt_robot_os.clients.top.layout import cut
-from rt_robot_os.clients.top.layout import head
+from rt_robot_os.clients.top.core_source import Source
 from rt_robot_os.clients.top.rows import Snapshot
+from rt_robot_os.clients.top.screen_layout import body
+from rt_robot_os.clients.top.screen_layout import cut
+from rt_robot_os.clients.top.screen_layout import head
 from rt_robot_os.clients.top.snapshot import compare
 from rt_robot_os.clients.top.snapshot import Sample
-from rt_robot_os.clients.top.source import Source
 from rt_robot_os.errors import LinkError
 
 STYLES = {'': '', 'dim': 'dim', 'head': 'bold', 'good': 'green', 'warn': 'yellow',

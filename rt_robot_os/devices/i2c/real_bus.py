@@ -21,8 +21,8 @@ import os
 import stat
 
 from rt_robot_os.devices.i2c.bus import I2cTransport
-from rt_robot_os.devices.i2c.errors import is_gone
-from rt_robot_os.devices.i2c.errors import open_error
+from rt_robot_os.devices.i2c.bus_errors import is_gone
+from rt_robot_os.devices.i2c.bus_errors import open_error
 from rt_robot_os.devices.i2c.packets import NO_BUS
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.errors import DeviceError

@@ -22,12 +22,12 @@ The ring itself is :mod:`rt_robot_os.kernel.black_box`.
 from rt_robot_os.dumps.dump_file import DumpFile
 from rt_robot_os.dumps.dump_file import read_dump
 from rt_robot_os.dumps.dump_file import write_parts
+from rt_robot_os.dumps.dump_parts import join
+from rt_robot_os.dumps.dump_parts import parts
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import dumps
 from rt_robot_os.dumps.folder import file_name
 from rt_robot_os.dumps.folder import newest
-from rt_robot_os.dumps.parts import join
-from rt_robot_os.dumps.parts import parts
 from rt_robot_os.tools.black_box.chart import Chart
 from rt_robot_os.tools.black_box.chart import chart_of
 from rt_robot_os.tools.black_box.chart import window

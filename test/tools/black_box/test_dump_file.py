@@ -34,8 +34,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.dumps.parts import KINDS
-from rt_robot_os.dumps.parts import parts
+from rt_robot_os.dumps.dump_parts import KINDS
+from rt_robot_os.dumps.dump_parts import parts
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.kernel import black_box
 from rt_robot_os.kernel import BlackBoxDump

@@ -29,8 +29,8 @@ from hypothesis import given
 from hypothesis import settings
 import pytest
 
+from rt_robot_os.dumps.dump_parts import parts
 from rt_robot_os.dumps.folder import keep
-from rt_robot_os.dumps.parts import parts
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.errors import StartError
 from rt_robot_os.tools.black_box import default_folder
