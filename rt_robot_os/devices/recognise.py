@@ -121,12 +121,12 @@ def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
         if callable(fits):
             remedy = each.remedy or f'set type: {name}, or swap the ports'
             yield _Known(each.frames, remedy, fits, not each.remedy)
-    if DRIVERS.deprecation(name):
+    if not parts.recognisers and name in DRIVERS.foreign_names():
         yield from _known_of_class(name, parts)
 
 
 def _known_of_class(name: str, parts: DeviceParts) -> Iterator[_Known]:
-    """Yield what a driver of the old entry-point group says in its class; for one release."""
+    """Yield what the class of a driver says, where nothing is declared; for one release."""
     try:
         driver = load_object(f'driver {name!r}', parts.driver)
     except ConfigError:

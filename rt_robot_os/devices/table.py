@@ -129,7 +129,8 @@ class DeviceRegistry(PluginRegistry[T]):
         """
         found = super().load(name)
         if told := self.deprecation(name):
-            warnings.warn(told, DeprecationWarning, stacklevel=2)
+            # Not of the caller: a program that runs as __main__ would print its own line of code.
+            warnings.warn(told, DeprecationWarning, stacklevel=1)
         return found
 
     def deprecation(self, name: str) -> str:

@@ -100,6 +100,19 @@ class OldSonar(SerialDevice[Any]):
         return data.count(b'$OLD') > 1
 
 
+class HalfMoved(OldSonar):
+    """A driver of the new group whose recogniser is still in its class."""
+
+    FRAMES = 'frames of a sonar on the move'
+
+    @classmethod
+    def recognises(cls, data: bytes) -> bool:
+        return data.count(b'$HALF') > 1
+
+
+HALF_MOVED = DeviceParts(f'{__name__}:HalfMoved')
+
+
 class Nameless(OldSonar):
     FRAMES = ''
 
@@ -115,7 +128,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> Recognisers:
         'rt_robot_os.devices': {
             'defective': f'{__name__}:DEFECTIVE', 'absent': f'{__name__}:ABSENT',
             'my_sonar': f'{__name__}:SONAR', 'nmea': f'{__name__}:SONAR',
-            'gone': 'no_such_package'},
+            'gone': 'no_such_package', 'half_moved': f'{__name__}:HALF_MOVED'},
         'rt_robot_os.drivers': {
             'old_sonar': f'{__name__}:OldSonar', 'nameless': f'{__name__}:Nameless',
             'old_gone': f'{__name__}:Gone'}}
@@ -143,6 +156,7 @@ def test_bytes_that_no_driver_reads_are_named_too(foreign: Recognisers) -> None:
 def test_a_class_of_the_old_group_still_says_it_itself(foreign: Recognisers) -> None:
     assert foreign.recognised(b'$OLD 1 $OLD 2', 9600) == (
         'these are frames of an old sonar at 9600 baud: set type: old_sonar, or swap the ports')
+    assert 'set type: half_moved' in foreign.recognised(b'$HALF 1 $HALF 2', 9600)
 
 
 @pytest.mark.filterwarnings('ignore:type old_sonar')
