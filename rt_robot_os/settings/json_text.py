@@ -90,12 +90,7 @@ def _value(hint: Any, value: Any, name: str) -> Any:
     if isinstance(hint, type) and is_dataclass(hint):
         return _make(hint, value, name)
     if get_origin(hint) is tuple:
-        item = get_args(hint)[0]
-        if type(value) is not list or (item is str and any(type(each) is not str
-                                                           for each in value)):
-            raise ConfigError([f'settings: {name} must be a list'
-                               + (' of texts' if item is str else '')])
-        return tuple(_value(item, each, name) for each in value)
+        return _tuple(get_args(hint)[0], value, name)
     if hint is float and type(value) is int:
         return _float(value, name)
     allowed = (hint, *get_args(hint))
@@ -108,8 +103,21 @@ def _value(hint: Any, value: Any, name: str) -> Any:
     return frozen(value)
 
 
+def _tuple(item: Any, value: Any, name: str) -> tuple[Any, ...]:
+    if item is str:
+        if type(value) is not list or any(type(each) is not str for each in value):
+            raise ConfigError([f'settings: {name} must be a list of texts'])
+        return tuple(value)
+    name = name.rpartition('.')[2]
+    if type(value) is not list:
+        raise ConfigError([f'settings: {name} must be a list'])
+    return tuple(_value(item, each, name) for each in value)
+
+
 def _name(hint: Any) -> str:
-    return str(hint.__name__ if isinstance(hint, type) else hint)
+    if isinstance(hint, type):
+        return hint.__name__
+    return str(hint).replace('collections.abc.', '').replace('typing.', '')
 
 
 def _float(value: int, name: str) -> float:

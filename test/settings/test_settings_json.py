@@ -23,6 +23,7 @@ from dataclasses import fields
 from dataclasses import is_dataclass
 import json
 import pickle
+import re
 from typing import Any
 from typing import get_args
 from typing import get_origin
@@ -144,3 +145,24 @@ def test_what_a_task_declares_survives(
         critical=True)
     assert robot.watchdog == WatchdogSettings(timeout_s=2.0, action='exit')
     assert from_json(to_json(robot)) == robot
+
+
+@pytest.mark.parametrize(('section', 'key', 'value', 'problem'), [
+    ('', 'devices', 5, 'devices must be a list'),
+    ('', 'devices', [5], 'devices must be an object'),
+    ('', 'core', 5, 'robot.core must be an object'),
+    ('', 'autostart', 1, 'robot.autostart must be bool'),
+    ('', 'files', [5], 'robot.files must be a list of texts'),
+    ('core', 'cpu', 1.5, 'robot.core.cpu must be int'),
+    ('core', 'cpus', 1, 'robot.core: keys missing or unknown: cpus'),
+    ('devices', 'rate_hz', 10 ** 400, 'devices.rate_hz is too large'),
+    ('devices', 'sim', [], 'devices.sim must be Mapping[str, Any] | None')])
+def test_what_is_wrong_in_the_text_is_named(
+    section: str, key: str, value: Any, problem: str, good: str,
+    load_text: Callable[..., RobotSettings],
+) -> None:
+    data = json.loads(to_json(load_text(good)))
+    target = data[section] if section else data
+    (target[0] if isinstance(target, list) else target)[key] = value
+    with pytest.raises(ConfigError, match=re.escape(f'settings: {problem}')):
+        from_json(json.dumps(data))
