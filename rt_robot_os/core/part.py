@@ -97,7 +97,7 @@ class Parts:
     The parts of a core from beginning to end.
 
     :param kinds: their classes, which may be anybody's.
-    :raises RtRobotError: one of them cannot be made.
+    :raises ConfigError: one of them cannot be made.
     :ivar all: those that were made.
     """
 
@@ -111,7 +111,7 @@ class Parts:
         """
         Open all of them.
 
-        :raises RtRobotError: one of them cannot be opened.
+        :raises ConfigError: one of them cannot be opened.
         """
         for part in self.all:
             with _named(type(part), 'opened'):
@@ -132,11 +132,12 @@ class Parts:
 def _named(kind: type[CorePart], done: str) -> Iterator[None]:
     try:
         yield
-    except RtRobotError:
-        raise
     except Exception as error:
-        raise ConfigError([f'part of the core {kind.__name__} could not be {done}: '
-                           f'{type(error).__name__}: {error}']) from error
+        # A core that is started again would fare no better.
+        what = str(error) if isinstance(error, RtRobotError) else (
+            f'{type(error).__name__}: {error}')
+        raise ConfigError([f'part of the core {kind.__name__} could not be {done}: {what}']
+                          ) from error
 
 
 CORE_PARTS: Final[PluginRegistry[CorePart]] = PluginRegistry(

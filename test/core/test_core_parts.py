@@ -93,6 +93,13 @@ class Unmade(CorePart):
         raise ZeroDivisionError('no wheels')
 
 
+class Rival(CorePart):
+    """Wants to answer what is answered already."""
+
+    def __init__(self, host: Host) -> None:
+        host.requests.add('rearm', lambda session, arguments: {})
+
+
 class Unopened(CorePart):
     """Cannot be opened."""
 
@@ -166,6 +173,9 @@ def test_a_part_that_fails_is_named_and_the_core_does_not_run_without_it(make: M
     with pytest.raises(ConfigError, match='part of the core Unmade could not be made: '
                                           'ZeroDivisionError: no wheels'):
         make(Odometer, Unmade)
+    with pytest.raises(ConfigError, match='part of the core Rival could not be made: request '
+                                          "'rearm' is answered by somebody else"):
+        make(Rival)
     core = make(Odometer, Unopened)
     part = core.parts.all[0]
     with pytest.raises(ConfigError, match='part of the core Unopened could not be opened: OSErr'):
