@@ -136,6 +136,14 @@ class Clock(ABC):
         """Pretend to compute: what a task calls in a simulation or a test."""
 
 
+def _refuse(*_: int) -> Any:
+    raise TaskError('the clock is not attached: a kernel does that when it runs')
+
+
+def _nothing() -> None:
+    """Do nothing, as long as the clock is not attached."""
+
+
 class MonotonicClock(Clock):
     """
     CLOCK_MONOTONIC with a POSIX timer signal as the alarm.
@@ -149,7 +157,12 @@ class MonotonicClock(Clock):
     def __init__(self, wake_signals: Iterable[int] = ()) -> None:
         self.now_ns = time.monotonic_ns
         self.computed_ns = time.thread_time_ns
-        self.waited_ns = WaitingTime().read  # type: ignore[method-assign]
+        self._waiting = WaitingTime()
+        self._arm: Callable[[int], None] = _refuse
+        self._arm_spare: Callable[[int], None] = _refuse
+        self._hold: Callable[[], None] = _nothing
+        self._admit: Callable[[], None] = _nothing
+        self._sigwait: Callable[[], int] = _refuse
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
@@ -180,7 +193,7 @@ class MonotonicClock(Clock):
         try:
             for signo, handler in handlers.items():
                 self._previous[signo] = signal.signal(signo, handler)
-            self._gate = SignalGate({*handlers, *wakes})
+            gate = SignalGate({*handlers, *wakes})
             self._timers.append(SignalTimer(TICK_SIGNAL))
             self._timers.append(SignalTimer(TICK_SIGNAL))
             # Not in the gate: it is noted at once, before an alarm that came meanwhile.
@@ -190,11 +203,8 @@ class MonotonicClock(Clock):
             self._close_timers()
             self._restore_handlers()
             raise
-        self.arm = self._timers[0].arm  # type: ignore[method-assign]
-        self.arm_spare = self._timers[1].arm  # type: ignore[method-assign]
-        self.hold = self._gate.hold  # type: ignore[method-assign]
-        self.admit = self._gate.admit  # type: ignore[method-assign]
-        self._sigwait = self._gate.wait
+        self._arm, self._arm_spare = self._timers[0].arm, self._timers[1].arm
+        self._hold, self._admit, self._sigwait = gate.hold, gate.admit, gate.wait
 
     def _on_continue(self, signum: int, frame: object) -> None:
         self.was_stopped = True
@@ -213,7 +223,9 @@ class MonotonicClock(Clock):
             return
         for timer in self._timers:
             timer.disarm()
-        self._gate.admit()
+        self._admit()
+        self._arm = self._arm_spare = _refuse
+        self._hold = self._admit = _nothing
         self._close_timers()
         # The default action of these signals ends the process, but none can come any more: the
         # timer is gone, and what was held has been let through to the old handler.
@@ -233,19 +245,22 @@ class MonotonicClock(Clock):
             signal.signal(signo, handler)
 
     def arm(self, deadline_ns: int) -> None:
-        raise TaskError('the clock is not attached: a kernel does that when it runs')
+        self._arm(deadline_ns)
 
     def arm_spare(self, deadline_ns: int) -> None:
-        raise TaskError('the clock is not attached: a kernel does that when it runs')
+        self._arm_spare(deadline_ns)
 
     def swap(self) -> None:
-        self.arm, self.arm_spare = self.arm_spare, self.arm  # type: ignore[method-assign]
+        self._arm, self._arm_spare = self._arm_spare, self._arm
 
     def hold(self) -> None:
-        """Do nothing while detached."""
+        self._hold()
 
     def admit(self) -> None:
-        """Do nothing while detached."""
+        self._admit()
+
+    def waited_ns(self) -> int:
+        return self._waiting.read()
 
     def wait(self) -> bool:
         signo = self._sigwait()
