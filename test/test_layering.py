@@ -219,8 +219,11 @@ def test_every_program_is_the_thin_main_of_its_part() -> None:
         assert max(node.lineno for node in ast.walk(tree) if hasattr(node, 'lineno')) < (
             PROGRAM_LINES), target
         # Before Ctrl-C is seen to, it imports nothing that takes long.
-        early = {one.imported for one in IMPORTS if one.importer == module and not one.lazy}
-        assert {one for one in early if one.startswith(PACKAGE)} == {f'{PACKAGE}.programs'}, target
+        folders = module.split('.')[:-1]
+        before = {'.'.join(folders[:count]) for count in range(2, len(folders) + 1)} | {module}
+        early = {one.imported for one in OWN
+                 if one.importer in before and not (one.lazy or one.typing)}
+        assert early == {f'{PACKAGE}.programs'}, target
 
 
 def test_an_import_is_of_one_name_and_of_a_module_by_its_package() -> None:

@@ -12,35 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Dumps of the black box outside of the kernel: files, and what people and programs read.
 
 The ring itself is :mod:`rt_robot_os.kernel.black_box`.
 """
 
-from rt_robot_os.dumps.dump_file import DumpFile
-from rt_robot_os.dumps.dump_file import read_dump
-from rt_robot_os.dumps.dump_file import write_parts
-from rt_robot_os.dumps.dump_parts import join
-from rt_robot_os.dumps.dump_parts import parts
-from rt_robot_os.dumps.folder import default_folder
-from rt_robot_os.dumps.folder import dumps
-from rt_robot_os.dumps.folder import file_name
-from rt_robot_os.dumps.folder import newest
-from rt_robot_os.tools.black_box.chart import Chart
-from rt_robot_os.tools.black_box.chart import chart_of
-from rt_robot_os.tools.black_box.chart import window
-from rt_robot_os.tools.black_box.chart_drawing import save as save_chart
-from rt_robot_os.tools.black_box.history import History
-from rt_robot_os.tools.black_box.history import Job
-from rt_robot_os.tools.black_box.history import Outcome
-from rt_robot_os.tools.black_box.history import understand
-from rt_robot_os.tools.black_box.perfetto import perfetto_document
-from rt_robot_os.tools.black_box.text_report import show
+from __future__ import annotations
 
-__all__ = [
-    'Chart', 'chart_of', 'default_folder', 'DumpFile', 'dumps', 'file_name', 'History', 'Job',
-    'join', 'newest', 'Outcome', 'parts', 'perfetto_document', 'read_dump', 'save_chart', 'show',
-    'understand', 'window', 'write_parts',
-]
+from importlib import import_module
+from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rt_robot_os.tools.black_box.public import *  # noqa: F401, F403
+
+
+def __getattr__(name: str) -> Any:
+    """
+    Return what stands in `public`: the program begins before the kernel and all of this is loaded.
+
+    :raises AttributeError: it does not.
+    """
+    if name.startswith('_'):
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.public'), name)

@@ -15,17 +15,7 @@
 """
 Schedulability: will every task of a robot end before its deadline.
 
-The analysis (``PlannedTask``, ``analyse``, ``load_margins``, ``lowest_peak``) knows nothing of
-settings. ``robot`` makes tasks of settings, ``measure`` measures execution times, ``program`` is
-what `ros2 run rt_robot_os plan` runs. Nothing here is for the real-time loop.
+The analysis (``task.PlannedTask``, ``analysis.analyse``, ``sensitivity.load_margins``,
+``phases.lowest_peak``) knows nothing of settings. ``robot`` makes tasks of settings, ``measure``
+measures execution times. Nothing here is for the real-time loop.
 """
-
-from rt_robot_os.tools.plan.analysis import analyse
-from rt_robot_os.tools.plan.result import Analysis
-from rt_robot_os.tools.plan.result import TaskResult
-from rt_robot_os.tools.plan.result import Verdict
-from rt_robot_os.tools.plan.task import Event
-from rt_robot_os.tools.plan.task import Overhead
-from rt_robot_os.tools.plan.task import PlannedTask
-
-__all__ = ['analyse', 'Analysis', 'Event', 'Overhead', 'PlannedTask', 'TaskResult', 'Verdict']

@@ -22,7 +22,7 @@ import random
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.tools.plan import PlannedTask
+from rt_robot_os.tools.plan.task import PlannedTask
 
 UNIT_NS = 10_000
 SHORT_NS = 1

@@ -24,9 +24,9 @@ from plan_tools import UNIT_NS
 from plan_tools import worst_responses
 import pytest
 
-from rt_robot_os.tools.plan import analyse
-from rt_robot_os.tools.plan import Event
-from rt_robot_os.tools.plan import PlannedTask
+from rt_robot_os.tools.plan.analysis import analyse
+from rt_robot_os.tools.plan.task import Event
+from rt_robot_os.tools.plan.task import PlannedTask
 
 END_NS = 1200 * UNIT_NS
 

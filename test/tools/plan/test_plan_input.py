@@ -26,14 +26,14 @@ from plan_tools import task
 import pytest
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.tools.plan import analyse
-from rt_robot_os.tools.plan import Event
-from rt_robot_os.tools.plan import Overhead
-from rt_robot_os.tools.plan import PlannedTask
-from rt_robot_os.tools.plan import Verdict
+from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask
 from rt_robot_os.tools.plan.measured import read_measured
+from rt_robot_os.tools.plan.result import Verdict
+from rt_robot_os.tools.plan.task import Event
+from rt_robot_os.tools.plan.task import Overhead
+from rt_robot_os.tools.plan.task import PlannedTask
 
 
 def problems(tasks: list[PlannedTask], overhead: Overhead = Overhead()) -> tuple[str, ...]:

@@ -19,10 +19,10 @@ from __future__ import annotations
 from plan_tools import task
 import pytest
 
-from rt_robot_os.tools.plan import analyse
-from rt_robot_os.tools.plan import Analysis
-from rt_robot_os.tools.plan import PlannedTask
-from rt_robot_os.tools.plan import Verdict
+from rt_robot_os.tools.plan.analysis import analyse
+from rt_robot_os.tools.plan.result import Analysis
+from rt_robot_os.tools.plan.result import Verdict
+from rt_robot_os.tools.plan.task import PlannedTask
 
 
 def responses(analysis: Analysis) -> dict[str, int | None]:

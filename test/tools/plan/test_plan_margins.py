@@ -23,15 +23,15 @@ from plan_tools import random_set
 from plan_tools import task
 import pytest
 
-from rt_robot_os.tools.plan import analyse
-from rt_robot_os.tools.plan import Overhead
-from rt_robot_os.tools.plan import PlannedTask
+from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.phases import hyper_period_ns
 from rt_robot_os.tools.plan.phases import lowest_peak
 from rt_robot_os.tools.plan.phases import peak
 from rt_robot_os.tools.plan.remedy import remedy
 from rt_robot_os.tools.plan.sensitivity import load_margins
 from rt_robot_os.tools.plan.sensitivity import scaled
+from rt_robot_os.tools.plan.task import Overhead
+from rt_robot_os.tools.plan.task import PlannedTask
 
 
 @pytest.mark.parametrize('seed', range(15))

@@ -26,14 +26,14 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
-from rt_robot_os.tools.plan import analyse
-from rt_robot_os.tools.plan import Event
-from rt_robot_os.tools.plan import Verdict
+from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.given import RobotTasks
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask
+from rt_robot_os.tools.plan.result import Verdict
 from rt_robot_os.tools.plan.robot import robot_tasks
+from rt_robot_os.tools.plan.task import Event
 
 ROOT = Path(__file__).resolve().parents[3]
 ROBOTS = [ROOT / 'config' / f'{name}.yaml'
