@@ -46,6 +46,9 @@ BAD_USE: Final = 2
 INTERRUPTED: Final = 128 + signal.SIGINT
 READER_GONE: Final = 128 + signal.SIGPIPE
 
+# What ends a program in order.
+END_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+
 # Takes the arguments without the program's name, gives the exit code.
 Run = Callable[[Sequence[str]], int]
 
@@ -147,15 +150,14 @@ def raise_again() -> None:
 @contextmanager
 def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
     """
-    Have SIGTERM, SIGHUP and Ctrl-C call a function; afterwards they do what they did before.
+    Have :data:`END_SIGNALS` call a function; afterwards they do what they did before.
 
     :param end: takes the number of the signal.
     """
     def note(signum: int, frame: FrameType | None) -> None:
         end(signum)
 
-    previous = {signo: signal.signal(signo, note)
-                for signo in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)}
+    previous = {signo: signal.signal(signo, note) for signo in END_SIGNALS}
     try:
         yield
     finally:

@@ -22,12 +22,13 @@ it reads parameter files itself, and a node with ``core.spawn: false`` attaches 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from collections.abc import Sequence
+from contextlib import contextmanager
 from pathlib import Path
 import signal
 import sys
 from types import FrameType
-from typing import Any
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
@@ -47,6 +48,8 @@ from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import END_SIGNALS
+from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
 from rt_robot_os.settings import from_json
@@ -61,7 +64,6 @@ from rt_robot_os.units import NS_PER_S
 ENDED_BY_FORCE = 3
 # Saves the black box, see rt_robot_os.core.dump_keeper.
 DUMP_SIGNAL = signal.SIGUSR1
-_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
@@ -141,7 +143,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         ports = simulators.start(settings, _device_folder(path))
         offered = services.start([DRIVERS.load(device.type) for device in settings.devices
                                   if device.port != SIM_PORT], path)
-        signals = (*_STOP_SIGNALS, DUMP_SIGNAL)
+        signals = (*END_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
         clock = None if cooperative else MonotonicClock(signals)
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
@@ -149,15 +151,11 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
                     services=offered, parts=installed_parts(),
                     cpu=choose_cpu(settings.core.cpu, lock), life_fd=arguments.life)
         simulators.attach(core.host)
-        previous = _handle_signals(core)
-        core.prepare_process()
-        if by_hand:
-            core.watch.write_reports_to(sys.stderr.fileno())
-        try:
+        with _signals_to(core):
+            core.prepare_process()
+            if by_hand:
+                core.watch.write_reports_to(sys.stderr.fileno())
             core.run(None if duration_s is None else round(duration_s * NS_PER_S))
-        finally:
-            for signo, handler in previous.items():
-                signal.signal(signo, handler)
         if core.tripped:
             return settings.watchdog.exit_code
         if core.forced:
@@ -178,12 +176,14 @@ def _device_folder(path: Path) -> Path:
     return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
 
 
-def _handle_signals(core: Core) -> dict[int, Any]:
-    def stop(signum: int, frame: FrameType | None) -> None:
-        core.stop(signal.Signals(signum).name)
-
+@contextmanager
+def _signals_to(core: Core) -> Iterator[None]:
     def dump(signum: int, frame: FrameType | None) -> None:
         core.black_box.ask(signal.Signals(signum).name)
 
-    previous: dict[int, Any] = {signo: signal.signal(signo, stop) for signo in _STOP_SIGNALS}
-    return {**previous, DUMP_SIGNAL: signal.signal(DUMP_SIGNAL, dump)}
+    with ended_by_signals(lambda signo: core.stop(signal.Signals(signo).name)):
+        previous = signal.signal(DUMP_SIGNAL, dump)
+        try:
+            yield
+        finally:
+            signal.signal(DUMP_SIGNAL, previous)
