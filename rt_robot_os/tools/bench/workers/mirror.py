@@ -62,7 +62,7 @@ def core(harness: Harness) -> Measured:
     """
     Publish on a mirrored topic and on one that is not, in turns, in a core like the real one.
 
-    The client is connected all the time: its heart-beats are in both kinds of stretches.
+    The client is connected all the time: its heartbeats are in both kinds of stretches.
     """
     a = harness.arguments
     path = socket_path('bench')
