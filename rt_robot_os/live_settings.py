@@ -29,6 +29,7 @@ class LiveSettings:
     The base of devices and modules: a name, settings, and their change between two jobs.
 
     :cvar SETTINGS: what can be set; fields with ``live=True`` while the robot runs as well.
+    :ivar changes: what was changed and waits for the next job.
     :ivar settings: the values in force, by name; those of one job never change during it.
     """
 
@@ -42,7 +43,7 @@ class LiveSettings:
         """
         self.name = name
         self.settings = dict(settings)
-        self._changes: dict[str, Any] = {}
+        self.changes: dict[str, Any] = {}
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
@@ -51,7 +52,7 @@ class LiveSettings:
 
     def value(self, name: str) -> Any:
         """Return a setting; a changed one as it will be in the next job."""
-        return self._changes.get(name, self.settings[name])
+        return self.changes.get(name, self.settings[name])
 
     def change(self, name: str, value: Any) -> Any:
         """
@@ -70,14 +71,14 @@ class LiveSettings:
         problem = fields[name].problem(value)
         if problem:
             raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
-        self._changes[name] = coerced = fields[name].coerce(value)
+        self.changes[name] = coerced = fields[name].coerce(value)
         return coerced
 
     def take_changes(self) -> None:
         """Take over what was changed since the last job; called between two of them."""
-        while self._changes:
-            name = next(iter(self._changes))
-            self.settings[name] = self._changes.pop(name)
+        while self.changes:
+            name = next(iter(self.changes))
+            self.settings[name] = self.changes.pop(name)
             self.changed(name)
 
     def changed(self, name: str) -> None:

@@ -70,6 +70,7 @@ class ManagedDevice:
         self.faults = self.opened = 0
         self.task: Task | None = None
         self._kernel = kernel
+        self._now_ns = kernel.now_ns
         self._recovery = recovery
         self._reports = reports
         self._pause_ns = recovery.retry_ns
@@ -118,18 +119,20 @@ class ManagedDevice:
             self._exchange(command=False)
 
     def _exchange(self, command: bool) -> None:
-        if self.state is not DeviceState.ACTIVE and self.state is not DeviceState.OPENING:
+        state = self.state
+        if state is not DeviceState.ACTIVE and state is not DeviceState.OPENING:
             return
-        now_ns = self._kernel.now_ns()
-        if (tap := self.device.tap) is not None:
+        device, now_ns = self.device, self._now_ns()
+        if (tap := device.tap) is not None:
             tap.command = command
         try:
-            self.device.take_changes()
+            if device.changes:
+                device.take_changes()
             if self._receives:
                 self._receive(now_ns, command)
             if command:
-                self.device.write(now_ns)
-            samples = self.device.read(now_ns)
+                device.write(now_ns)
+            samples = device.read(now_ns)
         except Exception as error:
             if tap is not None:
                 tap.failed(now_ns)

@@ -157,7 +157,7 @@ class Module(PortOwner):
 
     def job(self) -> None:
         """Take over what was changed, then do one step; the function of the module's task."""
-        if self._changes:
+        if self.changes:
             self.take_changes()
         self.step()
 

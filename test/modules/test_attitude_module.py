@@ -400,7 +400,7 @@ def test_it_is_registered_and_before_configure_it_has_nothing_to_tell() -> None:
     robot = Robot(start=False)
     assert robot.module.statistics() == {}
     robot.module.change('declination_deg', 5.0)
-    robot.module._changes.clear()
+    robot.module.changes.clear()
 
 
 def test_the_simulated_sensor_is_followed() -> None:
