@@ -110,6 +110,8 @@ class PortOwner(LiveSettings):
             for attribute, value in vars(owner).items():
                 if isinstance(value, Input | Output):
                     found[attribute] = value
+                else:
+                    found.pop(attribute, None)  # a subclass has no use for it
         return found
 
     @classmethod

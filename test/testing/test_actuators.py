@@ -17,14 +17,23 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
 from typing import Any
 
+import pytest
+from rt_robot_os.devices import Input
+from rt_robot_os.errors import TopicError
 from rt_robot_os.testing import ActuatorContract
+from rt_robot_os.testing import settings_of
 from wheels.driver import Wheels
 from wheels.twin import SimulatedWheels
+from wheels.wire import order
 
 
-class TestWheels(ActuatorContract):
+class Contract(ActuatorContract):
+    """Not collected: its name does not begin with Test."""
+
     actuator = Wheels
     twin = SimulatedWheels
     speed = 0.5
@@ -34,3 +43,83 @@ class TestWheels(ActuatorContract):
 
     def moves(self, twin: Any) -> bool:
         return bool(twin.speed_mm_s)
+
+
+class TestWheels(Contract):
+    """The wheels keep it."""
+
+
+# --- the faults ---------------------------------------------------------------------------------
+
+class NeverStops(Wheels):
+    def safe_state(self) -> None:
+        """Do nothing."""
+
+
+class TakesNonsense(Wheels):
+    def actuate(self, now_ns: int) -> None:
+        speed = round(self.command.msg.linear.x * 1000.0)
+        self.send(order(speed, speed))
+
+
+class Repeats(Wheels):
+    """Send the last speed with each poll, whether it is in force or not."""
+
+    last = b''
+
+    def actuate(self, now_ns: int) -> None:
+        speed = round(min(self.command.msg.linear.x, 1.0) * 1000.0)
+        self.last = order(speed, speed)
+
+    def write(self, now_ns: int) -> None:
+        if self.last:
+            self.send(self.last)
+
+
+class KnowsNoAge(Wheels):
+    def receive(self, now_ns: int, polled: bool) -> int:
+        if self.command.latest():
+            self.actuate(now_ns)
+        return 0
+
+
+class KeepsWhatWaits(Wheels):
+    def rest(self) -> None:
+        self._deadline_ns = 0
+        self.safe_state()
+
+
+class Waits(Wheels):
+    command = Input('cmd_vel', message='geometry_msgs/msg/Twist')
+
+
+@pytest.mark.parametrize('fault, name, arguments', [
+    (NeverStops, 'test_a_command_moves_it_until_it_is_too_old', ()),
+    (NeverStops, 'test_closing_brings_it_to_rest', ()),
+    (NeverStops, 'test_after_it_was_unplugged_it_waits_for_a_new_command', ()),
+    (TakesNonsense, 'test_what_is_no_number_harms_nothing', (math.nan,)),
+    (TakesNonsense, 'test_what_is_no_number_harms_nothing', (math.inf,)),
+    (Repeats, 'test_a_command_moves_it_until_it_is_too_old', ()),
+    (KnowsNoAge, 'test_a_command_moves_it_until_it_is_too_old', ()),
+    (KnowsNoAge, 'test_a_stamp_of_the_future_keeps_nothing_moving', ()),
+    (KeepsWhatWaits, 'test_after_it_was_unplugged_it_waits_for_a_new_command', ()),
+    (Waits, 'test_its_command_has_a_type_and_releases_it', None),
+], ids=lambda value: getattr(value, '__name__', ''))
+def test_a_planted_fault_is_caught(tmp_path: Path, fault: type[Wheels], name: str,
+                                   arguments: tuple[Any, ...] | None) -> None:
+    contract = type('Changed', (Contract,), {'actuator': fault})()
+    test = getattr(contract, name)
+    with pytest.raises((AssertionError, ValueError)):
+        if arguments is None:
+            test()
+        else:
+            with contract.made(tmp_path) as rig:
+                test(rig, *arguments)
+
+
+def test_an_actuator_without_a_command_is_refused() -> None:
+    class Deaf(Wheels):
+        command = None  # type: ignore[assignment]
+
+    with pytest.raises(TopicError, match='base: Deaf has no command: an actuator declares'):
+        Deaf('base', settings_of(Wheels, port='x'))
