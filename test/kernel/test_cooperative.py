@@ -109,7 +109,7 @@ def test_a_long_job_lets_others_through_where_it_says_so(kernel: Kernel) -> None
         kernel.stop()
 
     kernel.add_task('low', low_job, priority=10, rate_hz=0.01)
-    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=5 * MS)
+    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=100 * MS)
     kernel.run(60 * S)
     assert log.text() == 'low start\n  high start\n  high end\nlow end\n'
 
