@@ -273,6 +273,7 @@ NAMED_FILE = re.compile(
     r'(?<![\w/.{}$*@<~-])((?:[\w-]+/)+[\w-]+\.(?:py|md|rst|yaml|json|trace|svg|xml|cfg)'
     r'|[a-z]\w*\.(?:py|md))(?![\w/(])')
 NAMED_MODULE = re.compile(rf'(?<![\w.\'"/@]){PACKAGE}((?:\.[a-z_]\w*)+)')
+RELATIVE_ROLE = re.compile(r':mod:`\.(\w+)`')
 NAMED_BEFORE = re.compile(r'`((?:blackbox|drivers|sensors)\.[a-z_]\w*[\w.]*)`')
 OF_OTHERS = re.compile(
     r'Documentation/.*|(conf|setup|sitecustomize|usercustomize)\.py|.*/cases/NAME\.py')
@@ -324,4 +325,6 @@ def test_files_and_modules_named_in_comments_and_pages_are_there() -> None:
                         for found in NAMED_MODULE.findall(line)
                         if found[1:] not in NAMES_OF_METADATA and not _stands_there(found[1:])]
             missing += [f'{name}:{number}: {found}' for found in NAMED_BEFORE.findall(line)]
+            missing += [f'{name}:{number}: .{found}' for found in RELATIVE_ROLE.findall(line)
+                        if not (ROOT / name).with_name(f'{found}.py').is_file()]
     assert missing == []

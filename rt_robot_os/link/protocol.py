@@ -40,7 +40,7 @@ sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a
 for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
 between.
 
-With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.life`
+With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.sign_of_life`
 (SCM_RIGHTS).
 
 ========= ======================================================= =========
