@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'test' / 'shared'))
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
-# Processes of one run have neighbouring domains, so that no two have the same.
+# Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
 if 'PYTEST_XDIST_WORKER' in os.environ:
     number = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw')) + 1
     os.environ['ROS_DOMAIN_ID'] = str((int(os.environ['ROS_DOMAIN_ID']) + number) % 101 + 1)
@@ -62,22 +62,6 @@ else:
         derandomize='CI' in os.environ, database=None,
         suppress_health_check=[HealthCheck.too_slow])
     hypothesis_settings.load_profile('package')
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_cmdline_main(config: pytest.Config) -> None:
-    """
-    Run the whole suite in several processes where pytest-xdist is installed.
-
-    Most end-to-end tests wait more than they compute. A selection runs in one process, as does
-    what the user says (`-n 0`, `--pdb`, `-p no:xdist`).
-    """
-    option = config.option
-    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    if (whole and config.pluginmanager.hasplugin('xdist') and option.numprocesses is None
-            and not option.usepdb and not option.collectonly):
-        option.numprocesses = len(os.sched_getaffinity(0)) + 1
-        option.dist = 'worksteal'
 
 
 def pytest_unconfigure() -> None:

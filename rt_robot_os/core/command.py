@@ -52,7 +52,6 @@ from rt_robot_os.programs import END_SIGNALS
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
-from rt_robot_os.programs import raise_again
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -119,7 +118,6 @@ def run(argv: Sequence[str]) -> int:
     arguments = _arguments(argv)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
-    raise_again()  # from here on there is something to put in order
     try:
         settings, loaded, path = _settings(arguments, argv)
         lock = hold_core(path, arguments.parent or 0)

@@ -132,27 +132,3 @@ robot:
         assert time.monotonic() < until, 'the core lives on'
         time.sleep(0.05)
     assert output.read_text().splitlines()[-1] == 'it rests'
-
-
-# Ctrl-C when the simulated devices are there and the core does not listen yet.
-STARTING = """
-import os, signal, sys
-from rt_robot_os.core import command
-from rt_robot_os.core.program import main
-
-def interrupted(*arguments):
-    os.kill(os.getpid(), signal.SIGINT)
-
-command.BlackBoxWriter = interrupted
-sys.exit(main())
-"""
-
-
-def test_ctrl_c_while_the_core_starts_leaves_nothing(
-        folder: Path, core_environment: dict[str, str]) -> None:
-    done = subprocess.run(
-        [sys.executable, '-c', STARTING, '--simulate', '--ros-args', '-p', 'core.cpu:=-2'],
-        capture_output=True, text=True, timeout=60,
-        env={**core_environment, 'OPENBLAS_NUM_THREADS': '1'})
-    assert (done.returncode, done.stderr) == (130, 'core: simulated: imu, gps\n')
-    assert [path.name for path in folder.iterdir() if not path.name.endswith('.lock')] == []

@@ -16,165 +16,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import select
 import socket
-import time
 from typing import Any
 from typing import ClassVar
 
 from driver_fakes import bind
 from driver_fakes import settings_of
-from hypothesis import given
-from hypothesis import strategies as st
+from far_ends import Far
+from far_ends import ListenFar
+from far_ends import needs_v6
+from far_ends import PtyFar
+from far_ends import Tcp6Far
+from far_ends import TcpFar
+from far_ends import UdpFar
 import pytest
-from rt_robot_os.devices.hokuyo.driver import Hokuyo
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.nmea.driver import NmeaGps
 from rt_robot_os.devices.nmea.wire import sentence
-from rt_robot_os.devices.serial import lookup
-from rt_robot_os.devices.serial.lookup import HostName
-from rt_robot_os.devices.serial.network import network_address
 from rt_robot_os.devices.serial.port import open_port
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
-from rt_robot_os.devices.ublox.driver import Ublox
-from rt_robot_os.devices.xsens.driver import Xsens
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.reports import Reports
-from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.topics import Bus
 
 S = 1_000_000_000
-
-
-def has_v6() -> bool:
-    """Say whether this machine can talk to itself by IPv6."""
-    try:
-        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as trial:
-            trial.bind(('::1', 0))
-            return True
-    except OSError:
-        return False
-
-
-needs_v6 = pytest.mark.skipif(not has_v6(), reason='this machine has no IPv6')
-
-
-class Far:
-    """The far end of a port: the device."""
-
-    port = ''
-
-    def write(self, data: bytes) -> None:
-        """Send to the driver."""
-        raise NotImplementedError
-
-    def read(self, count: int) -> bytes:
-        """Wait for that many bytes of the driver."""
-        raise NotImplementedError
-
-    def go(self) -> None:
-        """Go away."""
-        raise NotImplementedError
-
-
-class PtyFar(Far):
-    def __init__(self, folder: Path) -> None:
-        self._plug = PtyPort(folder / 'port')
-        self._plug.plug()
-        self.port = str(self._plug.link)
-
-    def write(self, data: bytes) -> None:
-        self._plug.write(data)
-
-    def read(self, count: int) -> bytes:
-        found = b''
-        while len(found) < count:
-            assert select.select([self._plug.fileno()], [], [], 10)[0]
-            found += self._plug.read()
-        return found
-
-    def go(self) -> None:
-        self._plug.unplug()
-
-
-class TcpFar(Far):
-    family = socket.AF_INET
-    host = '127.0.0.1'
-    scheme = 'tcp'
-
-    def __init__(self, folder: Path) -> None:
-        self.listener = socket.create_server(
-            (self.host, 0), family=self.family)
-        host = f'[{self.host}]' if ':' in self.host else self.host
-        self.port = f'{self.scheme}://{host}:{self.listener.getsockname()[1]}'
-        self._socket: socket.socket | None = None
-
-    @property
-    def socket(self) -> socket.socket:
-        if self._socket is None:
-            self.listener.settimeout(10)
-            self._socket = self.listener.accept()[0]
-            self._socket.settimeout(10)
-        return self._socket
-
-    def write(self, data: bytes) -> None:
-        self.socket.sendall(data)
-
-    def read(self, count: int) -> bytes:
-        found = b''
-        while len(found) < count:
-            found += self.socket.recv(count - len(found))
-        return found
-
-    def go(self) -> None:
-        self.listener.close()
-        if self._socket is not None:
-            self._socket.close()
-
-
-class Tcp6Far(TcpFar):
-    family = socket.AF_INET6
-    host = '::1'
-
-
-class UdpFar(Far):
-    def __init__(self, folder: Path) -> None:
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(('127.0.0.1', 0))
-        self.socket.settimeout(10)
-        self.port = f'udp://127.0.0.1:{self.socket.getsockname()[1]}'
-        self._driver: Any = None
-
-    def write(self, data: bytes) -> None:
-        if self._driver is None:  # it answers to who writes to it
-            self._driver = self.socket.recvfrom(100)[1]
-        for at in range(0, len(data), 1000):
-            self.socket.sendto(data[at:at + 1000], self._driver)
-
-    def read(self, count: int) -> bytes:
-        found = b''
-        while len(found) < count:
-            found += self.socket.recv(65536)
-        return found
-
-    def go(self) -> None:
-        self.socket.close()
-
-
-class ListenFar(UdpFar):
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-            free.bind(('127.0.0.1', 0))
-            self._driver = free.getsockname()
-        self.port = f'udp-listen://:{self._driver[1]}'
 
 
 class PortContract:
@@ -454,110 +325,6 @@ def test_a_port_that_another_listens_on_is_an_error() -> None:
             open_port(f'udp-listen://:{other.getsockname()[1]}', None)
     with pytest.raises(DeviceError, match='does not have that address'):
         open_port('udp-listen://192.0.2.7:5000', None)
-
-
-# --- names ---------------------------------------------------------------------------------------
-
-def test_a_name_is_looked_up_elsewhere(tmp_path: Path) -> None:
-    far = TcpFar(tmp_path)
-    device = NmeaGps('gps', settings_of(NmeaGps, port=far.port.replace('127.0.0.1', 'localhost'),
-                                        baud=0))
-    bind(device)
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        try:
-            device.open()  # of several addresses each opening takes the next one
-            device.send(b'hello')
-            select.select([device.fileno()], [], [], 0.05)
-            device.read(S)
-            if select.select([far.listener], [], [], 0.1)[0]:
-                break
-        except DeviceError as error:
-            assert 'looked up' in str(error) or 'refused' in str(error), error
-    assert far.read(5) == b'hello'
-    device.close()
-    far.go()
-    for host in lookup.HOSTS.values():
-        host.close()
-
-
-@pytest.fixture
-def look_up(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], HostName]]:
-    """Give a host whose name is looked up by a program of the test."""
-    host = HostName('gps.example')
-
-    def given(program: str) -> HostName:
-        monkeypatch.setattr(lookup, '_PROGRAM', program)
-        return host
-
-    yield given
-    host.close()
-
-
-def test_a_name_that_nobody_knows(look_up: Callable[[str], HostName]) -> None:
-    host = look_up('import sys; sys.exit("Name or service not known")')
-    host.prepare()
-    with pytest.raises(DeviceError, match="'gps.example' is not known .Name or service not known"
-                                          '.: check the name and the network, or write its IP'):
-        host.take()
-
-
-def test_a_look_up_that_hangs_holds_up_nobody(
-        look_up: Callable[[str], HostName], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lookup, '_PATIENCE_S', 0.0)
-    host = look_up('import sys; sys.stdin.close(); import time; time.sleep(60)')
-    host.prepare()
-    for _ in range(3):
-        with pytest.raises(DeviceError, match='is being looked up; if that lasts, check the netw'):
-            host.take()
-
-
-def test_each_opening_takes_the_next_address(
-        look_up: Callable[[str], HostName], monkeypatch: pytest.MonkeyPatch) -> None:
-    host = look_up('print("192.0.2.1"); print("2001:db8::1")')
-    monkeypatch.setattr(lookup, '_PATIENCE_S', 30.0)
-    host.prepare()
-    assert [host.take().host for _ in range(3)] == ['192.0.2.1', '2001:db8::1', '192.0.2.1']
-
-
-# --- what is written -----------------------------------------------------------------------------
-
-@pytest.mark.parametrize('port', ['/dev/ttyUSB0', 'sim', 'scripted', 'COM1'])
-def test_what_has_no_scheme_is_a_path(port: str) -> None:
-    assert network_address(port) is None
-
-
-@pytest.mark.parametrize('port, host, number', [
-    ('tcp://10.0.0.5:2000', '10.0.0.5', 2000), ('tcp://[fe80::1%eth0]:23', 'fe80::1%eth0', 23),
-    ('udp://lidar.local:2368', 'lidar.local', 2368), ('udp-listen://:10110', '', 10110),
-    ('udp-listen://239.1.2.3:5000', '239.1.2.3', 5000), ('gpsd://localhost', 'localhost', 2947)])
-def test_addresses(port: str, host: str, number: int) -> None:
-    address = network_address(port)
-    assert address is not None
-    assert (address.host, address.port) == (host, number)
-
-
-@pytest.mark.parametrize('port, right', [
-    ('tcp://10.0.0.5', 'must look like tcp://host:port'), ('tcp://:5', 'must look like tcp://ho'),
-    ('tcp://a:99999', 'must look like tcp://host:port'), ('tcp://a:5/x', 'must look like tcp'),
-    ('udp://a:0', 'must look like udp'), ('http://a:80', 'must be a path or begin with one of'),
-    ('tcp://u:p@a:5', 'must look like'), ('tcp://[::1:5', 'must look like tcp')])
-@pytest.mark.parametrize('driver', [NmeaGps, Ublox, Hokuyo, Xsens])
-def test_a_wrong_address_is_found_with_the_configuration(
-        driver: Any, port: str, right: str) -> None:
-    with pytest.raises(ConfigError, match=f'dut.port = .*: {right}'):
-        driver('dut', settings_of(driver, port=port))
-    with pytest.raises(DeviceError, match=right):
-        open_port(port, None)
-
-
-@given(st.text())
-def test_any_text_is_an_address_a_path_or_an_error(text: str) -> None:
-    for port in (text, 'tcp://' + text):
-        try:
-            network_address(port)
-        except ValueError as error:
-            assert str(error)
 
 
 def test_frames_of_a_network_are_not_dated_back(tmp_path: Path) -> None:
