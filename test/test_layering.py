@@ -84,12 +84,6 @@ LIBRARIES = {
     'rich': (f'{PACKAGE}.clients.top.live',),
 }
 
-# Layers in which an import under TYPE_CHECKING may close a cycle: none is meant to.
-TYPED_CYCLES = ('core', 'modules')
-
-# (importer, imported): why an import inside a function may close a cycle
-LAZY_CYCLES: dict[tuple[str, str], str] = {}
-
 
 @dataclass(frozen=True)
 class Import:
@@ -246,9 +240,7 @@ def test_imports_are_absolute() -> None:
 def test_no_import_cycle() -> None:
     graph: dict[str, set[str]] = {name: set() for name in MODULES}
     for one in OWN:
-        typed = one.typing and _layer(one.importer) in TYPED_CYCLES
-        if not typed and (one.importer, one.imported) not in LAZY_CYCLES:
-            graph[one.importer].add(one.imported)
+        graph[one.importer].add(one.imported)  # for typing only, or in a function, as well
     # Take away what imports nothing that is left; what stays is in a cycle or needs one.
     while free := [name for name, needs in graph.items() if not needs & graph.keys()]:
         for name in free:
