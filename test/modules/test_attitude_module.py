@@ -404,20 +404,20 @@ def test_it_is_registered_and_before_configure_it_has_nothing_to_tell() -> None:
 
 
 def test_the_simulated_sensor_is_followed() -> None:
-    from rt_robot_os.devices.witmotion import twin as witmotion
+    from rt_robot_os.sim import world
     robot = Robot(filter='mahony')
     errors = []
     for number in range(3000):
         time_s = number / 100
-        x, y, z = witmotion.body_vector(time_s, (0.0, 0.0, G))
+        x, y, z = world.body_vector(time_s, (0.0, 0.0, G))
         robot.imu.msg.linear_acceleration = (x, y, z)
-        robot.imu.msg.angular_velocity = witmotion.angular_velocity(time_s - 0.005)
-        robot.mag.msg.magnetic_field = witmotion.body_vector(time_s, witmotion.EARTH_FIELD_T)
+        robot.imu.msg.angular_velocity = world.angular_velocity(time_s - 0.005)
+        robot.mag.msg.magnetic_field = world.body_vector(time_s, world.EARTH_FIELD_T)
         stamp_ns = 2000 * MS + number * 10 * MS
         robot.mag.publish(stamp_ns)
         robot.imu.publish(stamp_ns)
         robot.module.job()
-        w, x, y, z = witmotion.quaternion(time_s)
+        w, x, y, z = world.quaternion(time_s)
         errors += [angle(turned, (x, y, z, w)) for _, turned in robot.said()]
     assert len(errors) == 3000
     assert max(errors) < 0.5
