@@ -84,6 +84,14 @@ def ros_log_directory() -> Iterator[Path]:
     shutil.rmtree(path, ignore_errors=True)
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c() -> Iterator[None]:
+    """Give Ctrl-C back its meaning: a program that has run here left it to end the process."""
+    yield
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.fixture(scope='session')
 def data_dir() -> Path:
     """Return the folder of recorded device data, or skip the test."""
