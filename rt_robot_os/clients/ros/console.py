@@ -27,6 +27,7 @@ from contextlib import suppress
 import faulthandler
 import fcntl
 import os
+import select
 import stat
 import termios
 import threading
@@ -80,13 +81,19 @@ class Pump:
 
     def _empty(self) -> bool:
         size = bytearray(4)
-        fcntl.ioctl(self._source, termios.FIONREAD, size)
         with self._changed:
+            fcntl.ioctl(self._source, termios.FIONREAD, size)
             return not (any(size) or self._waiting or self._giving)
 
     def _take(self) -> None:
-        while data := os.read(self._source, _READ_BYTES):
+        ready = select.poll()
+        ready.register(self._source, select.POLLIN)
+        while ready.poll():
+            # Under the lock: what is neither in the pipe nor waiting counts as written.
             with self._changed:
+                data = os.read(self._source, _READ_BYTES)
+                if not data:
+                    return
                 self._waiting.append(data)
                 self._bytes += len(data)
                 while self._bytes > _KEPT_BYTES and len(self._waiting) > 1:

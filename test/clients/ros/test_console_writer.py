@@ -121,3 +121,30 @@ def test_what_is_read_comes_whole_and_the_end_waits_for_it() -> None:
     os.close(read)
     assert b''.join(found) == b''.join(b'line %d\n' % n for n in range(100)) + b'directly\n'
     assert pump.dropped == 0
+
+
+def test_what_is_on_its_way_at_the_end_is_written_before_what_comes_directly(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    original = os.read
+    sources: list[int] = []
+
+    def slow(fd: int, count: int) -> bytes:
+        data = original(fd, count)
+        if fd in sources:
+            time.sleep(0.05)  # between the pipe and what waits
+        return data
+
+    monkeypatch.setattr(os, 'read', slow)
+    read, write = os.pipe()
+    output = os.dup(write)
+    pump = Pump([output])
+    sources.append(pump._source)
+    os.write(output, b'line\n')
+    pump.close(time.monotonic() + TIMEOUT_S)
+    os.write(output, b'directly\n')
+    found = b''
+    while found.count(b'\n') < 2:
+        found += original(read, 4096)
+    for fd in (output, write, pump.real, read):
+        os.close(fd)
+    assert found == b'line\ndirectly\n'

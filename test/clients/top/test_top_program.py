@@ -122,7 +122,7 @@ class TestLive:
         terminal = world.terminal('--interval', '0.2', size=(60, 20))
         terminal.wait_for('guard')
         assert 'RAN INSTEAD' not in terminal.seen
-        terminal.resize(170, 50)
+        terminal.resize(300, 50)  # also with the wide numbers of a busy machine
         terminal.wait_for('RAN INSTEAD')
         terminal.press('q')
         assert terminal.end() == 0
