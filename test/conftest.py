@@ -32,6 +32,11 @@ ROOT = Path(__file__).resolve().parents[1]
 # What tests of several folders use.
 sys.path.insert(0, str(ROOT / 'test' / 'shared'))
 
+import background  # noqa: E402, I100
+
+# So many tests take longer than all linters.
+MANY = 2000
+
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 # Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
 if 'PYTEST_XDIST_WORKER' in os.environ:
@@ -64,8 +69,15 @@ else:
     hypothesis_settings.load_profile('package')
 
 
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let what reads the whole package begin, where other tests take longer than that."""
+    if len(session.items) > MANY and 'PYTEST_XDIST_WORKER' not in os.environ:
+        background.begin()
+
+
 def pytest_unconfigure() -> None:
-    """Remove what the children have compiled."""
+    """End what runs beside the tests, and remove what the children have compiled."""
+    background.end()
     if COMPILED:
         shutil.rmtree(COMPILED, ignore_errors=True)
 

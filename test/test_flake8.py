@@ -18,11 +18,13 @@ from __future__ import annotations
 
 import re
 
-from linter import check
+from linter import Linter
 import pytest
+
+FLAKE8 = Linter('ament_flake8', re.compile(r':\d+:\d+: ').search)
 
 
 @pytest.mark.flake8
 @pytest.mark.linter
 def test_flake8() -> None:
-    check('ament_flake8', re.compile(r':\d+:\d+: ').search)
+    FLAKE8.check()

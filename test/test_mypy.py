@@ -17,13 +17,12 @@
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
-import subprocess
 import sys
 
+from background import Reading
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+MYPY = Reading(sys.executable, '-m', 'mypy', '--config-file', 'setup.cfg', 'rt_robot_os')
 
 
 @pytest.mark.linter
@@ -32,8 +31,6 @@ def test_mypy() -> None:
     for name in ('mypy', 'rclpy'):
         if importlib.util.find_spec(name) is None:
             pytest.skip(f'{name} is missing, the types cannot be checked')
-    done = subprocess.run(
-        [sys.executable, '-m', 'mypy', '--config-file', 'setup.cfg', 'rt_robot_os'],
-        cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        pytest.fail(done.stdout + done.stderr, pytrace=False)
+    code, said = MYPY.outcome()
+    if code:
+        pytest.fail(said, pytrace=False)

@@ -16,11 +16,13 @@
 
 from __future__ import annotations
 
-from linter import check
+from linter import Linter
 import pytest
+
+PEP257 = Linter('ament_pep257', lambda line: not line.startswith('checking '))
 
 
 @pytest.mark.linter
 @pytest.mark.pep257
 def test_pep257() -> None:
-    check('ament_pep257', lambda line: not line.startswith('checking '))
+    PEP257.check()

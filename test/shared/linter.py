@@ -18,23 +18,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import importlib.util
-from pathlib import Path
-import subprocess
 import sys
 
+from background import Reading
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
 
+class Linter:
+    """
+    One of the linters of ament.
 
-def check(linter: str, is_finding: Callable[[str], object]) -> None:
-    """Fail with what a linter finds; :param is_finding: tells a finding from what else it says."""
-    if importlib.util.find_spec(linter) is None:
-        pytest.skip(f'the linter {linter} is missing')
-    done = subprocess.run(
-        [sys.executable, '-c', f'import sys; from {linter}.main import main; sys.exit(main())',
-         'rt_robot_os', 'test', 'examples', 'setup.py'], cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        said = done.stdout + done.stderr
-        found = [line for line in said.splitlines() if is_finding(line)]
-        pytest.fail('\n'.join(found) or said, pytrace=False)
+    :param is_finding: tells a finding from what else it says.
+    """
+
+    def __init__(self, name: str, is_finding: Callable[[str], object]) -> None:
+        self._name = name
+        self._is_finding = is_finding
+        self._reading = Reading(
+            sys.executable, '-c', f'import sys; from {name}.main import main; sys.exit(main())',
+            'rt_robot_os', 'test', 'examples', 'setup.py')
+
+    def check(self) -> None:
+        """Fail with what it finds."""
+        if importlib.util.find_spec(self._name) is None:
+            pytest.skip(f'the linter {self._name} is missing')
+        code, said = self._reading.outcome()
+        if code:
+            found = [line for line in said.splitlines() if self._is_finding(line)]
+            pytest.fail('\n'.join(found) or said, pytrace=False)
