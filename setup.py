@@ -15,9 +15,16 @@
 """Describe the package to colcon and setuptools."""
 
 from glob import glob
+from pathlib import Path
+import sys
 
 from setuptools import find_packages
 from setuptools import setup
+
+sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to us
+
+from rt_robot_os.compiled.build import BuildCompiled  # noqa: E402
+from rt_robot_os.compiled.build import extensions  # noqa: E402
 
 package_name = 'rt_robot_os'
 
@@ -33,6 +40,8 @@ setup(
         ('share/' + package_name + '/config', sorted(glob('config/*.*'))),
         ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
     ],
+    ext_modules=extensions(),
+    cmdclass={'build_ext': BuildCompiled},
     install_requires=['numpy>=1.26', 'pyserial>=3.5', 'PyYAML>=6.0', 'rich>=13', 'setuptools'],
     extras_require={'attitude': ['vqf'], 'camera': ['opencv-python-headless', 'pillow'],
                     'docs': ['sphinx>=7.2'],

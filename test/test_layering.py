@@ -27,7 +27,7 @@ PACKAGE = 'rt_robot_os'
 
 # From the bottom up. A layer may import itself and every layer of the rows before it.
 LAYERS = (
-    ('moved', 'safe_text'),
+    ('compiled', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'plugins', 'programs'),
     ('linux',),

@@ -25,6 +25,7 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.topics.default import Default
 from rt_robot_os.topics.layout import Layout
 from rt_robot_os.topics.logical import LogicalPublisher
 from rt_robot_os.topics.logical import LogicalSubscription
@@ -33,7 +34,6 @@ from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import NewestSubscription
 from rt_robot_os.topics.subscription import Subscription
 from rt_robot_os.topics.topic import check_numbers
-from rt_robot_os.topics.topic import Default
 from rt_robot_os.topics.topic import DEPTH
 from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import Topic

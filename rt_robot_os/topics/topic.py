@@ -47,14 +47,11 @@ from typing import TYPE_CHECKING
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
+from rt_robot_os.topics.default import Default
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.topics.layout import Layout
-
-
-class Default(int):
-    """A default: an explicit number of a later declaration replaces it."""
 
 
 DEPTH_MAXIMUM = 1 << 16

@@ -1,0 +1,193 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The compiled build of the hot path: which modules, and whether this process runs it.
+
+mypyc makes binaries of the very sources that are here (``rt_robot_os.compiled.build``). They lie in
+the folder ``rt_robot_os_compiled`` beside the package, with a manifest of the sources that they were
+made of. A set that does not fit its sources to the letter is never used, nor a part of it: the
+modules of a set know the layout of each other's objects. Without a set, the sources run as they are.
+
+``RT_ROBOT_OS_COMPILE=0`` forbids it, ``1`` demands it, for the build as well as for a process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ExtensionFileLoader
+from importlib.machinery import ModuleSpec
+from importlib.util import source_hash
+from importlib.util import spec_from_file_location
+import json
+import os
+from pathlib import Path
+import sys
+import sysconfig
+from types import ModuleType
+from typing import Any
+from typing import Final
+
+PACKAGE: Final = 'rt_robot_os'
+FOLDER: Final = f'{PACKAGE}_compiled'
+SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
+
+# What is hot. Left out is what users subclass, and what takes long and must stay preemptible:
+# compiled code is not interrupted.
+MODULES: Final = (
+    'kernel.black_box',
+    'kernel.consequences',
+    'kernel.coroutine',
+    'kernel.histogram',
+    'kernel.interrupts',
+    'kernel.kernel',
+    'kernel.logical',
+    'kernel.logical_tasks',
+    'kernel.one_shot',
+    'kernel.releases',
+    'kernel.resource',
+    'kernel.scheduler',
+    'kernel.stolen',
+    'kernel.task',
+    'topics.publisher',
+    'topics.subscription',
+    'topics.topic',
+    'topics.trigger',
+    'units',
+)
+
+
+@dataclass(frozen=True)
+class State:
+    """
+    Which build runs.
+
+    :ivar compiled: the binaries of mypyc.
+    :ivar text: the same in one line, with the reason and the remedy.
+    """
+
+    compiled: bool
+    text: str
+
+
+def wanted() -> bool | None:
+    """
+    Return what the user said: True demands the compiled build, False forbids it.
+
+    :raises ImportError: the environment variable has another value than 0 or 1.
+    """
+    value = os.environ.get(SWITCH, '')
+    if value not in ('', '0', '1'):
+        raise ImportError(f'{SWITCH}={value!r} must be 0 (pure Python) or 1 (compiled), or unset')
+    return {'': None, '0': False, '1': True}[value]
+
+
+def source_of(module: str, package: Path) -> Path:
+    """Return the file of a module."""
+    return package.joinpath(*module.split('.')).with_suffix('.py')
+
+
+def digest(path: Path) -> str:
+    """Return the hash of a file by which Python itself knows its sources; empty without one."""
+    try:
+        return source_hash(path.read_bytes()).hex()
+    except OSError:
+        return ''
+
+
+def manifest_path(folder: Path) -> Path:
+    """Return the file that says what the binaries for this Python were made of."""
+    return folder / f'manifest.{sysconfig.get_config_var("SOABI")}.json'
+
+
+def changed_since(manifest: Mapping[str, Any], package: Path) -> list[str]:
+    """Return the sources that are not what a manifest says; all of them must be what it says."""
+    if manifest['modules'] != list(MODULES):
+        return ['compiled.__init__']
+    return [module for module, recorded in manifest['sources'].items()
+            if digest(source_of(module, package)) != recorded]
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """Return what is known of the binaries in a folder; None when there are none for this Python."""
+    try:
+        manifest = json.loads(manifest_path(folder).read_text())
+    except (OSError, ValueError):
+        return None
+    complete = isinstance(manifest, dict) and {'modules', 'sources', 'files'} <= set(manifest)
+    return manifest if complete else None
+
+
+class _Finder(MetaPathFinder):
+    """Finds the binaries, once they have been compared with their sources."""
+
+    def __init__(self, package: Path) -> None:
+        self._package = package
+        self._folder = package.parent / FOLDER
+        self._names = {f'{PACKAGE}.{module}' for module in MODULES}
+        self._files: dict[str, str] = {}
+        self._state: State | None = None
+
+    def state(self) -> State:
+        """Say which build runs; decided once, when it is first asked."""
+        if self._state is None:
+            self._state = self._decide()
+            if wanted() and not self._state.compiled:
+                raise ImportError(f'{SWITCH}=1, but {self._state.text}')
+        return self._state
+
+    def _decide(self) -> State:
+        if wanted() is False:
+            return State(False, f'pure Python: {SWITCH}=0')
+        manifest = read_manifest(self._folder)
+        if manifest is None:
+            return State(False, 'pure Python: it was not compiled; with a C compiler and mypy '
+                                'installed `colcon build` does that')
+        changed = changed_since(manifest, self._package)
+        if changed:
+            more = f' and {len(changed) - 1} more' if len(changed) > 1 else ''
+            return State(False, f'pure Python: {changed[0].replace(".", "/")}.py{more} changed '
+                                'after it was compiled; `colcon build` compiles it again')
+        self._files = {name: str(self._folder / file)
+                       for name, file in manifest['files'].items()}
+        return State(True, f'compiled with mypyc {manifest["mypyc"]}: {len(MODULES)} modules')
+
+    def find_spec(self, fullname: str, path: Sequence[str] | None = None,
+                  target: ModuleType | None = None) -> ModuleSpec | None:
+        if fullname not in self._files and (
+                fullname not in self._names or not self.state().compiled):
+            return None
+        file = self._files[fullname]
+        return spec_from_file_location(fullname, file, loader=ExtensionFileLoader(fullname, file))
+
+
+_finder = _Finder(Path(__file__).parents[1])
+
+
+def use() -> None:
+    """Let the binaries be found before the sources, if they may be used."""
+    if _finder not in sys.meta_path and wanted() is not False:
+        sys.meta_path.insert(0, _finder)
+
+
+def state() -> State:
+    """
+    Say which build runs.
+
+    :raises ImportError: the compiled build is demanded, and there is none that fits the sources.
+    """
+    return _finder.state()
