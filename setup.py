@@ -18,13 +18,12 @@ from glob import glob
 from pathlib import Path
 import sys
 
-from setuptools import find_packages
-from setuptools import setup
-
 sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to us
 
 from rt_robot_os.compiled.build import BuildCompiled  # noqa: E402
 from rt_robot_os.compiled.build import extensions  # noqa: E402
+from setuptools import find_packages  # noqa: E402
+from setuptools import setup  # noqa: E402
 
 package_name = 'rt_robot_os'
 

@@ -15,12 +15,14 @@
 """
 The compiled build of the hot path: which modules, and whether this process runs it.
 
-mypyc makes binaries of the very sources that are here (``rt_robot_os.compiled.build``). They lie in
-the folder ``rt_robot_os_compiled`` beside the package, with a manifest of the sources that they were
-made of. A set that does not fit its sources to the letter is never used, nor a part of it: the
-modules of a set know the layout of each other's objects. Without a set, the sources run as they are.
+mypyc makes binaries of the very sources that are here (:mod:`rt_robot_os.compiled.build`). They
+lie in the folder ``rt_robot_os_compiled`` beside the package, with a manifest of the sources that
+they were made of. A set that does not fit its sources to the letter is never used, nor a part of
+it: the modules of a set know the layout of each other's objects. Without a set, the sources run as
+they are.
 
-``RT_ROBOT_OS_COMPILE=0`` forbids it, ``1`` demands it, for the build as well as for a process.
+Set to 0, ``RT_ROBOT_OS_COMPILE`` forbids it, and 1 demands it, when the package is built and when
+it runs.
 """
 
 from __future__ import annotations
@@ -123,7 +125,7 @@ def changed_since(manifest: Mapping[str, Any], package: Path) -> list[str]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """Return what is known of the binaries in a folder; None when there are none for this Python."""
+    """Return what is known of the binaries in a folder; None without any for this Python."""
     try:
         manifest = json.loads(manifest_path(folder).read_text())
     except (OSError, ValueError):
