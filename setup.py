@@ -43,7 +43,7 @@ setup(
     cmdclass={'build_ext': BuildCompiled},
     install_requires=['numpy>=1.26', 'pyserial>=3.5', 'PyYAML>=6.0', 'rich>=13', 'setuptools'],
     extras_require={'attitude': ['vqf'], 'camera': ['opencv-python-headless', 'pillow'],
-                    'docs': ['sphinx>=7.2'],
+                    'compile': ['mypy>=1.9'], 'docs': ['sphinx>=7.2'],
                     'i2c': ['smbus2'], 'peers': ['horus-robotics'],
                     'plot': ['matplotlib'], 'record': ['mcap>=1.3'], 'sound': ['sounddevice'],
                     'test': ['hypothesis', 'mcap>=1.3', 'mcap-ros2-support', 'pillow', 'pytest',

@@ -162,7 +162,8 @@ def _allowed(one: Import) -> bool:
         return found or bool(TWIN_MAY_IMPORT.fullmatch(one.imported.partition('.')[2]))
     if imported == 'sim':
         return importer in MAY_IMPORT_SIM
-    if importer == imported or (importer, imported) == ('', 'moved'):
+    if importer == imported or (
+            importer == '' and imported in ('compiled', 'moved')):
         return True
     return importer in RANK and imported in RANK and RANK[imported] < RANK[importer]
 

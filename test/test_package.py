@@ -43,8 +43,8 @@ KEYS = {
 
 # import name -> the extra of setup.py that brings it: what only some robots need
 OPTIONAL = {
-    'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'smbus2': 'i2c',
-    'sounddevice': 'sound', 'vqf': 'attitude',
+    'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'mypy': 'compile',
+    'mypyc': 'compile', 'smbus2': 'i2c', 'sounddevice': 'sound', 'vqf': 'attitude',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
@@ -53,7 +53,9 @@ DISTRIBUTIONS = {
     'PIL': 'pillow', 'cv2': 'opencv-python-headless', 'horus': 'horus-robotics',
     'serial': 'pyserial', 'yaml': 'PyYAML'}
 # What the one brings with it.
-BROUGHT = {'lz4': 'mcap', 'zstandard': 'mcap'}
+BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'zstandard': 'mcap'}
+# What runs setup.py is there when it runs.
+BUILD = {'setuptools'}
 
 
 def _setup() -> dict[str, ast.expr]:
@@ -79,7 +81,7 @@ def _texts() -> Iterator[Path]:
     for folder, folders, names in os.walk(ROOT):
         folders[:] = [name for name in folders
                       if not (name.startswith('.') and name != '.ci')
-                      and name not in ('__pycache__', 'build', 'install', 'log')
+                      and name not in ('__pycache__', 'build', 'install', 'log', f'{PACKAGE}_compiled')
                       and not name.endswith('.egg-info')]
         for name in names:
             path = Path(folder, name)
@@ -134,14 +136,14 @@ def _names(requirements: Iterable[str]) -> set[str]:
     return {re.split(r'[<>=]', each)[0] for each in requirements}
 
 
-INSTALLED = _names(ast.literal_eval(SETUP['install_requires'])) - {'setuptools'}  # for colcon
+INSTALLED = _names(ast.literal_eval(SETUP['install_requires'])) - BUILD
 EXTRAS = {extra: _names(requirements) for extra, requirements in ast.literal_eval(
     SETUP['extras_require']).items()}
 
 
 def test_what_is_imported_is_installed_with_the_package_by_pip_and_by_rosdep() -> None:
     of_ros = {name for name in _manifest('exec_depend') if not name.startswith('python3-')}
-    needed = _imported() - set(OPTIONAL) - of_ros
+    needed = _imported() - set(OPTIONAL) - of_ros - BUILD
     assert needed == set(KEYS)
     assert {DISTRIBUTIONS.get(name, name) for name in needed} == INSTALLED
     assert {KEYS[name] for name in needed} == set(_manifest('exec_depend')) - of_ros
