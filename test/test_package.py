@@ -81,7 +81,8 @@ def _texts() -> Iterator[Path]:
     for folder, folders, names in os.walk(ROOT):
         folders[:] = [name for name in folders
                       if not (name.startswith('.') and name != '.ci')
-                      and name not in ('__pycache__', 'build', 'install', 'log', f'{PACKAGE}_compiled')
+                      and name not in ('__pycache__', 'build', 'install', 'log',
+                                       f'{PACKAGE}_compiled')
                       and not name.endswith('.egg-info')]
         for name in names:
             path = Path(folder, name)
