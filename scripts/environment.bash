@@ -19,6 +19,7 @@
 # Environment variables a user may set:
 #   RT_ROBOT_OS_PYTHON  the Python to use (3.10 to 3.13)
 #   RT_ROBOT_OS_VENV    where the virtual environment is, or is to be made
+#   RT_ROBOT_OS_COMPILE 0 forbids the compiled build, 1 demands it; else it is made where it can be
 
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 PACKAGE=rt_robot_os
@@ -238,7 +239,9 @@ build_state() {
   printf '%s\n' "$PYTHON" "$ROOT" "$MODE" "${AMENT_PREFIX_PATH:-}"
   version_of "$PYTHON"
   cd "$ROOT" || return
+  printf 'compile: %s\n' "${RT_ROBOT_OS_COMPILE:-}" "$(command -v "${CC:-cc}")"
   sha256sum package.xml setup.py setup.cfg
+  compiled_sources | xargs -r sha256sum
   if [ -L "build/$PACKAGE/setup.py" ]; then
     find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -print 2>/dev/null
   else
@@ -246,10 +249,17 @@ build_state() {
   fi | LC_ALL=C sort
 }
 
+# What the binaries were made of, as their manifests say: only an edit of these needs a new build.
+compiled_sources() {
+  [ "${RT_ROBOT_OS_COMPILE:-}" = 0 ] ||
+    cat "build/$PACKAGE/${PACKAGE}_compiled"/manifest.*.json 2>/dev/null |
+      sed -n 's/^  "\([a-z0-9_.]*\)": "[0-9a-f]*",*$/\1/p' | sort -u | tr . / | sed "s|.*|$PACKAGE/&.py|"
+}
+
 build() {
   local stamp=$ROOT/build/.$PACKAGE-build
   [ "$(cat "$stamp" 2>/dev/null)" != "$(build_state | sha256sum)" ] || return 0
-  say 'building with colcon'
+  say 'building with colcon (to compile the kernel takes half a minute)'
   # A build that another Python made, or that was cut short, is not built upon.
   if [ "$(head -n 1 "$stamp.python" 2>/dev/null)" != "$PYTHON $(version_of "$PYTHON")" ] || [ ! -f "$stamp" ]; then
     rm -rf "${ROOT:?}/build/$PACKAGE" "${ROOT:?}/install/$PACKAGE"
@@ -260,6 +270,8 @@ build() {
     fail "colcon build failed, see $LOG"
   echo "$PYTHON $(version_of "$PYTHON")" >"$stamp.python"
   build_state | sha256sum >"$stamp"
+  say "$(PYTHONPATH=$ROOT/build/$PACKAGE "$PYTHON" -c "from $PACKAGE.compiled import state; print(state().text)" 2>&1 |
+    tail -n 1)"
 }
 
 enter() {

@@ -27,6 +27,7 @@ import json
 import os
 from pathlib import Path
 import shutil
+import sys
 import sysconfig
 from typing import Any
 
@@ -45,6 +46,8 @@ from setuptools.command.build_ext import build_ext
 from setuptools.errors import BaseError
 from setuptools.errors import ExecError
 
+# The commands that end with a package which runs.
+_BUILDS = {'bdist_wheel', 'build', 'develop', 'editable_wheel', 'install'}
 # What is said of types elsewhere, or by another mypy than the one of the tests, must not end it.
 _MYPY_OPTIONS = ('--config-file=', '--follow-imports=silent', '--ignore-missing-imports')
 
@@ -96,6 +99,8 @@ def extensions() -> list[Extension]:
         return [Extension(FOLDER, sources=[])]  # a placeholder, for BuildCompiled
     if wanted():
         raise ExecError(f'{SWITCH}=1, but there is {why}')
+    if _BUILDS.intersection(sys.argv) and wanted() is None:  # colcon shows the error stream
+        print(f'{PACKAGE}: pure Python, there is {why}', file=sys.stderr, flush=True)
     return []
 
 
@@ -123,9 +128,7 @@ class BuildCompiled(build_ext):
 
     def run(self) -> None:
         """Compile, and put all in its place at the end: a running robot has the files open."""
-        why = obstacle()
-        if why is not None:
-            self._say(f'pure Python: {why}')
+        if obstacle() is not None:
             return
         root = Path.cwd() if self.inplace else Path(self.build_lib)
         folder = root / FOLDER
@@ -137,14 +140,12 @@ class BuildCompiled(build_ext):
             except (BaseError, SystemExit) as error:  # mypy ends the program with its message
                 if wanted():
                     raise
-                self._say(f'pure Python: it could not be compiled: {error}')
+                print(f'{PACKAGE}: pure Python, it could not be compiled: {error}',
+                      file=sys.stderr, flush=True)
                 return
         self._made = [str(folder / name) for name in manifest['files'].values()]
         self._made.append(str(manifest_path(folder)))
-        self._say(f'compiled with mypyc {manifest["mypyc"]}: {len(MODULES)} modules')
-
-    def _say(self, text: str) -> None:
-        print(f'{PACKAGE}: {text}', flush=True)
+        print(f'{PACKAGE}: compiled with mypyc {manifest["mypyc"]}: {len(MODULES)} modules')
 
     def _compile(self, folder: Path) -> dict[str, Any]:
         from mypy.version import __version__ as mypyc_version
