@@ -164,12 +164,19 @@ def test_another_version_is_refused_with_the_remedy(path: Path) -> None:
         read_dump(path)
 
 
-@pytest.mark.parametrize('content', [b'', b'no dump', gzip.compress(b''), gzip.compress(b'{}\n'),
-                                     gzip.compress(b'\xff\n'), gzip.compress(b'[' * 9999 + b'\n'),
-                                     gzip.compress(b'{"format": "another"}\n')])
+@pytest.mark.parametrize('content', [b'', b'no dump'])
 def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / 'other'
     path.write_bytes(content)
+    with pytest.raises(BlackBoxError, match='other'):
+        read_dump(path)
+
+
+@pytest.mark.parametrize('content', [b'', b'{}\n', b'\xff\n', b'[' * 9999 + b'\n',
+                                     b'{"format": "another"}\n'])
+def test_other_compressed_files_are_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / 'other'
+    path.write_bytes(gzip.compress(content))
     with pytest.raises(BlackBoxError, match='other'):
         read_dump(path)
 
