@@ -28,6 +28,9 @@ from typing import Iterator
 
 import pytest
 
+from rt_robot_os.compiled import PACKAGE
+from rt_robot_os.compiled import state
+
 ROOT = Path(__file__).resolve().parents[1]
 # What tests of several folders use.
 sys.path.insert(0, str(ROOT / 'test' / 'shared'))
@@ -36,6 +39,8 @@ import background  # noqa: E402, I100
 
 # So many tests take longer than all linters.
 MANY = 2000
+# What is made of the compiled modules, and how it looks from outside. Property tests come on top.
+BOTH_BUILDS = ('core', 'e2e', 'golden', 'kernel', 'link', 'topics')
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 # Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
@@ -69,9 +74,29 @@ else:
     hypothesis_settings.load_profile('package')
 
 
+def pytest_report_header() -> str:
+    """Say which build is tested."""
+    return f'{PACKAGE}: {state().text}'
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is tested on both builds, and let what reads the whole package begin."""
+    folders = {ROOT / 'test' / name for name in BOTH_BUILDS}
+    for item in items:
+        if not folders.isdisjoint(item.path.parents):
+            item.add_marker('both_builds')
+        if state().compiled and item.get_closest_marker('interpreted'):
+            item.add_marker(pytest.mark.skip(
+                reason='only the interpreter shows it, and this is the compiled build'))
+    items.sort(key=lambda item: item.get_closest_marker('linter') is None)
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Let what reads the whole package begin, where other tests take longer than that."""
-    if len(session.items) > MANY and 'PYTEST_XDIST_WORKER' not in os.environ:
+    alone = 'PYTEST_XDIST_WORKER' not in os.environ
+    if alone and len(session.items) > MANY and any(
+            item.get_closest_marker('linter') for item in session.items):
         background.begin()
 
 
