@@ -80,10 +80,12 @@ class State:
 
     :ivar compiled: the binaries of mypyc.
     :ivar text: the same in one line, with the reason and the remedy.
+    :ivar stale: there are binaries, of other sources than these.
     """
 
     compiled: bool
     text: str
+    stale: bool = False
 
 
 def wanted() -> bool | None:
@@ -163,7 +165,8 @@ class _Finder(MetaPathFinder):
         if changed:
             more = f' and {len(changed) - 1} more' if len(changed) > 1 else ''
             return State(False, f'pure Python: {changed[0].replace(".", "/")}.py{more} changed '
-                                'after it was compiled; `colcon build` compiles it again')
+                                'after it was compiled; `colcon build` compiles it again',
+                         stale=True)
         self._files = {name: str(self._folder / file)
                        for name, file in manifest['files'].items()}
         return State(True, f'compiled with mypyc {manifest["mypyc"]}: {len(MODULES)} modules')

@@ -26,6 +26,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from rt_robot_os.compiled import state as compiled_state
 from rt_robot_os.core.dump_keeper import BlackBoxKeeper
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
@@ -216,6 +217,8 @@ class Core:
             asked = self.settings.simulation_asked
             self.note(Severity.INFO if asked else Severity.WARN, 'core', 'simulated: '
                       f'{", ".join(names)}{"" if asked else "; no parameter file was given"}')
+        build = compiled_state()
+        self.note(Severity.WARN if build.stale else Severity.INFO, 'core', f'kernel: {build.text}')
         for result in results:
             self.note(Severity.INFO if result.ok else Severity.WARN, 'core', str(result))
 
