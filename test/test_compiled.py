@@ -63,9 +63,10 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def ask(installed: Path, switch: str = '') -> str:
-    """Return which build a new process runs."""
-    environment = {**os.environ, 'PYTHONPATH': str(installed), compiled.SWITCH: switch}
+def ask(installed: Path, switch: str = '', path: Path | str = '') -> str:
+    """Return which build a new process runs; with one more folder on its path."""
+    environment = {**os.environ, 'PYTHONPATH': f'{installed}{os.pathsep}{path}',
+                   compiled.SWITCH: switch}
     told = subprocess.run([sys.executable, '-c', ASK], env=environment, cwd=installed,
                           capture_output=True, text=True, check=True)
     return told.stdout.strip()
@@ -74,6 +75,13 @@ def ask(installed: Path, switch: str = '') -> str:
 def test_binaries_that_fit_are_used(copy: Path) -> None:
     assert ask(copy).startswith('True True compiled with mypyc')
     assert ask(copy, '1').startswith('True True compiled with mypyc')
+
+
+def test_binaries_on_the_path_are_used_as_colcon_builds_elsewhere(copy: Path) -> None:
+    (copy / 'build').mkdir()
+    (copy / compiled.FOLDER).rename(copy / 'build' / compiled.FOLDER)
+    assert ask(copy).startswith('False False pure Python: it was not compiled')
+    assert ask(copy, path=copy / 'build').startswith('True True compiled with mypyc')
 
 
 def test_they_are_not_used_when_that_is_forbidden(copy: Path) -> None:

@@ -16,7 +16,7 @@
 The compiled build of the hot path: which modules, and whether this process runs it.
 
 mypyc makes binaries of the very sources that are here (:mod:`rt_robot_os.compiled.build`). They
-lie in the folder ``rt_robot_os_compiled`` beside the package, with a manifest of the sources that
+lie in a folder ``rt_robot_os_compiled`` beside the package or on the path, with a manifest of what
 they were made of. A set that does not fit its sources to the letter is never used, nor a part of
 it: the modules of a set know the layout of each other's objects. Without a set, the sources run as
 they are.
@@ -27,6 +27,7 @@ it runs.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -141,7 +142,6 @@ class _Finder(MetaPathFinder):
 
     def __init__(self, package: Path) -> None:
         self._package = package
-        self._folder = package.parent / FOLDER
         self._names = {f'{PACKAGE}.{module}' for module in MODULES}
         self._files: dict[str, str] = {}
         self._state: State | None = None
@@ -157,19 +157,33 @@ class _Finder(MetaPathFinder):
     def _decide(self) -> State:
         if wanted() is False:
             return State(False, f'pure Python: {SWITCH}=0')
-        manifest = read_manifest(self._folder)
-        if manifest is None:
+        stale: list[str] = []
+        for folder in self._folders():
+            manifest = read_manifest(folder)
+            changed = changed_since(manifest, self._package) if manifest is not None else []
+            if manifest is not None and not changed:
+                self._files = {name: str(folder / file)
+                               for name, file in manifest['files'].items()}
+                return State(True, f'compiled with mypyc {manifest["mypyc"]}: '
+                                   f'{len(MODULES)} modules')
+            stale = stale or changed
+        if not stale:
             return State(False, 'pure Python: it was not compiled; with a C compiler and mypy '
                                 'installed `colcon build` does that')
-        changed = changed_since(manifest, self._package)
-        if changed:
-            more = f' and {len(changed) - 1} more' if len(changed) > 1 else ''
-            return State(False, f'pure Python: {changed[0].replace(".", "/")}.py{more} changed '
-                                'after it was compiled; `colcon build` compiles it again',
-                         stale=True)
-        self._files = {name: str(self._folder / file)
-                       for name, file in manifest['files'].items()}
-        return State(True, f'compiled with mypyc {manifest["mypyc"]}: {len(MODULES)} modules')
+        more = f' and {len(stale) - 1} more' if len(stale) > 1 else ''
+        return State(False, f'pure Python: {stale[0].replace(".", "/")}.py{more} changed '
+                            'after it was compiled; `colcon build` compiles it again',
+                     stale=True)
+
+    def _folders(self) -> Iterator[Path]:
+        """
+        Yield where binaries may lie: beside the package, or where an installation has put them.
+
+        Tests run the sources of a workspace, and colcon builds elsewhere. What it has made of
+        these very sources is used, wherever it is.
+        """
+        places = [self._package.parent, *map(Path, filter(None, sys.path))]
+        yield from dict.fromkeys(place / FOLDER for place in places)
 
     def find_spec(self, fullname: str, path: Sequence[str] | None = None,
                   target: ModuleType | None = None) -> ModuleSpec | None:
