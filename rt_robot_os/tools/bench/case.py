@@ -36,6 +36,9 @@ from rt_robot_os.units import NS_PER_S
 FIFO_PRIORITY = 80
 LAST_CPU = -1
 UNPINNED = -2
+# Which build of the package a child runs: compiled by mypyc, or as it is written.
+COMPILED, PURE = 'compiled', 'pure'
+BUILDS = (COMPILED, PURE)
 
 Samples = NDArray[np.int64]
 
@@ -80,6 +83,7 @@ class Run:
     :ivar cpu: that the child is pinned to; ``LAST_CPU`` or ``UNPINNED``.
     :ivar priority: of SCHED_FIFO; 0 for an ordinary process.
     :ivar once: not repeated: a long run that has its repeats inside.
+    :ivar build: of this package, ``COMPILED`` or ``PURE``; empty for the one that is in force here.
     """
 
     key: str
@@ -90,6 +94,7 @@ class Run:
     cpu: int = LAST_CPU
     priority: int = FIFO_PRIORITY
     once: bool = False
+    build: str = ''
 
 
 @dataclass(frozen=True)

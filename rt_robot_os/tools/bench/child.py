@@ -33,6 +33,7 @@ import numpy as np
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import run_child
+from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Unavailable
@@ -48,6 +49,9 @@ _META = 'meta'
 
 def _work(job: dict[str, Any], folder: Path) -> Outcome:
     harness = Harness(job['arguments'], job['cpu'], job['priority'], folder)
+    why = builds.why_not(job['build'])
+    if why:
+        return Outcome(Status.MISSING, why)
     try:
         measured = load_function(job['worker'])(harness)
     except ImportError as error:
@@ -64,7 +68,8 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
             return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
-    figures = {**harness.surroundings.figures(), **measured.figures}
+    figures = {**harness.surroundings.figures(), builds.FIGURE: float(builds.state().compiled),
+               **measured.figures}
     return Outcome(Status.OK, '', measured.samples, figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])
 

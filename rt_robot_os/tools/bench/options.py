@@ -39,7 +39,7 @@ from rt_robot_os.tools.bench.processes import lock_path
 
 _DEFAULT = Options(2.0, 3)
 _QUICK = Options(0.5, 1, quick=True)
-_FULL = Options(3.5, 4, full=True)
+_FULL = Options(3.2, 4, full=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000

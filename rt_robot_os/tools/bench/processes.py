@@ -32,6 +32,7 @@ import tempfile
 import time
 
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.child import JOB_FILE
@@ -64,9 +65,10 @@ def free_domain(shared_memory: Path = Path('/dev/shm')) -> int:
     return random.SystemRandom().choice(free or list(_DOMAINS))
 
 
-def environment(folder: Path) -> dict[str, str]:
-    """Make the environment of a child: a ROS domain, logs and sockets of its own."""
-    return {**os.environ, **_ENVIRONMENT, 'ROS_DOMAIN_ID': str(free_domain()),
+def environment(folder: Path, build: str = '') -> dict[str, str]:
+    """Make the environment of a child: a ROS domain, logs and sockets of its own, its build."""
+    return {**builds.environment(os.environ, build), **_ENVIRONMENT,
+            'ROS_DOMAIN_ID': str(free_domain()),
             'ROS_LOG_DIR': str(folder), 'RT_ROBOT_OS_RUNTIME_DIR': str(folder / 'run')}
 
 
@@ -118,11 +120,11 @@ def measure(run: Run) -> Outcome:
         folder = Path(name)
         (folder / JOB_FILE).write_text(json.dumps({
             'worker': run.worker, 'arguments': dict(run.arguments), 'cpu': run.cpu,
-            'priority': run.priority}))
+            'priority': run.priority, 'build': run.build}))
         with open(folder / _LOG_FILE, 'wb') as log:
             process = start_child(
                 'rt_robot_os.tools.bench.child', os.getpid(), name, stdout=log.fileno(),
-                stderr=log.fileno(), env=environment(folder))
+                stderr=log.fileno(), env=environment(folder, run.build))
             try:
                 ended = _wait(process, folder / RESULT_FILE, run.seconds + _PATIENCE_S)
             finally:

@@ -30,6 +30,7 @@ from rt_robot_os.tools.bench.cases import mirror
 from rt_robot_os.tools.bench.cases import overload
 from rt_robot_os.tools.bench.cases import preemption
 from rt_robot_os.tools.bench.cases import serial
+from rt_robot_os.tools.bench.cases import spacing
 from rt_robot_os.tools.bench.cases import stability
 from rt_robot_os.tools.bench.cases import start
 from rt_robot_os.tools.bench.cases import throughput
@@ -38,4 +39,4 @@ from rt_robot_os.tools.bench.cases import wakeup
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
-    start.START, start.MEMORY)})
+    spacing.CASE, start.START, start.MEMORY)})

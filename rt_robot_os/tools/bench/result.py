@@ -239,7 +239,11 @@ class Need:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """All that a case found."""
+    """
+    All that a case found.
+
+    :ivar facts: single figures by the names of :mod:`rt_robot_os.tools.bench.facts`.
+    """
 
     name: str
     title: str
@@ -247,6 +251,7 @@ class CaseResult:
     aims: Sequence[Aim]
     plots: Sequence[Plot] = ()
     needs: Sequence[Need] = ()
+    facts: Mapping[str, Metric | None] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -254,4 +259,6 @@ class CaseResult:
                 'tables': [table.as_json() for table in self.tables],
                 'aims': [aim.as_json() for aim in self.aims],
                 'plots': [plot.as_json() for plot in self.plots],
-                'needs': [need.as_json() for need in self.needs]}
+                'needs': [need.as_json() for need in self.needs],
+                'facts': {name: metric.as_json() for name, metric in self.facts.items()
+                          if metric is not None}}

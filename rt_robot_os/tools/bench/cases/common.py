@@ -19,15 +19,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
+from dataclasses import replace
 import statistics
 
+from rt_robot_os.tools.bench.case import BUILDS
+from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
+from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
+from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.surroundings import explain
 from rt_robot_os.tools.bench.surroundings import LOOP
@@ -41,6 +47,8 @@ _SLOWER = 1.25
 START_PEER_S = 1.6
 
 RCLPY = ('single', 'multi', 'events')
+# A first look leaves out the one that takes longest to start, and is none of the best.
+_QUICK_RCLPY = ('single', 'events')
 RCLPY_LABELS: Mapping[str, str] = {
     'single': 'rclpy SingleThreadedExecutor', 'multi': 'rclpy MultiThreadedExecutor',
     'events': 'rclpy EventsExecutor'}
@@ -52,6 +60,13 @@ RCLPY_PLACES: Mapping[str, tuple[int, int]] = {
 HORUS_LABEL = 'HORUS'
 THREADS_LABEL = 'Python threads'
 KERNEL_LABEL = 'rt_robot_os kernel'
+BUILD_LABELS: Mapping[str, str] = {COMPILED: 'compiled', PURE: 'pure Python'}
+RATIO_COLUMN = Column('ratio', 'of pure', '', 'p50')
+
+
+def rclpy(options: Options) -> Sequence[str]:
+    """Return which executors of rclpy are measured."""
+    return _QUICK_RCLPY if options.quick else RCLPY
 
 
 def cost_columns(group: str, spread: str = 'p50 range') -> tuple[Column, ...]:
@@ -110,6 +125,40 @@ def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
 
     return {'rt_robot_os': metric(ours), 'best rclpy': best(outcomes, RCLPY, of, least),
             'HORUS': metric('horus'), 'threads': metric('threads')}
+
+
+def key_of(key: str, build: str) -> str:
+    """Return the key of a run that is measured in each build."""
+    return f'{key} {build}'
+
+
+def ours(outcomes: Outcomes, key: str) -> str:
+    """Return the key of the build that a user gets: the compiled one where it was measured."""
+    compiled = key_of(key, COMPILED)
+    return compiled if outcomes.measured(compiled) else key_of(key, PURE)
+
+
+def build_ratio(outcomes: Outcomes, key: str, of: Of) -> Metric | None:
+    """Divide a figure of the compiled build by that of pure Python, repeat by repeat."""
+    return outcomes.ratio(key_of(key, COMPILED), key_of(key, PURE), of)
+
+
+def build_rows(outcomes: Outcomes, key: str, label: str, of: Mapping[str, Of]) -> list[Row]:
+    """
+    Make a row for each build; the compiled one has the ratio of both.
+
+    :param of: as for :meth:`Outcomes.row`; the ratio is that of ``p50``.
+    """
+    rows = [outcomes.row(key_of(key, build), of, f'{label}, {BUILD_LABELS[build]}')
+            for build in BUILDS]
+    if rows[0].metrics:
+        rows[0] = with_metric(rows[0], 'ratio', build_ratio(outcomes, key, of['p50']))
+    return rows
+
+
+def with_metric(row: Row, name: str, metric: Metric | None) -> Row:
+    """Return the row with a metric more."""
+    return replace(row, metrics={**row.metrics, name: metric})
 
 
 def _slower(outcomes: Outcomes, key: str) -> str:

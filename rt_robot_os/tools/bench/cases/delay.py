@@ -16,11 +16,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
@@ -33,22 +37,23 @@ from rt_robot_os.tools.bench.plot import tail
 from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
+from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.workers.delay import DELAY
 from rt_robot_os.tools.bench.workers.delay import key as variant
 from rt_robot_os.tools.bench.workers.delay import SLEEPING
 from rt_robot_os.tools.bench.workers.delay import WAITING
 from rt_robot_os.tools.bench.workers.delay import WARM
-from rt_robot_os.tools.bench.workers.delay import WARM_BYTES
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 PERIOD_NS = 2 * NS_PER_MS
 SIZES = (64, 256, 1024, 2048, 64 * 1024, 1024 * 1024)
 _PAPER_US = {2048: (31, 32), 1024: (30, 30), 256: (29, 32), 64: (31, 32)}
-_WARMUP_NS = NS_PER_S // 10
+_WARMUP_NS, _TURN_WARMUP_NS = NS_PER_S // 10, NS_PER_S // 20
 # Each run has many variants; a quarter of the time is enough for each.
 _SHARE = 4
 _LIMIT_US = 3.0
@@ -64,8 +69,20 @@ _NOTES = (
     'last one has it. rclpy: timer, publisher and subscriptions in one process. Threads: bytes in',
     'a queue.SimpleQueue for each. HORUS: a dictionary with a string of this size; it has no room',
     'for more than 4 KB, and gives a message to one of several nodes. The same CPU, SCHED_FIFO',
-    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.',
-    'Bare loop: publish and take every 2 ms in Python, no kernel, no task: what the caches cost.')
+    '(MultiThreadedExecutor, HORUS: all CPUs). The paper: averages, the largest of them as max.')
+_BUILD_COLUMNS = (
+    Column('p50', 'p50', 'us', 'delay'), Column('p50', 'p50 range', 'us', 'delay', spread=True),
+    Column('p99', 'p99', 'us', 'delay'), Column('maximum', 'max', 'us', 'delay'),
+    common.RATIO_COLUMN)
+_BUILD_NOTES = (
+    'Messages of 64 B every 2 ms. Bare loop: publish and take in Python, without kernel or task,',
+    'after 2 ms of sleep: what the caches cost, which are cold then; or after 2 ms of waiting',
+    'awake. Fifth in a row: four other messages just before it have warmed the caches.')
+_BUILD_ROWS = ((DELAY, 'from task to task'), (SLEEPING, 'bare loop that sleeps'),
+               (WARM, 'from task to task, fifth in a row'),
+               (WAITING, 'bare loop that never sleeps'))
+_BUILD_RATIO, _BARE_RATIO = 0.5, 1.3
+_P50 = {sample: common.part_of(sample, 0.5) for sample, _ in _BUILD_ROWS}
 
 
 def _variants(options: Options) -> Sequence[tuple[int, int]]:
@@ -79,7 +96,10 @@ def _variants(options: Options) -> Sequence[tuple[int, int]]:
 def _plan(options: Options) -> Sequence[Run]:
     measure_ns = round(options.seconds * NS_PER_S / _SHARE)
     variants = _variants(options)
-    seconds = (len(variants) + 1) * (_WARMUP_NS + measure_ns) / NS_PER_S
+    seconds = len(variants) * (_WARMUP_NS + measure_ns) / NS_PER_S
+    # Of single figures that aims compare: more of them.
+    turns_ns = 2 * measure_ns
+    turns_s = 4 * (2 * _TURN_WARMUP_NS + turns_ns) / NS_PER_S
     arguments = {'variants': variants, 'period_ns': PERIOD_NS, 'warmup_ns': _WARMUP_NS,
                  'measure_ns': measure_ns}
 
@@ -88,15 +108,19 @@ def _plan(options: Options) -> Sequence[Run]:
                    {**arguments, 'executor': name}, common.START_PEER_S + seconds * 1.1,
                    *common.RCLPY_PLACES[name])
 
-    rclpy = ('events', 'single') if options.quick else ('events', 'single', 'multi')
     return (
         Run('kernel', 'rt_robot_os topic', 'rt_robot_os.tools.bench.workers.delay:kernel',
             arguments,
             common.START_S + seconds),
-        *(peer(name) for name in rclpy),
+        *(peer(name) for name in common.rclpy(options)),
         Run('threads', 'Python threads, SimpleQueue',
             'rt_robot_os.tools.bench.workers.threads:delay',
             arguments, common.START_S + seconds),
+        *(Run(common.key_of('turns', build), f'a small message, {common.BUILD_LABELS[build]}',
+              'rt_robot_os.tools.bench.workers.delay:cold_and_warm',
+              {**arguments, 'warmup_ns': _TURN_WARMUP_NS, 'measure_ns': turns_ns},
+              common.START_S + turns_s, build=build)
+          for build in BUILDS),
         Run('horus', common.HORUS_LABEL, 'rt_robot_os.tools.bench.peers.horus:delay', arguments,
             common.START_S + seconds, UNPINNED))
 
@@ -127,27 +151,53 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             rows.append(quoted(f'{name} paper', p50=mean, maximum=most))
         sample = variant(size, subscribers)
         rows += [outcomes.row(key, {**common.tails_of(sample), 'arrived': _arrived(sample)},
-                              f'{name} {run.label}') for key, run in outcomes.runs.items()]
-    if 'kernel' in outcomes.runs:
-        rows += [outcomes.row('kernel', common.tails_of(sample),
-                              f'{size_text(WARM_BYTES):>6},  1 sub  {label}')
-                 for sample, label in ((WARM, 'rt_robot_os, fifth in a row'),
-                                       (SLEEPING, 'bare loop that sleeps'),
-                                       (WAITING, 'bare loop that never sleeps'))]
+                              f'{name} {run.label}') for key, run in _systems(outcomes)]
     why = _why(outcomes)
     aims = [Aim(f'delay p50, {size_text(size)}, 1 subscriber', _LIMIT_US,
                 outcomes.metric('kernel', common.part_of(variant(size, 1), 0.5)), 'us',
                 why=why, paper=f'{_PAPER_US[size][0]} us') for size in SIZES if size in _PAPER_US]
+    aims += _build_aims(outcomes, why)
     p50 = common.part_of(variant(64, 1), 0.5)
     needs = (Need('a message to another task of the program in 10 us, median', _NEED_US, 'us',
                   common.systems(outcomes, p50), case=CASE.name),)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
-                      (_sizes_plot(options, outcomes), _tails_plot(outcomes)), needs)
+    builds: list[Row] = []
+    for sample, label in _BUILD_ROWS:
+        builds += common.build_rows(outcomes, 'turns', label, common.tails_of(sample))
+    return CaseResult(
+        CASE.name, CASE.title,
+        (Table('', _COLUMNS, rows, _NOTES),
+         Table('Compiled and in pure Python, beside a bare loop', _BUILD_COLUMNS, builds,
+               _BUILD_NOTES)),
+        aims, (_sizes_plot(options, outcomes), _tails_plot(outcomes)), needs, _facts(outcomes))
+
+
+def _systems(outcomes: Outcomes) -> Sequence[tuple[str, Run]]:
+    """Return the runs that are compared as systems, without those of one build."""
+    return [(key, run) for key, run in outcomes.runs.items() if not run.build]
+
+
+def _build_aims(outcomes: Outcomes, why: str) -> Sequence[Aim]:
+    key = common.key_of('turns', COMPILED)
+
+    def over_bare(outcome: Outcome) -> float | None:
+        above, below = _P50[DELAY](outcome), _P50[SLEEPING](outcome)
+        return above / below if above and below else None
+
+    return (Aim('delay p50, 64 B, compiled / pure', _BUILD_RATIO,
+                common.build_ratio(outcomes, 'turns', _P50[DELAY]), why=why),
+            Aim('delay p50, 64 B, compiled / bare loop', _BARE_RATIO,
+                outcomes.metric(key, over_bare), why=why))
+
+
+def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
+    return {facts.of_build(name, build): outcomes.metric(common.key_of('turns', build), _P50[sample])
+            for build in BUILDS
+            for name, sample in ((facts.DELAY, DELAY), (facts.BARE_DELAY, SLEEPING))}
 
 
 def _why(outcomes: Outcomes) -> str:
     """Return what the delay is when the caches are warm: the rest is theirs."""
-    warm, sleeping, waiting = (outcomes.metric('kernel', common.part_of(name, 0.5))
+    warm, sleeping, waiting = (outcomes.metric(common.ours(outcomes, 'turns'), _P50[name])
                                for name in (WARM, SLEEPING, WAITING))
     told = '' if warm is None or sleeping is None or waiting is None else (
         f'the fifth of five messages in a row takes {warm.median:.1f} us: the rest is the caches '
@@ -160,7 +210,7 @@ def _why(outcomes: Outcomes) -> str:
 def _sizes_plot(options: Options, outcomes: Outcomes) -> Plot:
     series = [Series('paper', sorted(_PAPER_US), [_PAPER_US[size][0] for size in
                                                   sorted(_PAPER_US)], 'marks')]
-    for key, run in outcomes.runs.items():
+    for key, run in _systems(outcomes):
         known = [(size, metric.median) for size in SIZES if (metric := outcomes.metric(
             key, common.part_of(variant(size, 1), 0.5))) is not None]
         if known:
@@ -173,7 +223,7 @@ def _sizes_plot(options: Options, outcomes: Outcomes) -> Plot:
 def _tails_plot(outcomes: Outcomes) -> Plot:
     name = variant(64, 1)
     series = [tail(run.label, np.concatenate([o.samples[name] for o in outcomes.measured(key)]),
-                   1e3) for key, run in outcomes.runs.items() if outcomes.measured(key)]
+                   1e3) for key, run in _systems(outcomes) if outcomes.measured(key)]
     return Plot('tail', 'Delay of a message of 64 B', 'delay, us',
                 'part of the messages that is later', series,
                 'Further left and lower is better.', True, True)

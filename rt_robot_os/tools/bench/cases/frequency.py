@@ -84,7 +84,7 @@ def _plan(options: Options) -> Sequence[Run]:
         run('monotonic', 'rt_robot_os, rate-monotonic', 'workers.modules:kernel'),
         *(run(name, common.RCLPY_LABELS[name], 'peers.modules:executor', None,
               common.START_PEER_S, *common.RCLPY_PLACES[name], executor=name)
-          for name in common.RCLPY),
+          for name in common.rclpy(options)),
         run('threads', common.THREADS_LABEL, 'workers.threads:modules'),
         run('horus', common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED),
     )

@@ -75,7 +75,7 @@ def _plan(options: Options) -> Sequence[Run]:
     return (
         run('operations', 'operations', f'{_WORKERS}:operations'),
         run('dispatch', 'CPU time of a job', 'rt_robot_os.tools.bench.workers.micro:dispatch',
-            tasks=_DISPATCH_TASKS, rate_hz=200, spread=0),
+            tasks=_DISPATCH_TASKS, rate_hz=200),
         run('floor', 'clock_nanosleep loop', 'rt_robot_os.tools.bench.workers.wakeup:floor'),
         run('interrupt', 'interrupt: another process writes', f'{_WORKERS}:interrupt', own=False),
         run('own', 'interrupt: a lower task writes', f'{_WORKERS}:interrupt', own=True),

@@ -93,7 +93,7 @@ def _plan(options: Options) -> Sequence[Run]:
     for count in _peer_counts(options):
         runs += [run(name, count, common.RCLPY_LABELS[name], 'peers.modules:executor',
                      common.START_PEER_S, *common.RCLPY_PLACES[name], executor=name)
-                 for name in common.RCLPY]
+                 for name in common.rclpy(options)]
         runs += [run('threads', count, common.THREADS_LABEL, 'workers.threads:modules'),
                  run('horus', count, common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED)]
     cost_s = max(0.4, options.seconds / 4)

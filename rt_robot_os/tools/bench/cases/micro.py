@@ -12,23 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The case `micro`: what single operations of topics, layouts and the kernel cost."""
+"""The case `micro`: what single operations cost, in the compiled build and in pure Python."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from collections.abc import Sequence
 
+from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BUILDS
+from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
+from rt_robot_os.tools.bench.result import Metric
+from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.units import NS_PER_MS
 
 _WARMUP_NS = 300 * NS_PER_MS
@@ -37,10 +40,12 @@ _TASKS, _RATE_HZ = 100, 200
 _WARM_RATE_HZ = 2000
 _WORKERS = 'rt_robot_os.tools.bench.workers.micro'
 _PS_PER_US, _NS_PER_US = 1e6, 1e3
+_BUILD_RATIO = 0.5
 
+_BOTH, _TO_TASK = 'publish+take 64', 'publish to task 64'
 _OPERATIONS = (
-    ('publish 64', 'publish 64 B'), ('publish+take 64', 'publish, take and copy 64 B'),
-    ('publish to task 64', 'publish 64 B to a task that takes it'),
+    ('publish 64', 'publish 64 B'), (_BOTH, 'publish, take and copy 64 B'),
+    (_TO_TASK, 'publish 64 B to a task that takes it'),
     ('publish 2048', 'publish 2048 B'), ('publish+take 2048', 'publish, take and copy 2048 B'),
     ('field set', 'set one field of an Imu'), ('field get', 'get one field of an Imu'),
     ('pack ten', 'set ten numbers of an Imu, packed'),
@@ -49,72 +54,103 @@ _OPERATIONS = (
     ('log throttled', 'log a line that is held back'),
     ('log off', 'log a line below its level'),
 )
-_COLUMNS = common.cost_columns('cost')
+_JOBS = (('together', 'job, 100 tasks released together', _RATE_HZ),
+         ('warm', '  the same at 2 kHz: warm caches', _WARM_RATE_HZ))
+_FLOORS = (('call', 'call of an empty Python function'),
+           ('system call', 'system call, os.getppid()'))
+_COLUMNS = (*common.cost_columns('cost'), common.RATIO_COLUMN)
 _NOTES = (
     'Operations: percentiles of the means of blocks of 500 calls, the empty loop taken off.',
-    'A task that takes it runs before publish returns: the delay without cold caches.',
-    'Jobs: CPU time of the whole process divided by the jobs, stretches of 0.2 s; 100 tasks of',
-    '200 Hz that do nothing, released together, or each by a timer signal of its own; a bare',
-    'loop that sleeps and wakes as often as those is the least that the latter can cost.')
+    'Each in the compiled build and in pure Python, by processes that take turns; of pure: the',
+    'ratio of the two. A task that takes it runs before publish returns: the delay without cold',
+    'caches. Jobs: CPU time of the whole process divided by the jobs, stretches of 0.2 s; 100',
+    'tasks of 200 Hz that do nothing, released together (the case spacing has others). The floors',
+    'are those of Python and Linux without this package. Aims are those of the compiled build',
+    'where there is one.')
+
+
+def _jobs(options: Options) -> Sequence[tuple[str, str, int]]:
+    return _JOBS[:1] if options.quick else _JOBS
 
 
 def _plan(options: Options) -> Sequence[Run]:
     measure_ns = options.measure_ns
     seconds = _START_S + options.seconds
-    dispatch = {'tasks': _TASKS, 'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS,
-                'measure_ns': measure_ns}
-    return (
-        Run('operations', 'operations', f'{_WORKERS}:operations', {'measure_ns': measure_ns},
-            seconds),
-        Run('together', 'job, 100 tasks released together', f'{_WORKERS}:dispatch',
-            {**dispatch, 'spread': 0}, seconds),
-        Run('warm', '  the same at 2 kHz: warm caches', f'{_WORKERS}:dispatch',
-            {**dispatch, 'spread': 0, 'rate_hz': _WARM_RATE_HZ}, seconds),
-        Run('spread', 'job, 100 tasks, each its own timer', f'{_WORKERS}:dispatch',
-            {**dispatch, 'spread': 1}, seconds),
-        Run('wake', '  of which: a clock_nanosleep wake-up', f'{_WORKERS}:wake',
-            {'rate_hz': _TASKS * _RATE_HZ, 'measure_ns': measure_ns}, seconds),
-    )
+    runs = []
+    for build in BUILDS:
+        runs.append(Run(common.key_of('operations', build), 'operations',
+                        f'{_WORKERS}:operations', {'measure_ns': measure_ns}, seconds,
+                        build=build))
+        runs += [Run(common.key_of(key, build), label, f'{_WORKERS}:dispatch', {
+            'tasks': _TASKS, 'rate_hz': rate_hz, 'warmup_ns': _WARMUP_NS,
+            'measure_ns': measure_ns}, seconds, build=build)
+            for key, label, rate_hz in _jobs(options)]
+    return (*runs, Run('floor', 'floors', f'{_WORKERS}:floors', {'measure_ns': measure_ns // 4},
+                       _START_S + options.seconds / 4))
 
 
-def _cost(name: str, scale: float, part: float) -> Callable[[Outcome], float | None]:
-    def of(outcome: Outcome) -> float | None:
-        value = percentile(outcome.samples[name], part)
-        return None if value is None else value / scale
-
-    return of
-
-
-def _metrics(name: str, scale: float) -> dict[str, Callable[[Outcome], float | None]]:
-    return {column: _cost(name, scale, part)
+def _metrics(name: str, scale: float) -> Mapping[str, common.Of]:
+    return {column: common.part_of(name, part, scale)
             for column, part in (('p10', 0.1), ('p50', 0.5), ('p90', 0.9))}
 
 
 def _cold(outcomes: Outcomes) -> str:
     """Return what a job costs when its task is still in the caches."""
-    warm = outcomes.metric('warm', _cost('cpu_ns', _NS_PER_US, 0.5))
+    warm = outcomes.metric(common.ours(outcomes, 'warm'),
+                           common.part_of('cpu_ns', 0.5, _NS_PER_US))
     return '' if warm is None else (
         f'at 2 kHz, with warm caches, a job takes {warm.median:.1f} us; after 5 ms without it, '
         'what the CPU knew of 100 tasks has to come from memory again; ')
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    rows = [outcomes.row('operations', _metrics(name, _PS_PER_US), label)
-            for name, label in _OPERATIONS]
-    rows += [outcomes.row(key, _metrics('cpu_ns', _NS_PER_US))
-             for key in ('together', 'warm', 'spread', 'wake')]
-    aims = (
-        Aim('publish, take and copy 64 B', 0.5,
-            outcomes.metric('operations', _cost('publish+take 64', _PS_PER_US, 0.5)), 'us',
-            why=common.disturbances(outcomes, 'operations')),
-        Aim('log a line with three arguments', 2.0,
-            outcomes.metric('operations', _cost('log three', _PS_PER_US, 0.5)), 'us',
-            why=common.disturbances(outcomes, 'operations')),
+def _rows(options: Options, outcomes: Outcomes) -> list[Row]:
+    rows: list[Row] = []
+    for name, label in _OPERATIONS:
+        rows += common.build_rows(outcomes, 'operations', label, _metrics(name, _PS_PER_US))
+    for key, label, _ in _jobs(options):
+        rows += common.build_rows(outcomes, key, label, _metrics('cpu_ns', _NS_PER_US))
+    return [*rows, *(outcomes.row('floor', _metrics(name, _PS_PER_US), label)
+                     for name, label in _FLOORS)]
+
+
+def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+    def operation(text: str, name: str, limit_us: float) -> Aim:
+        key = common.ours(outcomes, 'operations')
+        return Aim(text, limit_us,
+                   outcomes.metric(key, common.part_of(name, 0.5, _PS_PER_US)), 'us',
+                   why=common.disturbances(outcomes, key))
+
+    def ratio(text: str, name: str) -> Aim:
+        return Aim(f'{text}, compiled / pure', _BUILD_RATIO,
+                   common.build_ratio(outcomes, 'operations', common.part_of(name, 0.5)),
+                   why=common.disturbances(outcomes, common.key_of('operations', COMPILED)))
+
+    together = common.ours(outcomes, 'together')
+    return (
+        operation('publish, take and copy 64 B', _BOTH, 0.5),
+        ratio('publish and take', _BOTH), ratio('publish to a waiting task', _TO_TASK),
+        operation('log a line with three arguments', 'log three', 2.0),
         Aim('CPU time of a job, 100 tasks released together', 2.0,
-            outcomes.metric('together', _cost('cpu_ns', _NS_PER_US, 0.5)), 'us',
-            why=_cold(outcomes) + common.disturbances(outcomes, 'together')),
-    )
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims)
+            outcomes.metric(together, common.part_of('cpu_ns', 0.5, _NS_PER_US)), 'us',
+            why=_cold(outcomes) + common.disturbances(outcomes, together)))
+
+
+def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
+    def operation(name: str, key: str) -> Metric | None:
+        return outcomes.metric(key, common.part_of(name, 0.5, _PS_PER_US))
+
+    found = {facts.CALL: operation('call', 'floor'),
+             facts.SYSTEM_CALL: operation('system call', 'floor')}
+    for build in BUILDS:
+        key = common.key_of('operations', build)
+        found[facts.of_build(facts.TAKE, build)] = operation(_BOTH, key)
+        found[facts.of_build(facts.TO_TASK, build)] = operation(_TO_TASK, key)
+    return found
+
+
+def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, _rows(options, outcomes), _NOTES),),
+                      _aims(outcomes), facts=_facts(outcomes))
 
 
 CASE = Case('micro', 'costs of single operations: topics, layouts, dispatching', _plan, _evaluate)

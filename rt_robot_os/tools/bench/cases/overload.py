@@ -63,7 +63,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
     return (run('kernel', common.KERNEL_LABEL, 'workers.overload:kernel', common.START_S),
             *(run(name, common.RCLPY_LABELS[name], 'peers.overload:executor',
-                  common.START_PEER_S, executor=name) for name in common.RCLPY),
+                  common.START_PEER_S, executor=name) for name in common.rclpy(options)),
             run('threads', common.THREADS_LABEL, 'workers.overload:threads', common.START_S))
 
 

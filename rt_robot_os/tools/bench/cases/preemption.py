@@ -116,7 +116,7 @@ def _plan(options: Options) -> Sequence[Run]:
         run('floor same', 'clock_nanosleep, CPU busy 20 %', f'{_WORKERS}:floor', {'load': 'same'}),
         run('floor always', 'clock_nanosleep, CPU busy', f'{_WORKERS}:floor', {'load': 'always'}),
         run('kernel', common.KERNEL_LABEL, f'{_WORKERS}:kernel', {}),
-        *(peer(name, common.RCLPY_LABELS[name], name, {}) for name in common.RCLPY),
+        *(peer(name, common.RCLPY_LABELS[name], name, {}) for name in common.rclpy(options)),
         *(() if options.quick else (
             peer('multi free', '  Multi, all CPUs, no FIFO', 'multi', {}, **free),
             peer('multi free tuned', '  the same, switch interval 0.1 ms', 'multi',

@@ -40,8 +40,9 @@ MESSAGE = 'std_msgs/msg/UInt8MultiArray'
 OVERHEAD_BYTES = 16
 NUMBER = struct.Struct('<I')
 _NO_NUMBER = 0xFFFFFFFF
-WARM, WARM_BYTES = 'warm', 64
-SLEEPING, WAITING = 'sleeping', 'waiting'
+SMALL_BYTES = 64
+DELAY, WARM, SLEEPING, WAITING = 'delay', 'warm', 'sleeping', 'waiting'
+_TURNS = 2
 
 
 class Receiver:
@@ -103,19 +104,38 @@ def kernel(harness: Harness) -> Measured:
     samples: dict[str, Samples] = {}
     variants = [(size, subscribers, Variant(a, size, subscribers))
                 for size, subscribers in a['variants']]
-    warm = Variant(a, WARM_BYTES, 1, before=4)
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()
-    samples[WARM] = warm.run()
-    samples[SLEEPING], samples[WAITING] = _alone(a, True), _alone(a, False)
     return Measured(samples, {'due': due(a)})
+
+
+def cold_and_warm(harness: Harness) -> Measured:
+    """
+    Measure what the caches of the CPU make of a small message, with a kernel and without.
+
+    Samples: ``DELAY`` from task to task; ``WARM`` that of the fifth in a row; ``SLEEPING`` and
+    ``WAITING`` in a bare loop that sleeps or waits between two messages. In short turns, so that
+    what disturbs the machine meets all of them.
+    """
+    a = {**harness.arguments, 'measure_ns': harness.arguments['measure_ns'] // _TURNS}
+    turns = [(Variant(a, SMALL_BYTES, 1), Variant(a, SMALL_BYTES, 1, before=4))
+             for _ in range(_TURNS)]
+    harness.prepare(freeze=True)
+    samples: dict[str, list[Samples]] = {
+        name: [] for name in (DELAY, SLEEPING, WARM, WAITING)}
+    for cold, warm in turns:
+        samples[DELAY].append(cold.run())
+        samples[SLEEPING].append(_alone(a, True))
+        samples[WARM].append(warm.run())
+        samples[WAITING].append(_alone(a, False))
+    return Measured({name: np.concatenate(parts) for name, parts in samples.items()})
 
 
 def _alone(a: Mapping[str, int], sleeping: bool) -> Samples:
     """Publish and take in a bare loop, without a kernel, that sleeps or waits in between."""
     bus = Bus(Kernel())
-    bus.declare('message', MESSAGE, {'data': WARM_BYTES - OVERHEAD_BYTES})
+    bus.declare('message', MESSAGE, {'data': SMALL_BYTES - OVERHEAD_BYTES})
     publish, take = bus.publisher('message').publish, bus.subscribe('message', 'reader').take
     sleeper, now_ns = Sleeper(), time.monotonic_ns
     delays = np.zeros((a['warmup_ns'] + a['measure_ns']) // a['period_ns'], np.int64)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+import os
 import time
 from typing import Any
 
@@ -138,30 +139,23 @@ def _log_operations() -> dict[str, Callable[[], object]]:
 
 
 def dispatch(harness: Harness) -> Measured:
-    """
-    Let many tasks do nothing, and divide the CPU time of the process by the jobs.
-
-    ``spread`` 0 releases all at once; 1 gives each a moment of its own, so that each job takes a
-    wake-up and a timer as well.
-    """
+    """Release many tasks that do nothing together; divide the process's CPU time by the jobs."""
     a = harness.arguments
     harness.prepare(freeze=True)
-    return Measured({'cpu_ns': _dispatch(a, a['tasks'], a['spread'])})
+    return Measured({'cpu_ns': _dispatch(a, a['tasks'])})
 
 
 def dispatch_curve(harness: Harness) -> Measured:
-    """Do the same for several numbers of ``tasks``, released together."""
+    """Do the same for several numbers of ``tasks``."""
     a = harness.arguments
     harness.prepare(freeze=True)
-    return Measured({str(tasks): _dispatch(a, tasks, 0) for tasks in a['tasks']})
+    return Measured({str(tasks): _dispatch(a, tasks) for tasks in a['tasks']})
 
 
-def _dispatch(a: Mapping[str, Any], tasks: int, spread: int) -> Samples:
+def _dispatch(a: Mapping[str, Any], tasks: int) -> Samples:
     tested = Kernel()
-    period_ns = NS_PER_S // a['rate_hz']
     for i in range(tasks):
-        tested.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=a['rate_hz'],
-                        phase_ns=spread * (i * period_ns // tasks))
+        tested.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=a['rate_hz'])
     tested.run(a['warmup_ns'])
     costs = []
     for _ in range(max(1, a['measure_ns'] // _STRETCH_NS)):
@@ -171,6 +165,19 @@ def _dispatch(a: Mapping[str, Any], tasks: int, spread: int) -> Samples:
         used_ns = time.process_time_ns() - begin_ns
         costs.append(used_ns // (sum(task.runs for task in tested.tasks) - runs))
     return np.array(costs, np.int64)
+
+
+def floors(harness: Harness) -> Measured:
+    """Measure the least that Python and Linux take for anything, in turns."""
+    tested: dict[str, Callable[[], object]] = {'call': _nothing, 'system call': os.getppid}
+    harness.prepare(freeze=True)
+    turns = 4
+    share_ns = harness.arguments['measure_ns'] // (turns * len(tested))
+    means: dict[str, list[Samples]] = {name: [] for name in tested}
+    for _ in range(turns):
+        for name, operation in tested.items():
+            means[name].append(block_means_ps(operation, share_ns))
+    return Measured({name: np.concatenate(parts) for name, parts in means.items()})
 
 
 def wake(harness: Harness) -> Measured:

@@ -1,0 +1,237 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The case `spacing`: what a job costs by how far releases lie apart, and a thousand tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+
+from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BUILDS
+from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.cases import common
+from rt_robot_os.tools.bench.plot import Plot
+from rt_robot_os.tools.bench.plot import Series
+from rt_robot_os.tools.bench.result import Aim
+from rt_robot_os.tools.bench.result import CaseResult
+from rt_robot_os.tools.bench.result import Column
+from rt_robot_os.tools.bench.result import Metric
+from rt_robot_os.tools.bench.result import Row
+from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.workers.spacing import tasks_at
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
+
+TASKS, RATE_HZ = 100, 200
+SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 500)
+_QUICK_US = (0, 2, 10, 50, 500)
+MANY = 1000
+_MANY = (('together', 'released together'), ('spread', 'spread over the period'))
+_PERIOD_NS = NS_PER_S // RATE_HZ
+# Over the whole period, and far from everybody else.
+_SPREAD_US, _ALONE_US = 50, 500
+_TOGETHER_RATIO = 0.7
+# Of a bare wake-up. Before releases that lie close shared an alarm it was 0.73: 0.6 of that.
+_WAKE_RATIO = 0.45
+_RATE_LIMIT_HZ = 199.95
+_TRIES_PERCENT = 90.0
+_WARMUP_NS, _MANY_WARMUP_NS = 50 * NS_PER_MS, 300 * NS_PER_MS
+_WAKE_SHARE = 4
+_WAKE_NS = 400 * NS_PER_MS
+# Of a stretch in which time is taken, twice, with a warm-up; and of one for counting.
+_LEAST_S, _MORE_S = 0.2, 0.2
+# "Together" has no place on a logarithmic axis but one left of the others.
+_TOGETHER_X = 0.5
+_WORKERS = 'rt_robot_os.tools.bench.workers'
+
+_COLUMNS = (
+    Column('p50', 'p50', 'us', 'CPU time a job'),
+    Column('p50', 'range', 'us', 'CPU time a job', spread=True), common.RATIO_COLUMN,
+    Column('alarms', 'alarms', '1', 'of a job'), Column('sleeps', 'sleeps', '1', 'of a job'),
+    Column('calls', 'calls', '1', 'of a job'))
+_NOTES = (
+    'Tasks of 200 Hz that do nothing: 100 of them, or as many as find a moment of their own in',
+    'the period of 5 ms (50 at 100 us, 10 at 500 us). CPU time of the thread divided by the jobs,',
+    'stretches of 0.1 s, all spacings in turns. Of a job: alarms that were set, times that the',
+    'process slept, system calls of the clock (alarms, holding back and awaiting signals),',
+    'counted in a stretch of its own. The bare wake-up: a clock_nanosleep loop of 20 kHz.')
+_MANY_COLUMNS = (
+    Column('reached', 'reached', 'Hz', 'rate'),
+    Column('reached', 'range', 'Hz', 'rate', spread=True),
+    Column('missed', 'missed', '', 'releases'), Column('tries', 'no miss', '%', 'tries'),
+    Column('job', 'job', 'us', 'CPU time'), Column('cpu', 'process', '%', 'CPU'))
+_MANY_NOTES = (
+    '1000 tasks of 200 Hz that do nothing, released together, or each at a moment of its own',
+    '(5 us from the next). Reached: the rate, by the share of the releases that a job served.',
+    'Each repeat is a try; ten tries of ten seconds: `bench spacing --seconds 10 --repeats 10`.',
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time.')
+
+
+def _spacings(options: Options) -> Sequence[int]:
+    return _QUICK_US if options.quick else SPACINGS_US
+
+
+def _plan(options: Options) -> Sequence[Run]:
+    runs = []
+    spacings = _spacings(options)
+    curve_s = max(options.seconds / 2, len(spacings) * _LEAST_S)
+    for build in BUILDS:
+        runs.append(Run(
+            common.key_of('curve', build), f'spacings, {common.BUILD_LABELS[build]}',
+            f'{_WORKERS}.spacing:curve', {
+                'tasks': TASKS, 'rate_hz': RATE_HZ, 'warmup_ns': _WARMUP_NS,
+                'spacings_ns': [us * NS_PER_US for us in spacings],
+                'measure_ns': round(curve_s * NS_PER_S)},
+            common.START_S + curve_s + len(spacings) * _MORE_S, build=build))
+        runs.append(Run(
+            common.key_of('many', build), f'{MANY} tasks, {common.BUILD_LABELS[build]}',
+            f'{_WORKERS}.spacing:many', {
+                'tasks': MANY, 'rate_hz': RATE_HZ, 'warmup_ns': _MANY_WARMUP_NS,
+                'measure_ns': options.measure_ns},
+            common.START_S + 2 * (_MANY_WARMUP_NS / NS_PER_S + options.seconds), build=build))
+    wake_ns = max(_WAKE_NS, options.measure_ns // _WAKE_SHARE)
+    return (*runs, Run('wake', 'clock_nanosleep, a bare wake-up', f'{_WORKERS}.micro:wake',
+                       {'rate_hz': TASKS * RATE_HZ, 'measure_ns': wake_ns},
+                       common.START_S + wake_ns / NS_PER_S))
+
+
+def _cost(spacing_us: int) -> common.Of:
+    return common.part_of(str(spacing_us * NS_PER_US), 0.5)
+
+
+_WAKE = common.part_of('cpu_ns', 0.5)
+
+
+def _label(spacing_us: int) -> str:
+    count = tasks_at(spacing_us * NS_PER_US, TASKS, _PERIOD_NS)
+    return f'{count:>3} tasks, ' + (f'{spacing_us} us apart' if spacing_us else 'together')
+
+
+def _curve_rows(options: Options, outcomes: Outcomes) -> list[Row]:
+    rows: list[Row] = []
+    for spacing_us in _spacings(options):
+        name = spacing_us * NS_PER_US
+        rows += common.build_rows(outcomes, 'curve', _label(spacing_us), {
+            'p50': _cost(spacing_us),
+            **{count: common.figure(f'{count} {name}') for count in ('alarms', 'sleeps', 'calls')}})
+    return [*rows, outcomes.row('wake', {'p50': _WAKE})]
+
+
+def _tries(outcomes: Outcomes, run: str, key: str) -> Metric | None:
+    """Return how many of the tries missed nothing, in per cent."""
+    missed = [outcome.figures[f'missed {key}'] for outcome in outcomes.measured(run)]
+    return Metric((100.0 * missed.count(0) / len(missed),)) if missed else None
+
+
+def _many_rows(outcomes: Outcomes) -> list[Row]:
+    rows: list[Row] = []
+    for key, label in _MANY:
+        for build in BUILDS:
+            run = common.key_of('many', build)
+            row = outcomes.row(run, {
+                'reached': common.figure(f'reached_hz {key}'),
+                'missed': common.figure(f'missed {key}'), 'job': common.figure(f'job_us {key}'),
+                'cpu': common.figure(f'cpu_percent {key}')},
+                f'{label}, {common.BUILD_LABELS[build]}')
+            if row.metrics:
+                row = common.with_metric(row, 'tries', _tries(outcomes, run, key))
+            rows.append(row)
+    return rows
+
+
+def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+    ours = common.ours(outcomes, 'curve')
+    aims = [
+        Aim('job, 100 tasks together: compiled / pure', _TOGETHER_RATIO,
+            common.build_ratio(outcomes, 'curve', _cost(0)),
+            why=common.disturbances(outcomes, ours)),
+        Aim('job, 50 us apart / a bare wake-up', _WAKE_RATIO,
+            _wake_ratio(outcomes, ours), why=common.disturbances(outcomes, ours))]
+    many = common.ours(outcomes, 'many')
+    for key, _ in _MANY:
+        why = _asked_for(outcomes, many, key) + common.disturbances(outcomes, many)
+        aims += [Aim(f'{MANY} tasks {key}: rate', _RATE_LIMIT_HZ,
+                     outcomes.metric(many, common.figure(f'reached_hz {key}')), 'Hz', False, why),
+                 Aim(f'{MANY} tasks {key}: tries without a miss', _TRIES_PERCENT,
+                     _tries(outcomes, many, key), '%', False, why)]
+    return aims
+
+
+def _asked_for(outcomes: Outcomes, run: str, key: str) -> str:
+    """Return how much of the CPU the jobs would take, if they all ran."""
+    job = outcomes.metric(run, common.figure(f'job_us {key}'))
+    return '' if job is None else (
+        f'a job takes {job.median:.1f} us: all of them ask for '
+        f'{100 * MANY * RATE_HZ * job.median / 1e6:.0f} % of a CPU; ')
+
+
+def _wake_ratio(outcomes: Outcomes, key: str) -> Metric | None:
+    values = []
+    for one, two in zip(outcomes.all(key), outcomes.all('wake')):
+        above = _cost(_SPREAD_US)(one) if one.samples else None
+        below = _WAKE(two)
+        if above is not None and below:
+            values.append(above / below)
+    return Metric(tuple(values)) if values else None
+
+
+def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
+    found: dict[str, Metric | None] = {facts.WAKE_CPU: outcomes.metric('wake', _WAKE)}
+    for build in BUILDS:
+        curve = common.key_of('curve', build)
+        for name, spacing_us in ((facts.TOGETHER, 0), (facts.SPREAD, _SPREAD_US),
+                                 (facts.ALONE, _ALONE_US)):
+            found[facts.of_build(name, build)] = outcomes.metric(curve, _cost(spacing_us))
+        for name, key in ((facts.REACHED, 'together'), (facts.REACHED_SPREAD, 'spread')):
+            found[facts.of_build(name, build)] = outcomes.metric(
+                common.key_of('many', build), common.figure(f'reached_hz {key}'))
+    return found
+
+
+def _plot(outcomes: Outcomes) -> Plot:
+    series = []
+    for build in BUILDS:
+        key = common.key_of('curve', build)
+        known = [(us or _TOGETHER_X, metric.median) for us in SPACINGS_US
+                 if (metric := outcomes.metric(key, _cost(us))) is not None]
+        if known:
+            series.append(Series(f'rt_robot_os, {common.BUILD_LABELS[build]}',
+                                 [x for x, _ in known], [y for _, y in known], 'marks'))
+    wake = outcomes.metric('wake', _WAKE)
+    if wake is not None and series:
+        series.append(Series('clock_nanosleep, a bare wake-up', (_TOGETHER_X, SPACINGS_US[-1]),
+                             (wake.median, wake.median)))
+    return Plot('cost', 'Cost of a job by how far releases lie apart',
+                'from one release to the next, us', 'CPU time a job, us', series,
+                'Lower is better. Together: one wake-up of the CPU is shared by 100 tasks. On the '
+                'right each has a wake-up of its own, after which the CPU knows less and less of '
+                'them; the line says what the wake-up alone takes.', True, y_from_zero=True,
+                x_ticks=[(us or _TOGETHER_X, str(us) if us else 'together')
+                         for us in SPACINGS_US])
+
+
+def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+    return CaseResult(CASE.name, CASE.title, (
+        Table('', _COLUMNS, _curve_rows(options, outcomes), _NOTES),
+        Table('A thousand tasks', _MANY_COLUMNS, _many_rows(outcomes), _MANY_NOTES)),
+        _aims(outcomes), (_plot(outcomes),), facts=_facts(outcomes))
+
+
+CASE = Case('spacing', 'cost of a job by the spacing of releases; 1000 tasks', _plan, _evaluate)

@@ -1,0 +1,177 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a job costs by how far releases lie apart, and how a thousand tasks keep their rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import resource
+import time
+from typing import Any
+
+import numpy as np
+
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import MonotonicClock
+from rt_robot_os.tools.bench.harness import Harness
+from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+_STRETCH_NS = 100 * NS_PER_MS
+# The last stretch of a spacing: its calls are counted, its time is not taken.
+_TURNS = 2
+
+
+class CountingClock(MonotonicClock):
+    """
+    The clock of the kernel, which counts what the kernel asks of Linux.
+
+    :ivar alarms: times that an alarm was set,
+    :ivar calls: these and the holding back and awaiting of signals: each is a system call.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alarms = self.calls = 0
+
+    def arm(self, deadline_ns: int) -> None:
+        """Count and set the alarm."""
+        self.alarms += 1
+        self.calls += 1
+        super().arm(deadline_ns)
+
+    def arm_spare(self, deadline_ns: int) -> None:
+        """Count and set the other one."""
+        self.alarms += 1
+        self.calls += 1
+        super().arm_spare(deadline_ns)
+
+    def hold(self) -> None:
+        """Count and hold."""
+        self.calls += 1
+        super().hold()
+
+    def admit(self) -> None:
+        """Count and admit."""
+        self.calls += 1
+        super().admit()
+
+    def wait(self) -> bool:
+        """Count and wait."""
+        self.calls += 1
+        return super().wait()
+
+
+class Crowd:
+    """
+    Tasks of one rate that do nothing, at phases that lie so far apart.
+
+    :param spacing_ns: 0 releases them together.
+    """
+
+    def __init__(self, count: int, rate_hz: int, spacing_ns: int,
+                 clock: MonotonicClock | None = None) -> None:
+        self._kernel = Kernel() if clock is None else Kernel(clock)
+        for i in range(count):
+            self._kernel.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=rate_hz,
+                                  phase_ns=i * spacing_ns)
+
+    def run(self, duration_ns: int) -> tuple[int, int, int]:
+        """
+        Let them run.
+
+        :return: jobs, missed releases, and the CPU time of this thread in nanoseconds.
+        """
+        tasks = self._kernel.tasks
+        runs, missed = sum(t.runs for t in tasks), sum(t.missed for t in tasks)
+        begin_ns = time.thread_time_ns()
+        self._kernel.run(duration_ns)
+        used_ns = time.thread_time_ns() - begin_ns
+        return (sum(t.runs for t in tasks) - runs, sum(t.missed for t in tasks) - missed, used_ns)
+
+
+def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:
+    """Return how many tasks of a period find a moment of their own; at most ``most``."""
+    return most if not spacing_ns else min(most, period_ns // spacing_ns)
+
+
+def curve(harness: Harness) -> Measured:
+    """
+    Measure the CPU time of a job at each spacing, twice in turns, and count what is asked of Linux.
+
+    :return: for each spacing samples ``NS`` (nanoseconds a job), and figures ``alarms NS``,
+        ``calls NS`` and ``sleeps NS``, each by job.
+    """
+    a = harness.arguments
+    harness.prepare(freeze=True)
+    spacings = a['spacings_ns']
+    stretches = max(1, a['measure_ns'] // (len(spacings) * _TURNS * _STRETCH_NS))
+    costs: dict[str, list[int]] = {str(spacing_ns): [] for spacing_ns in spacings}
+    for _ in range(_TURNS):
+        for spacing_ns in spacings:
+            crowd = _crowd(a, spacing_ns)
+            crowd.run(a['warmup_ns'])
+            for _ in range(stretches):
+                jobs, _, used_ns = crowd.run(_STRETCH_NS)
+                costs[str(spacing_ns)].append(used_ns // max(1, jobs))
+    figures: dict[str, float] = {}
+    for spacing_ns in spacings:
+        figures.update(_counted(a, spacing_ns))
+    return Measured({name: np.array(some, np.int64) for name, some in costs.items()}, figures)
+
+
+def _crowd(a: Mapping[str, Any], spacing_ns: int, clock: MonotonicClock | None = None) -> Crowd:
+    count = tasks_at(spacing_ns, a['tasks'], NS_PER_S // a['rate_hz'])
+    return Crowd(count, a['rate_hz'], spacing_ns, clock)
+
+
+def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
+    clock = CountingClock()
+    crowd = _crowd(a, spacing_ns, clock)
+    sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw
+    jobs = max(1, crowd.run(_STRETCH_NS)[0])
+    sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw - sleeps
+    return {f'alarms {spacing_ns}': clock.alarms / jobs, f'calls {spacing_ns}': clock.calls / jobs,
+            f'sleeps {spacing_ns}': sleeps / jobs}
+
+
+def many(harness: Harness) -> Measured:
+    """
+    Let very many tasks run, released together, then at phases over the whole period.
+
+    :return: figures ``reached_hz KEY``, ``missed KEY`` (releases), ``job_us KEY`` and
+        ``cpu_percent KEY``, with ``together`` and ``spread`` as the key.
+    """
+    a = harness.arguments
+    period_ns = NS_PER_S // a['rate_hz']
+    crowds = {'together': Crowd(a['tasks'], a['rate_hz'], 0),
+              'spread': Crowd(a['tasks'], a['rate_hz'], period_ns // a['tasks'])}
+    harness.prepare(freeze=True)
+    # To the middle of a period: tasks that are released together are not cut off.
+    duration_ns = max(1, a['measure_ns'] // period_ns) * period_ns - period_ns // 2
+    figures: dict[str, float] = {}
+    for key, crowd in crowds.items():
+        crowd.run(a['warmup_ns'])
+        jobs, missed, used_ns = crowd.run(duration_ns)
+        figures.update({
+            f'reached_hz {key}': a['rate_hz'] * jobs / max(1, jobs + missed),
+            f'missed {key}': missed, f'job_us {key}': used_ns / 1e3 / max(1, jobs),
+            f'cpu_percent {key}': 100.0 * used_ns / duration_ns})
+    return Measured(figures=figures)
+
+
+def _nothing() -> None:
+    """Do nothing: what is measured is the kernel."""
