@@ -47,3 +47,8 @@ def why_not(build: str) -> str:
     """Return in a line why this process does not run the build; empty when it does."""
     known = state()
     return known.text if build == COMPILED and not known.compiled else ''
+
+
+def figures() -> dict[str, float]:
+    """Return what the samples say of the build that ran."""
+    return {FIGURE: float(state().compiled)}

@@ -83,7 +83,7 @@ class Run:
     :ivar cpu: that the child is pinned to; ``LAST_CPU`` or ``UNPINNED``.
     :ivar priority: of SCHED_FIFO; 0 for an ordinary process.
     :ivar once: not repeated: a long run that has its repeats inside.
-    :ivar build: of this package, ``COMPILED`` or ``PURE``; empty for the one that is in force here.
+    :ivar build: of this package, ``COMPILED`` or ``PURE``; empty for the one that is here.
     """
 
     key: str

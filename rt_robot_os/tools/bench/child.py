@@ -68,8 +68,7 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
             return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
-    figures = {**harness.surroundings.figures(), builds.FIGURE: float(builds.state().compiled),
-               **measured.figures}
+    figures = {**harness.surroundings.figures(), **builds.figures(), **measured.figures}
     return Outcome(Status.OK, '', measured.samples, figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])
 

@@ -20,11 +20,13 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 import signal
 from types import FrameType
+from typing import Any
 
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import INTERRUPTED
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.options import goes_on
@@ -34,6 +36,7 @@ from rt_robot_os.tools.bench.output import EarlierRun
 from rt_robot_os.tools.bench.output import PAGE_FILE
 from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.registry import CASES
+from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.runner import Measure
 from rt_robot_os.tools.bench.session import Session
 from rt_robot_os.tools.bench.text_report import case_lines
@@ -79,11 +82,17 @@ def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
                    else 'cases that were not complete are left out')
         tell('bench', f'interrupted; {further}')
     if session.results:
-        print('\n' + '\n'.join(closing_lines(session.results, terminal_width())))
+        _close(session.results, session.machine)
     session.write(interrupted)
     if interrupted:
         return INTERRUPTED
     return FAILED if session.failed else OK
+
+
+def _close(results: Sequence[CaseResult], machine: Mapping[str, Any]) -> None:
+    width = terminal_width()
+    print('\n' + '\n'.join((*closing_lines(results, width),
+                            *expectations.lines(results, machine, width))))
 
 
 def _again(request: Request, cases: Mapping[str, Case]) -> int:
@@ -94,7 +103,7 @@ def _again(request: Request, cases: Mapping[str, Case]) -> int:
     for result in earlier.results:
         print('\n' + '\n'.join(case_lines(result, terminal_width())))
     if earlier.results:
-        print('\n' + '\n'.join(closing_lines(earlier.results, terminal_width())))
+        _close(earlier.results, earlier.content['machine'])
     earlier.write()
     print(f'written: {request.page / PAGE_FILE}')
     if not plot_drawing.available():

@@ -41,6 +41,10 @@ TOGETHER = 'job released together with 99 others'
 SPREAD = 'job of 100, each at its own moment'
 ALONE = 'job that is alone'
 REACHED, REACHED_SPREAD = '1000 tasks together, reached', '1000 tasks spread, reached'
+OF_BUILDS = (TAKE, TO_TASK, DELAY, BARE_DELAY, TOGETHER, SPREAD, ALONE, REACHED, REACHED_SPREAD)
+# Those by which two builds are compared, in words.
+COMPARED = ((TO_TASK, 'a message to a task, one after the other,'), (DELAY, 'one at 500 Hz'),
+            (TOGETHER, 'a job of 100 tasks released together'), (ALONE, 'a job that is alone'))
 
 
 def of_build(name: str, build: str) -> str:

@@ -22,6 +22,8 @@ from pathlib import Path
 import platform
 from typing import Any
 
+from rt_robot_os.compiled import state
+
 _PACKAGES = ('rt-robot-os', 'numpy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps',
              'horus-robotics', 'matplotlib')
 _DISTRO = 'jazzy'
@@ -103,7 +105,9 @@ def describe() -> dict[str, Any]:
     """Describe the machine in plain values."""
     names = os.uname()
     allowed = sorted(os.sched_getaffinity(0))
+    build = state()
     return {
+        'build': build.text, 'compiled': build.compiled,
         'cpu': cpu_model(), 'architecture': names.machine, 'cores': os.cpu_count(),
         'cores_allowed': allowed, 'isolated': _read('/sys/devices/system/cpu/isolated'),
         'work_queue_cpus': _read('/sys/devices/virtual/workqueue/cpumask'),
@@ -123,12 +127,15 @@ def summary(machine: dict[str, Any]) -> list[str]:
     place = machine['virtual'] or 'not virtual'
     if machine['container']:
         place += ', container'
+    # What an earlier version has measured does not say it.
+    build = [f'rt_robot_os: {machine["build"]}'] if 'build' in machine else []
     return [
         f'{machine["cpu"]}, {machine["cores"]} cores ({len(machine["cores_allowed"])} allowed), '
         f'{place}',
         f'Linux {machine["kernel"]} {machine["preemption"]}, Python {machine["python"]}'
         + ''.join(f', {name} {version}' for name, version in machine['packages'].items()
                   if name in ('numpy', 'ros-rclpy', 'rclpy')),
+        *build,
         'load average ' + ' '.join(f'{load:.2f}' for load in machine['load_average'])]
 
 

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
 
+from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.advice import INTRODUCTION
 from rt_robot_os.tools.bench.advice import needs
@@ -42,6 +43,7 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.text_report import absence
 from rt_robot_os.tools.bench.text_report import cell
 from rt_robot_os.tools.bench.text_report import spread
 from rt_robot_os.tools.bench.verdicts import verdicts
@@ -49,6 +51,7 @@ from rt_robot_os.tools.bench.verdicts import verdicts
 OURS = 'rt_robot_os'
 _NAMES = {'cpu': 'processor', 'cores': 'CPUs', 'cores_allowed': 'CPUs that bench may use',
           'isolated': 'isolated CPUs', 'work_queue_cpus': 'CPUs of the work queues (mask)',
+          'build': 'build of rt_robot_os', 'compiled': 'hot path compiled',
           'kernel': 'Linux', 'kernel_version': 'Linux, version',
           'preemption': 'Linux, preemption', 'python': 'Python', 'rmw': 'RMW_IMPLEMENTATION',
           'ros_distro': 'ROS_DISTRO', 'load_average': 'load average at the start'}
@@ -83,6 +86,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield Heading('How each system is run', 2)
     yield Bullets(PEERS)
     yield from _machine(content)
+    yield from expectations.blocks(results, content['machine'])
     yield Heading('Repeat it', 2)
     yield Code(content['command'])
 
@@ -128,12 +132,12 @@ def _grid(table: Table) -> Grid:
                                            for row in table.rows)]
     rows: list[Sequence[str]] = []
     kinds: list[str] = []
+    told: set[str] = set()
     for row in table.rows:
         if row.status is Status.OK:
             rows.append((row.label, *(cell(row.metrics.get(c.key), c) for c in columns)))
         else:
-            what = 'not available' if row.status is Status.MISSING else 'failed'
-            rows.append((row.label, f'{what}: {row.reason}'))
+            rows.append((row.label, absence(row, told)))
         kinds.append(_kind(row))
     return Grid(('', *(column.title for column in columns)), rows, kinds,
                 groups=(('', ''), *((column.group, column.unit) for column in columns)))

@@ -137,10 +137,20 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
                             for cell, width in zip(cells, widths))).rstrip()
 
 
-def _not_measured(row: Row, label_width: int, told: set[str], width: int) -> Iterator[str]:
+def absence(row: Row, told: set[str]) -> str:
+    """
+    Write why a row has no figures.
+
+    :param told: the reasons that the table has given so far, which are not repeated.
+    """
     what = 'not available' if row.status is Status.MISSING else 'failed'
-    text = f'{what}, as above' if row.reason in told else f'{what}: {row.reason}'
+    known = row.reason in told
     told.add(row.reason)
+    return f'{what}, as above' if known else f'{what}: {row.reason}'
+
+
+def _not_measured(row: Row, label_width: int, told: set[str], width: int) -> Iterator[str]:
+    text = absence(row, told)
     room = max(20, width - label_width - len(_GAP))
     for i, line in enumerate(textwrap.wrap(text, room)[:3]):
         yield (row.label if i == 0 else '').ljust(label_width) + _GAP + line

@@ -30,6 +30,7 @@ from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
+from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
@@ -130,6 +131,13 @@ def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
 def key_of(key: str, build: str) -> str:
     """Return the key of a run that is measured in each build."""
     return f'{key} {build}'
+
+
+def both_builds(*runs: Run) -> Sequence[Run]:
+    """Let each run be measured in each build, one right after the other."""
+    return tuple(replace(run, key=key_of(run.key, build), build=build,
+                         label=f'{run.label}, {BUILD_LABELS[build]}')
+                 for run in runs for build in BUILDS)
 
 
 def ours(outcomes: Outcomes, key: str) -> str:

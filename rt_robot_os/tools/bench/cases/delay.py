@@ -116,11 +116,10 @@ def _plan(options: Options) -> Sequence[Run]:
         Run('threads', 'Python threads, SimpleQueue',
             'rt_robot_os.tools.bench.workers.threads:delay',
             arguments, common.START_S + seconds),
-        *(Run(common.key_of('turns', build), f'a small message, {common.BUILD_LABELS[build]}',
-              'rt_robot_os.tools.bench.workers.delay:cold_and_warm',
-              {**arguments, 'warmup_ns': _TURN_WARMUP_NS, 'measure_ns': turns_ns},
-              common.START_S + turns_s, build=build)
-          for build in BUILDS),
+        *common.both_builds(
+            Run('turns', 'a small message', 'rt_robot_os.tools.bench.workers.delay:cold_and_warm',
+                {**arguments, 'warmup_ns': _TURN_WARMUP_NS, 'measure_ns': turns_ns},
+                common.START_S + turns_s)),
         Run('horus', common.HORUS_LABEL, 'rt_robot_os.tools.bench.peers.horus:delay', arguments,
             common.START_S + seconds, UNPINNED))
 
@@ -190,7 +189,8 @@ def _build_aims(outcomes: Outcomes, why: str) -> Sequence[Aim]:
 
 
 def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
-    return {facts.of_build(name, build): outcomes.metric(common.key_of('turns', build), _P50[sample])
+    return {facts.of_build(name, build):
+            outcomes.metric(common.key_of('turns', build), _P50[sample])
             for build in BUILDS
             for name, sample in ((facts.DELAY, DELAY), (facts.BARE_DELAY, SLEEPING))}
 

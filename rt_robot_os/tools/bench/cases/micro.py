@@ -21,8 +21,8 @@ from collections.abc import Sequence
 
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import BUILDS
-from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
@@ -76,17 +76,14 @@ def _jobs(options: Options) -> Sequence[tuple[str, str, int]]:
 def _plan(options: Options) -> Sequence[Run]:
     measure_ns = options.measure_ns
     seconds = _START_S + options.seconds
-    runs = []
-    for build in BUILDS:
-        runs.append(Run(common.key_of('operations', build), 'operations',
-                        f'{_WORKERS}:operations', {'measure_ns': measure_ns}, seconds,
-                        build=build))
-        runs += [Run(common.key_of(key, build), label, f'{_WORKERS}:dispatch', {
-            'tasks': _TASKS, 'rate_hz': rate_hz, 'warmup_ns': _WARMUP_NS,
-            'measure_ns': measure_ns}, seconds, build=build)
-            for key, label, rate_hz in _jobs(options)]
-    return (*runs, Run('floor', 'floors', f'{_WORKERS}:floors', {'measure_ns': measure_ns // 4},
-                       _START_S + options.seconds / 4))
+    operations = Run('operations', 'operations', f'{_WORKERS}:operations',
+                     {'measure_ns': measure_ns}, seconds)
+    jobs = [Run(key, label.strip(), f'{_WORKERS}:dispatch', {
+        'tasks': _TASKS, 'rate_hz': rate_hz, 'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns},
+        seconds) for key, label, rate_hz in _jobs(options)]
+    return (*common.both_builds(operations, *jobs),
+            Run('floor', 'floors', f'{_WORKERS}:floors', {'measure_ns': measure_ns // 4},
+                _START_S + options.seconds / 4))
 
 
 def _metrics(name: str, scale: float) -> Mapping[str, common.Of]:
@@ -149,8 +146,8 @@ def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, _rows(options, outcomes), _NOTES),),
-                      _aims(outcomes), facts=_facts(outcomes))
+    table = Table('', _COLUMNS, _rows(options, outcomes), _NOTES)
+    return CaseResult(CASE.name, CASE.title, (table,), _aims(outcomes), facts=_facts(outcomes))
 
 
 CASE = Case('micro', 'costs of single operations: topics, layouts, dispatching', _plan, _evaluate)

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
@@ -219,7 +220,9 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
          Table('Three levels, and native code', _LEVEL_COLUMNS, levels, _LEVEL_NOTES)), aims,
-        (_intervals_plot(outcomes), *_tails_plots(outcomes)), needs)
+        (_intervals_plot(outcomes), *_tails_plots(outcomes)), needs,
+        {facts.PREEMPTING_P99: outcomes.metric('kernel', _latency(0.99)),
+         facts.LOADED_LATE_P99: outcomes.metric('floor same', _latency(0.99))})
 
 
 def _level_rows(outcomes: Outcomes, key: str) -> list[Row]:

@@ -89,27 +89,22 @@ def _spacings(options: Options) -> Sequence[int]:
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    runs = []
     spacings = _spacings(options)
     curve_s = max(options.seconds / 2, len(spacings) * _LEAST_S)
-    for build in BUILDS:
-        runs.append(Run(
-            common.key_of('curve', build), f'spacings, {common.BUILD_LABELS[build]}',
-            f'{_WORKERS}.spacing:curve', {
-                'tasks': TASKS, 'rate_hz': RATE_HZ, 'warmup_ns': _WARMUP_NS,
-                'spacings_ns': [us * NS_PER_US for us in spacings],
-                'measure_ns': round(curve_s * NS_PER_S)},
-            common.START_S + curve_s + len(spacings) * _MORE_S, build=build))
-        runs.append(Run(
-            common.key_of('many', build), f'{MANY} tasks, {common.BUILD_LABELS[build]}',
-            f'{_WORKERS}.spacing:many', {
-                'tasks': MANY, 'rate_hz': RATE_HZ, 'warmup_ns': _MANY_WARMUP_NS,
-                'measure_ns': options.measure_ns},
-            common.START_S + 2 * (_MANY_WARMUP_NS / NS_PER_S + options.seconds), build=build))
+    curve = Run('curve', 'spacings', f'{_WORKERS}.spacing:curve', {
+        'tasks': TASKS, 'rate_hz': RATE_HZ, 'warmup_ns': _WARMUP_NS,
+        'spacings_ns': [us * NS_PER_US for us in spacings],
+        'measure_ns': round(curve_s * NS_PER_S)},
+        common.START_S + curve_s + len(spacings) * _MORE_S)
+    many = Run('many', f'{MANY} tasks', f'{_WORKERS}.spacing:many', {
+        'tasks': MANY, 'rate_hz': RATE_HZ, 'warmup_ns': _MANY_WARMUP_NS,
+        'measure_ns': options.measure_ns},
+        common.START_S + 2 * (_MANY_WARMUP_NS / NS_PER_S + options.seconds))
     wake_ns = max(_WAKE_NS, options.measure_ns // _WAKE_SHARE)
-    return (*runs, Run('wake', 'clock_nanosleep, a bare wake-up', f'{_WORKERS}.micro:wake',
-                       {'rate_hz': TASKS * RATE_HZ, 'measure_ns': wake_ns},
-                       common.START_S + wake_ns / NS_PER_S))
+    return (*common.both_builds(curve, many),
+            Run('wake', 'clock_nanosleep, a bare wake-up', f'{_WORKERS}.micro:wake',
+                {'rate_hz': TASKS * RATE_HZ, 'measure_ns': wake_ns},
+                common.START_S + wake_ns / NS_PER_S))
 
 
 def _cost(spacing_us: int) -> common.Of:
@@ -130,7 +125,7 @@ def _curve_rows(options: Options, outcomes: Outcomes) -> list[Row]:
         name = spacing_us * NS_PER_US
         rows += common.build_rows(outcomes, 'curve', _label(spacing_us), {
             'p50': _cost(spacing_us),
-            **{count: common.figure(f'{count} {name}') for count in ('alarms', 'sleeps', 'calls')}})
+            **{key: common.figure(f'{key} {name}') for key in ('alarms', 'sleeps', 'calls')}})
     return [*rows, outcomes.row('wake', {'p50': _WAKE})]
 
 

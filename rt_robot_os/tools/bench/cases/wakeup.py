@@ -20,6 +20,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
@@ -86,7 +87,11 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     plot = Plot('late', 'How late a sleeping process wakes', 'late, us',
                 'part of the wake-ups that is later', series,
                 'Further left and lower is better.', True, True)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,))
+    found = {facts.LATE: ('kernel', 'p50'), facts.LATE_P99: ('kernel', 'p99'),
+             facts.WAKE_LATE: ('floor', 'p50'), facts.WAKE_LATE_P99: ('floor', 'p99')}
+    return CaseResult(
+        CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,),
+        facts={name: outcomes.metric(key, late[part]) for name, (key, part) in found.items()})
 
 
 CASE = Case('wakeup', 'waking from idle, beside clock_nanosleep and cyclictest', _plan,

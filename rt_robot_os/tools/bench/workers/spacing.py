@@ -110,7 +110,7 @@ def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:
 
 def curve(harness: Harness) -> Measured:
     """
-    Measure the CPU time of a job at each spacing, twice in turns, and count what is asked of Linux.
+    Measure the CPU time of a job at each spacing, in turns; count what is asked of Linux.
 
     :return: for each spacing samples ``NS`` (nanoseconds a job), and figures ``alarms NS``,
         ``calls NS`` and ``sleeps NS``, each by job.
