@@ -23,6 +23,7 @@ import threading
 import time
 
 from core_tools import Start
+from processes import TIMEOUT_S
 import pytest
 
 from rt_robot_os.core.threads import ThreadWatch
@@ -55,7 +56,7 @@ def test_the_core_names_the_module_whose_thread_it_is(start: Start, folder: Path
     found: list[str] = []
     while not found and time.monotonic() < until and process.poll() is None:
         try:
-            with LinkClient(folder / 'robot.sock', 'test') as client:
+            with LinkClient(folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S) as client:
                 found = client.statistics().core['threads']
         except LinkError:
             pass

@@ -26,6 +26,7 @@ import sys
 import tempfile
 import time
 
+from processes import TIMEOUT_S
 import pytest
 
 from rt_robot_os.clients.parameters.program import main
@@ -82,7 +83,7 @@ def core(folder: Path, *files: str, stdin: str = '') -> Iterator[LinkClient]:
         deadline = time.monotonic() + 60
         while True:
             try:
-                client = LinkClient(folder / 'robot.sock', 'test')
+                client = LinkClient(folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S)
                 break
             except LinkError:
                 assert process.poll() is None and time.monotonic() < deadline

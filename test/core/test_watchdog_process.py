@@ -26,6 +26,7 @@ import time
 from typing import Any
 
 from core_tools import Start
+from processes import TIMEOUT_S
 import pytest
 
 from rt_robot_os.errors import LinkError
@@ -39,7 +40,7 @@ def connect(folder: Path, process: subprocess.Popen[str]) -> LinkClient:
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            return LinkClient(folder / 'robot.sock', 'test')
+            return LinkClient(folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S)
         except LinkError:
             time.sleep(0.01)
     pytest.fail('the core did not answer')

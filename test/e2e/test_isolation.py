@@ -22,6 +22,7 @@ from pathlib import Path
 import signal
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -59,7 +60,7 @@ def start_apart(world: Any, parameters: str = ROBOT) -> tuple[Any, Any, LinkClie
     core = world.start('rt_robot_os.core.program', '--ros-args', '--params-file', str(path))
     robot = world.robot(parameters)
     robot.wait_for_line('connected to the core')
-    return core, robot, LinkClient(world.folder / 'robot.sock', 'watch')
+    return core, robot, LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S)
 
 
 def mirrors_of(client: LinkClient, name: str) -> dict[str, Any] | None:
@@ -150,7 +151,7 @@ def test_a_faulty_device_is_named_recovers_and_never_delays_the_other(
     seen = len(imu)
     robot.wait_for_line('imu]: active again')
     until(lambda: len(imu) > seen + 20, 'samples after the fault')
-    with LinkClient(world.folder / 'robot.sock', 'watch') as watch:
+    with LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S) as watch:
         statistics = watch.statistics()
     gps = next(d for d in statistics.devices if d['name'] == 'gps')
     assert gps['state'] == 'active' and gps['faults'] == 0

@@ -22,6 +22,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -132,7 +133,7 @@ def test_a_gps_log_arrives_with_the_same_positions_status_and_count(
         'retry_s: 0.05, retry_max_s: 0.1',
         'gps_fix: {topic: gps/fix, depth: 1000, durability: transient_local}'))
     robot.wait_for_line('connected to the core')
-    with LinkClient(world.folder / 'robot.sock', 'feeder') as core:
+    with LinkClient(world.folder / 'robot.sock', 'feeder', timeout_s=TIMEOUT_S) as core:
         feed(port, (data_dir / 'gps' / log).read_bytes(), until, core,
              lambda: device_of(core)['device']['bytes_read'])
     until(lambda: len(fixes) >= len(expected), f'{len(expected)} fixes')
@@ -192,7 +193,7 @@ def test_the_imu_recording_arrives_in_order_with_no_sample_lost(
         log.write_bytes(imu_bytes(recorded))
         world.play(log, port.link, '--baud', str(100 * SAMPLE_BYTES * 10))
     else:
-        with LinkClient(world.folder / 'robot.sock', 'feeder') as core:
+        with LinkClient(world.folder / 'robot.sock', 'feeder', timeout_s=TIMEOUT_S) as core:
             feed(port, imu_bytes(recorded), until, core,
                  lambda: SAMPLE_BYTES * min(len(imu), len(mag)))
     until(lambda: len(imu) >= len(recorded) and len(mag) >= len(recorded),

@@ -22,6 +22,7 @@ import shutil
 import signal
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -204,7 +205,7 @@ def test_what_was_changed_from_ros_and_in_the_core_is_saved_for_the_next_start(
     robot = world.robot(GUARD, *arguments)
     assert set_parameter(world, 'guard.rate_hz', double_value=20.0).successful
     assert set_parameter(world, 'safe_out.policy', string_value='latest').successful
-    with LinkClient(world.folder / 'robot.sock', 'test') as client:
+    with LinkClient(world.folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S) as client:
         client.change('guard.timeout_s', 0.25)
         until(lambda: values() == [20.0, 0.25, 'latest'], "the core's change in the node")
         client.change('guard.rate_hz', 25.0)

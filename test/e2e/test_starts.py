@@ -26,6 +26,7 @@ import subprocess
 import sys
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -66,7 +67,7 @@ def test_a_second_robot_of_the_name_is_refused_and_the_first_lives_on(
         assert second.returncode == 2
         assert second.stderr.startswith(f'{program}: the ')
         assert 'runs here already (pid ' in second.stderr and second.stderr.count('\n') == 1
-    with LinkClient(world.folder / 'robot.sock') as client:
+    with LinkClient(world.folder / 'robot.sock', timeout_s=TIMEOUT_S) as client:
         assert client.request('reset_statistics') == {}
     assert first.end() == 0
     assert world.leftovers() == []
@@ -168,7 +169,7 @@ def test_a_device_that_is_off_is_not_there(world: Any) -> None:
     robot = world.start('rt_robot_os.clients.ros.program', '--simulate', '--ros-args', '-p',
                         'gps.enabled:=false')
     robot.wait_for_line('imu]: active')
-    with LinkClient(world.folder / 'robot.sock') as client:
+    with LinkClient(world.folder / 'robot.sock', timeout_s=TIMEOUT_S) as client:
         assert [device['name'] for device in client.statistics().devices] == ['imu']
         assert 'gps/fix' in client.topics
     assert robot.end() == 0

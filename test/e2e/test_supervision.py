@@ -24,6 +24,7 @@ import signal
 import time
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -96,7 +97,7 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
     until(lambda: 'link has not come to run' in core_of(diagnostics)[1], 'the reason told')
     until(lambda: 'link has not' not in core_of(diagnostics)[1], 'the end of the job')
-    with LinkClient(world.folder / 'robot.sock', 'watch') as watch:
+    with LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S) as watch:
         assert watch.core['pid'] == pid
         planner = next(m for m in watch.statistics().modules if m['name'] == 'planner')
         assert planner['values']['jobs'] >= 20
@@ -156,7 +157,7 @@ def test_what_a_module_and_a_client_say_does_not_stop_the_node(
     safe = world.listen(Twist, '/cmd_vel_safe')
     robot = start(world)
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
-    with LinkClient(world.folder / 'robot.sock', 'watch') as watch:
+    with LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S) as watch:
         watch.request('hello', name='\ud800\x1b[2Jbad\nname')
     robot.wait_for_line('\\ud800\\x1b[2Jbad\\nname')
     assert not any('\x1b[2J' in line for line in robot.lines)

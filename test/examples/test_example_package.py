@@ -129,7 +129,7 @@ def connect(folder: Path, process: subprocess.Popen[str]) -> LinkClient:
     deadline = time.monotonic() + TIMEOUT_S
     while process.poll() is None and time.monotonic() < deadline:
         try:
-            return LinkClient(folder / 'robot.sock', 'test')
+            return LinkClient(folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S)
         except LinkError:
             time.sleep(0.02)
     process.kill()

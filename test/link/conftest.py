@@ -63,7 +63,7 @@ class CoreUnderTest:
     def client(self, name: str = 'test') -> LinkClient:
         def connect() -> LinkClient | None:
             try:
-                return LinkClient(self.path, name)
+                return LinkClient(self.path, name, timeout_s=TIMEOUT_S)
             except LinkError:
                 assert self.process.poll() is None, 'the core has ended'
                 return None

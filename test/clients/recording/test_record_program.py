@@ -24,6 +24,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from processes import TIMEOUT_S
 import pytest
 from rosbags.highlevel import AnyReader
 from rt_robot_os.clients.recording import library
@@ -104,7 +105,7 @@ def test_bytes_of_a_device_can_be_asked_for(beside: Any) -> None:
 def test_a_bag_holds_what_was_asked_for_and_no_time_before(robot: Any) -> None:
     robot.core('-p', 'core.record_bytes:=true', '-p', 'imu.output_rate_hz:=200.0')
     # Some seconds of bytes and schedule wait in the core by now, and 16 samples of each topic.
-    with LinkClient(robot.folder / 'robot.sock', 'test') as client:
+    with LinkClient(robot.folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S) as client:
         robot.until(lambda: next(each['published'] for each in client.statistics().topics
                                  if each['name'] == 'device/imu/bytes') > 600, 'a lapped ring')
     bag = robot.output / 'bag'
@@ -145,7 +146,7 @@ def test_what_was_published_once_is_in_the_bag_when_it_begins(robot: Any) -> Non
                             str(parameters), *robot.ORDINARY)
     path = robot.folder / 'robot.sock'
     robot.until(lambda: path.exists() or core.poll() is not None, 'a core')
-    with LinkClient(path, 'test') as client:
+    with LinkClient(path, 'test', timeout_s=TIMEOUT_S) as client:
         place, often = client.advertise('place'), client.advertise('often')
         client.publish(place, Layout.compile('geometry_msgs/msg/PointStamped').from_dict({}))
         client.publish(often, Layout.compile('geometry_msgs/msg/Point').from_dict({}))

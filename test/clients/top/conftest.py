@@ -99,6 +99,9 @@ class World:
         self.folder = folder
         (folder / 'robot.yaml').write_text(COMMANDS_YAML)
         self.environment = environment(folder)
+        # What pytest-xdist sets would hide the size of the terminal.
+        self.environment.pop('COLUMNS', None)
+        self.environment.pop('LINES', None)
         self._terminals: list[Terminal] = []
         self._cores: list[subprocess.Popen[bytes]] = []
 

@@ -94,7 +94,7 @@ class Core:
     def client(self) -> LinkClient:
         def connect() -> LinkClient | None:
             try:
-                return LinkClient(self.folder / 'robot.sock', 'test')
+                return LinkClient(self.folder / 'robot.sock', 'test', timeout_s=TIMEOUT_S)
             except LinkError:
                 assert self.process.poll() is None, self.log.read_text()
                 return None
