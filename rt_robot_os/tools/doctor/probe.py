@@ -132,6 +132,22 @@ def core() -> dict[str, Any]:
     return {'numpy': numpy.__version__, 'threads': len(os.listdir('/proc/self/task'))}
 
 
+def compiled() -> dict[str, Any]:
+    """Say which build of the package runs, and why this machine could not compile it."""
+    from rt_robot_os.compiled import state
+    try:
+        known = state()
+        answer: dict[str, Any] = {'compiled': known.compiled, 'text': known.text}
+    except ImportError as error:  # it is demanded, and there is none
+        answer = {'compiled': False, 'error': str(error)}
+    try:
+        from rt_robot_os.compiled.build import obstacle
+        answer['obstacle'] = obstacle() or ''
+    except ImportError:  # without setuptools
+        answer['obstacle'] = 'no setuptools: sudo apt install python3-setuptools'
+    return answer
+
+
 def rclpy() -> dict[str, Any]:
     """Import rclpy and let it load its middleware."""
     import importlib
@@ -153,7 +169,8 @@ def rclpy() -> dict[str, Any]:
 
 
 PROBES: Mapping[str, Callable[..., dict[str, Any]]] = {
-    'scheduler': scheduler, 'clock': clock, 'python': python, 'core': core, 'rclpy': rclpy}
+    'scheduler': scheduler, 'clock': clock, 'python': python, 'core': core,
+    'compiled': compiled, 'rclpy': rclpy}
 
 
 if __name__ == '__main__':

@@ -169,7 +169,8 @@ def test_a_defect_of_the_doctor_has_its_exit_code(monkeypatch, capsys) -> None:
 @pytest.mark.parametrize('name, arguments, keys', [
     ('scheduler', (0, -2), {'affinity_ok', 'lock_ok'}),
     ('clock', (), {'resolution_ns', 'read_ns', 'adjtimex'}),
-    ('python', (), {'version', 'debug', 'free_threaded', 'observers', 'switch_interval'})])
+    ('python', (), {'version', 'debug', 'free_threaded', 'observers', 'switch_interval'}),
+    ('compiled', (), {'compiled', 'text', 'obstacle'})])
 def test_probes_for_real(name, arguments, keys) -> None:
     assert keys <= set(System().probe(name, *arguments))
 

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rt_robot_os.compiled import SWITCH
+from rt_robot_os.tools.doctor.facts import container
 from rt_robot_os.tools.doctor.finding import absent
 from rt_robot_os.tools.doctor.finding import bad
 from rt_robot_os.tools.doctor.finding import Check
@@ -79,6 +81,38 @@ def build(system: System) -> Iterator[Finding]:
         'or the interpreter of the distribution: some 10 to 20 % faster'))
 
 
+def compiled(system: System) -> Iterator[Finding]:
+    """Look whether the hot path of this package was compiled."""
+    facts = system.probe('compiled')
+    if facts['compiled']:
+        yield ok(facts['text'])
+        return
+    if facts.get('error'):
+        yield bad(facts['error'], _compile(system, facts['obstacle']), weight=95)
+    elif system.environ.get(SWITCH) == '0':
+        yield ok(facts['text'], Remedy((f'unset {SWITCH}',)))
+    else:
+        yield warn(facts['text'], _compile(system, facts['obstacle']), weight=40)
+
+
+def _compile(system: System, obstacle: str) -> Remedy:
+    """
+    Make the remedy for a hot path that is not compiled.
+
+    :param obstacle: why this machine cannot, ``what: command``; empty when it can.
+    """
+    _, colon, command = obstacle.partition(': ')
+    command, _, other = command.partition(', or ')
+    inside = bool(container(system))
+    if inside:  # nobody needs or has it there
+        command = command.removeprefix('sudo ')
+    build = 'colcon build --packages-select rt_robot_os'
+    return Remedy((command, build) if colon else (build,), '; '.join(filter(None, (
+        'in the image of this container' if inside and colon else '',
+        f'or {other}' if other else '',
+        'in the workspace, half a minute; ./scripts/run does the same'))))
+
+
 def observers(system: System) -> Iterator[Finding]:
     """Look for debuggers, profilers and debug modes that a core would inherit."""
     facts = system.probe('python')
@@ -138,6 +172,8 @@ CHECKS = (
     Check('python.version', 'Python version', 'the package is tested with these', version),
     Check('python.build', 'Python build',
           'each job takes two to ten times as long in a debug build', build),
+    Check('python.compiled', 'hot path',
+          'a message or a job takes about twice as long in pure Python', compiled),
     Check('python.observers', 'debugging tools',
           'every call and line of the core would be looked at by another function', observers),
     Check('python.switch_interval', 'switch interval',
