@@ -44,14 +44,15 @@ KEYS = {
 # import name -> the extra of setup.py that brings it: what only some robots need
 OPTIONAL = {
     'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'mypy': 'compile',
-    'mypyc': 'compile', 'smbus2': 'i2c', 'sounddevice': 'sound', 'vqf': 'attitude',
+    'mypy_extensions': 'compile', 'mypyc': 'compile', 'smbus2': 'i2c', 'sounddevice': 'sound',
+    'vqf': 'attitude',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 # import name -> distribution, where they differ
 DISTRIBUTIONS = {
     'PIL': 'pillow', 'cv2': 'opencv-python-headless', 'horus': 'horus-robotics',
-    'serial': 'pyserial', 'yaml': 'PyYAML'}
+    'mypy_extensions': 'mypy', 'serial': 'pyserial', 'yaml': 'PyYAML'}
 # What the one brings with it.
 BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'zstandard': 'mcap'}
 # What runs setup.py is there when it runs.

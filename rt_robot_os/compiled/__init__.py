@@ -52,7 +52,6 @@ SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 # What is hot. Left out is what users subclass, and what takes long and must stay preemptible:
 # compiled code is not interrupted.
 MODULES: Final = (
-    'kernel.black_box',
     'kernel.consequences',
     'kernel.coroutine',
     'kernel.histogram',
@@ -66,10 +65,10 @@ MODULES: Final = (
     'kernel.scheduler',
     'kernel.stolen',
     'kernel.task',
+    'topics.logical',
     'topics.publisher',
     'topics.subscription',
     'topics.topic',
-    'topics.trigger',
     'units',
 )
 

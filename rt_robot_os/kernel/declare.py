@@ -35,11 +35,12 @@ from rt_robot_os.kernel.task import Task
 _KEYWORDS = frozenset(field.name for field in fields(TaskSpec)) - {'name', 'period_ns'}
 
 
-def make_spec(name: str, function: Callable[[], object], *, priority: int, rate_hz: float | None,
+def make_spec(name: str, function: Callable[[], object], *, priority: Any, rate_hz: Any,
               can_be_safe: bool, preemptive: bool, declared: Mapping[str, Any]) -> TaskSpec:
     """
     Build the declaration of a task.
 
+    :param priority: whatever was given; it is checked here, as is the rate.
     :param can_be_safe: it has an ``on_safe_state``.
     :param preemptive: the kernel's clock interrupts what runs.
     :raises TaskError: with everything that is wrong with it.

@@ -28,6 +28,8 @@ import functools
 import heapq
 import sys
 from typing import Any
+from typing import SupportsFloat
+from typing import SupportsIndex
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import TaskError
@@ -89,12 +91,12 @@ class Kernel(Scheduler):
 
     __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken')
 
-    def __init__(self, clock: Clock | None = None, *, spin_ns: int = 0,
-                 black_box_records: int = RECORDS_DEFAULT) -> None:
+    def __init__(self, clock: Clock | None = None, *, spin_ns: SupportsIndex = 0,
+                 black_box_records: SupportsIndex = RECORDS_DEFAULT) -> None:
         if not isinstance(spin_ns, int) or not 0 <= spin_ns <= SPIN_MAXIMUM_NS:
             raise TaskError(f'spin_ns {spin_ns!r} must be a whole number of nanoseconds from 0 to '
                             f'{SPIN_MAXIMUM_NS}')
-        super().__init__(clock or MonotonicClock(), spin_ns, black_box_records)
+        super().__init__(clock or MonotonicClock(), spin_ns, int(black_box_records))
         self.on_idle: Callable[[int], None] | None = None
         self.start_ns = 0
         self.wakeups = 0
@@ -104,8 +106,8 @@ class Kernel(Scheduler):
 
     # ---- declaring ---------------------------------------------------------------------------
 
-    def add_task(self, name: str, function: Callable[[], object], *, priority: int,
-                 rate_hz: float | None = None, resources: Sequence[Resource] = (),
+    def add_task(self, name: str, function: Callable[[], object], *, priority: SupportsIndex,
+                 rate_hz: SupportsFloat | None = None, resources: Sequence[Resource] = (),
                  after: Sequence[Task] = (), on_restart: Callable[[], object] | None = None,
                  on_safe_state: Callable[[], object] | None = None, **declared: Any) -> Task:
         """
@@ -146,7 +148,7 @@ class Kernel(Scheduler):
             self._tasks.extend(LogicalTasks(self, task, task.logical).tasks)
         return task
 
-    def add_async_task(self, name: str, function: AsyncFunction, *, priority: int,
+    def add_async_task(self, name: str, function: AsyncFunction, *, priority: SupportsIndex,
                        on_restart: Callable[[], object] | None = None, **declared: Any) -> Task:
         """
         Declare a task that is written as a coroutine; before :meth:`run`.
@@ -173,11 +175,11 @@ class Kernel(Scheduler):
         task.coroutine = body
         return task
 
-    def sleep(self, delay_ns: int) -> Until:
+    def sleep(self, delay_ns: SupportsIndex) -> Until:
         """Return something to await: over after a delay."""
-        return Until(self.now_ns() + delay_ns)
+        return Until(self.now_ns() + int(delay_ns))
 
-    def every(self, rate_hz: float) -> Ticks:
+    def every(self, rate_hz: SupportsFloat) -> Ticks:
         """
         Return a grid of times to await, which begins now.
 
@@ -214,7 +216,7 @@ class Kernel(Scheduler):
 
     # ---- running -----------------------------------------------------------------------------
 
-    def run(self, duration_ns: int | None = None) -> str:
+    def run(self, duration_ns: SupportsIndex | None = None) -> str:
         """
         Run the tasks until :meth:`stop` or for a time; may be called again afterwards.
 
@@ -264,7 +266,7 @@ class Kernel(Scheduler):
             raise KeyboardInterrupt
         return reason
 
-    def _prepare(self, duration_ns: int | None) -> None:
+    def _prepare(self, duration_ns: SupportsIndex | None) -> None:
         self._interrupted = True  # something may be readable already
         self.pending = False
         self.ended = []
@@ -274,7 +276,7 @@ class Kernel(Scheduler):
             start_ns += _START_DELAY_NS
         self.start_ns = start_ns
         self.stolen.start(start_ns)
-        self._end_ns = NEVER_NS if duration_ns is None else start_ns + duration_ns
+        self._end_ns = NEVER_NS if duration_ns is None else start_ns + int(duration_ns)
         self._clear_timers()
         self._schedule(self._end_ns, self._end, LEVEL_END)
         for task in self._tasks:

@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+from typing import SupportsIndex
+
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Task
@@ -42,7 +44,7 @@ class OneShot:
         """Whether it will release its task."""
         return self._timer is not None
 
-    def start(self, delay_ns: int) -> None:
+    def start(self, delay_ns: SupportsIndex) -> None:
         """
         Release the task once, after a delay; a start before is forgotten.
 
@@ -50,9 +52,10 @@ class OneShot:
 
         :raises TaskError: the delay is negative, or the kernel is not running.
         """
-        if delay_ns < 0:
+        length_ns = int(delay_ns)
+        if length_ns < 0:
             raise TaskError(f'timer of task {self.task.name!r}: delay_ns {delay_ns} is negative')
-        self.start_at(self._kernel.now_ns() + delay_ns)
+        self.start_at(self._kernel.now_ns() + length_ns)
 
     def start_at(self, time_ns: int) -> None:
         """

@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.units import NS_PER_MS
@@ -153,7 +154,7 @@ class TaskSpec:
         raise_any(self, _out_of_range(self) or broken(self))
 
 
-def checked_period_ns(name: str, rate_hz: float) -> int:
+def checked_period_ns(name: str, rate_hz: Any) -> int:
     """
     Turn a task's rate into its period.
 

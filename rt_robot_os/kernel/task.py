@@ -24,6 +24,7 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
+from typing import SupportsFloat
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import NEVER_NS
@@ -188,7 +189,7 @@ class Task:
         if self._account is not None:
             self._account(self)
 
-    def set_rate_hz(self, rate_hz: float) -> None:
+    def set_rate_hz(self, rate_hz: SupportsFloat) -> None:
         """
         Change the rate from the next release on; safe in the real-time loop.
 

@@ -105,9 +105,9 @@ class Bus:
         topic = self.declare(spec.topic, spec.message, spec.fixed, tail=spec.tail,
                              depth=spec.depth, rate_hz=spec.rate_hz)
         check_numbers(spec.topic, topic.depth, topic.rate_hz, max_subscribers)
-        before = topic.max_subscribers
-        first = isinstance(before, Default)
-        topic.max_subscribers = max_subscribers if first else max(before, max_subscribers)
+        if not topic.limit_given or max_subscribers > topic.max_subscribers:
+            topic.max_subscribers = int(max_subscribers)
+            topic.limit_given = not isinstance(max_subscribers, Default)
         return topic
 
     def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
@@ -118,13 +118,13 @@ class Bus:
         if isinstance(max_subscribers, Default):
             return
         before = topic.max_subscribers
-        if not isinstance(before, Default) and before != max_subscribers:
+        if topic.limit_given and before != max_subscribers:
             raise TopicError(f'topic {topic.name!r}: declared with max_subscribers {before} before'
                              f' and {max_subscribers} now; give both the same')
         if max_subscribers < topic.counted:
             raise TopicError(f'topic {topic.name!r}: max_subscribers {max_subscribers} is less '
                              f'than the {topic.counted} subscribers that it has')
-        topic.max_subscribers = max_subscribers
+        topic.max_subscribers, topic.limit_given = max_subscribers, True
 
     def topic(self, name: str) -> Topic:
         """

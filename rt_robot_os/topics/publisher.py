@@ -18,14 +18,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel.black_box import PUBLISH
-from rt_robot_os.topics.topic import copy_in_pieces
-from rt_robot_os.topics.topic import PIECE_BYTES
+from rt_robot_os.topics.pieces import copy_in_pieces
+from rt_robot_os.topics.pieces import PIECE_BYTES
+from rt_robot_os.topics.pieces import touch
 from rt_robot_os.topics.topic import Topic
-from rt_robot_os.topics.topic import touch
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Publisher:
     """
     Write messages to a topic; made by :meth:`rt_robot_os.topics.Bus.publisher`.

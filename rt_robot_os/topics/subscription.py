@@ -20,10 +20,11 @@ from enum import Enum
 from typing import Any
 from typing import TYPE_CHECKING
 
+from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Wait
-from rt_robot_os.topics.topic import copy_in_pieces
-from rt_robot_os.topics.topic import PIECE_BYTES
+from rt_robot_os.topics.pieces import copy_in_pieces
+from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.topic import SubscriberStatistics
 from rt_robot_os.topics.topic import SubscriberStatisticsSource
 from rt_robot_os.topics.topic import Topic
@@ -41,6 +42,7 @@ class ReadStatus(Enum):
     STALE = 'stale'
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Subscription(SubscriberStatisticsSource):
     """
     Read messages from a topic; made by :meth:`rt_robot_os.topics.Bus.subscribe`.

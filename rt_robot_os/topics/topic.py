@@ -44,10 +44,13 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
+from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.topics.default import Default
+from rt_robot_os.topics.pieces import PIECE_BYTES
+from rt_robot_os.topics.pieces import touch
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -58,8 +61,6 @@ DEPTH_MAXIMUM = 1 << 16
 DEPTH: Final = Default(16)
 SUBSCRIBERS_MAXIMUM = 4096
 MAX_SUBSCRIBERS: Final = Default(64)
-# Bytes copied in one native call: some 3 us where memory is slow. Preemption comes in between.
-PIECE_BYTES = 1 << 16
 STALE_PERIODS = 10
 
 
@@ -110,6 +111,7 @@ class Topic:
     :ivar large: its samples are longer than ``PIECE_BYTES``; ``messages`` are then the views of
         its slots.
     :ivar depth_given: somebody asked for that depth.
+    :ivar limit_given: somebody asked for that ``max_subscribers``.
     :ivar uncounted: those of ``subscribers`` that ``max_subscribers`` leaves out.
     :raises TopicError: a value is out of range.
     """
@@ -117,20 +119,21 @@ class Topic:
     __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
                  'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
                  'subscribers', 'uncounted', 'has_tail', 'large', 'messages', 'depth_given',
-                 '_storage', '_wanted')
+                 'limit_given', '_storage', '_wanted')
 
-    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = DEPTH,
-                 rate_hz: float = 0.0, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
+    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: Any = DEPTH,
+                 rate_hz: Any = 0.0, max_subscribers: Any = MAX_SUBSCRIBERS) -> None:
         check_numbers(name, depth, rate_hz, max_subscribers)
         self.kernel = kernel
         self.name = name
         self.layout = layout
         self.depth = int(depth)  # exact: arithmetic with it is hot
         self.depth_given = not isinstance(depth, Default)
-        self.mask = depth - 1
-        self.rate_hz = rate_hz
+        self.mask = self.depth - 1
+        self.rate_hz: float = rate_hz
         self.stale_after_ns = round(STALE_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
-        self.max_subscribers = max_subscribers
+        self.max_subscribers = int(max_subscribers)
+        self.limit_given = not isinstance(max_subscribers, Default)
         self.head = 0
         self.large = layout.max_size > PIECE_BYTES
         stride = layout.max_size + -layout.max_size % 8
@@ -218,25 +221,7 @@ def _is_int(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def touch(buffer: memoryview) -> None:
-    """Make Linux allocate the pages of a buffer now, and not in the loop."""
-    for start in range(0, len(buffer), PIECE_BYTES):
-        piece = buffer[start:start + PIECE_BYTES]
-        piece[:] = bytes(piece)
-
-
-def copy_in_pieces(target: memoryview, source: memoryview) -> None:
-    """
-    Copy bytes; a task may be preempted between two pieces.
-
-    :param target: as long as ``source``.
-    """
-    length = len(source)
-    for start in range(0, length, PIECE_BYTES):
-        stop = min(start + PIECE_BYTES, length)
-        target[start:stop] = source[start:stop]
-
-
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SubscriberStatisticsSource:
     """What a topic knows of a subscriber."""
 
@@ -247,6 +232,7 @@ class SubscriberStatisticsSource:
         raise NotImplementedError
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Trigger(ABC):
     """
     Decide with each publication whether a task is released; made by ``bus.trigger``.

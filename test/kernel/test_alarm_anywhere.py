@@ -31,6 +31,7 @@ from at_line import of_files
 from kernel_tools import balance
 from kernel_tools import MS
 from kernel_tools import US
+import pytest
 
 from rt_robot_os.kernel import consequences
 from rt_robot_os.kernel import interrupts
@@ -104,6 +105,7 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     return kernel, tracer.seen
 
 
+@pytest.mark.interpreted
 def test_an_alarm_at_any_instruction_of_the_kernel_is_served(untraced: None) -> None:
     step, total = 1, 1
     while step <= total:
@@ -139,6 +141,7 @@ def run_with_signal_at(step: int, reading: int) -> int:
     return tracer.seen
 
 
+@pytest.mark.interpreted
 def test_a_signal_while_a_descriptor_is_added_or_removed_finds_a_whole_table(
         untraced: None) -> None:
     # As under many clients that come and go: the kernel looked up one that was half removed.

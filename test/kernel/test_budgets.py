@@ -322,6 +322,7 @@ class Reference:
         assert not any(map(balance, kernel.tasks))
 
 
+@pytest.mark.interpreted
 def test_an_abort_at_any_bytecode_leaves_everything_whole(untraced: None) -> None:
     pytest.importorskip('std_msgs.msg', reason='needs the ROS 2 message packages')
     step, total, aborted = 1, 1, 0

@@ -234,6 +234,14 @@ def test_a_wrong_declaration_names_task_value_and_range(
     assert kernel.tasks == ()
 
 
+def test_a_duration_may_be_a_whole_number_of_any_type(kernel: Kernel) -> None:
+    # As of 1e9 or numpy, which a function that was compiled for int refuses.
+    np = pytest.importorskip('numpy')
+    task = kernel.add_task('task', lambda: None, priority=50, rate_hz=np.float64(100.0))
+    assert kernel.run(np.int64(50 * MS)) == 'duration' and task.runs == 5
+    assert kernel.run(5e7) == 'duration' and task.runs == 10  # type: ignore[arg-type]
+
+
 def test_a_name_is_taken_once_and_a_function_is_called(kernel: Kernel) -> None:
     kernel.add_task('task', lambda: None, priority=5)
     with pytest.raises(TaskError, match="'task' exists already"):

@@ -227,6 +227,7 @@ def aborted_while_stolen(step: int) -> int:
     return tracer.seen
 
 
+@pytest.mark.interpreted
 def test_time_that_passes_while_a_strike_propagates_makes_no_second_one(untraced: None) -> None:
     step, total = 1, 1
     while step <= total:

@@ -28,8 +28,8 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.subscription import Subscription
-from rt_robot_os.topics.topic import PIECE_BYTES
 
 pytest.importorskip('sensor_msgs.msg', reason='the ROS 2 messages are not installed')
 
@@ -143,7 +143,7 @@ def test_a_reader_that_is_lapped_between_two_pieces_begins_anew(
 def test_copies_are_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = declare()
     longest: list[int] = []
-    from rt_robot_os.topics import topic as module
+    from rt_robot_os.topics import pieces as module
 
     class Watched:
         def __init__(self, view: memoryview) -> None:
