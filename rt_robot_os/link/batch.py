@@ -42,6 +42,9 @@ _FIRST = HEADER_BYTES + _HEAD_BYTES
 _ALONE = HEADER_BYTES + RECORD.size
 _DATA = int(Kind.DATA)
 
+#: A sample of a packet: channel, samples missed, stamp in ns, number in its topic, CDR.
+Record = tuple[int, int, int, int, memoryview]
+
 
 class Batch:
     """
@@ -109,21 +112,22 @@ class Batch:
         return True
 
 
-def records(packet: memoryview) -> Iterator[memoryview]:
+def records(packet: memoryview) -> Iterator[Record]:
     """
     Take a packet of samples apart.
 
-    :return: each with its header.
     :raises LinkError: a length in it is wrong.
     """
     at, end = HEADER_BYTES, len(packet)
     while at < end:
-        try:
-            (length,) = RECORD.unpack_from(packet, at)
-        except struct.error:
+        start = at + _HEAD_BYTES
+        if start <= end:
+            length, _, _, channel, missed, stamp_ns, seq = _HEAD.unpack_from(packet, at)
+        else:
             length = 0
-        at += RECORD.size
-        if length < HEADER_BYTES or at + length > end:
-            raise LinkError(f'a packet of {end} bytes holds a sample of {length} bytes at {at}')
-        yield packet[at:at + length]
-        at += length + -length % 8
+        at += RECORD.size + length
+        if length < HEADER_BYTES or at > end:
+            raise LinkError(f'a packet of {end} bytes holds a sample of {length} bytes that does '
+                            f'not fit, {start - _HEAD_BYTES} after its begin')
+        yield channel, missed, stamp_ns, seq, packet[start:at]
+        at += -length % 8

@@ -299,7 +299,8 @@ class LinkClient(Reader):
         return self.request('change', name=name, value=value)['value']
 
     def mirror(self, topic: str, policy: str = 'drain', max_rate_hz: float = 0.0,
-               initial: bool = False, oldest: bool = False, patient: bool = False) -> int:
+               initial: bool = False, oldest: bool = False, patient: bool = False,
+               delay_ms: float = 0.0) -> int:
         """
         Ask for the samples of a topic.
 
@@ -308,11 +309,14 @@ class LinkClient(Reader):
         :param initial: begin with the last sample that is there already.
         :param oldest: begin with the oldest that is kept.
         :param patient: a sample that does not fit the socket is tried again, not lost at once.
+        :param delay_ms: how long the core may keep a sample to send it with others; 0: as long as
+            ``core.link_gather_ms`` says.
         :return: their channel.
         :raises LinkError: as for :meth:`request`.
         """
         return int(self.request('mirror', topic=topic, policy=policy, max_rate_hz=max_rate_hz,
-                                initial=initial, oldest=oldest, patient=patient)['channel'])
+                                initial=initial, oldest=oldest, patient=patient,
+                                delay_ms=delay_ms)['channel'])
 
     def tap(self) -> tuple[str, ...]:
         """

@@ -16,13 +16,15 @@
 When the link's task runs: at once after a pause, else once for all that comes within an interval.
 
 This is interrupt coalescing as network cards do it. A sample on a topic that is published now and
-then goes out at once; of many or fast topics the samples of an interval go together.
+then goes out at once; of many or fast topics the samples of an interval go together. A topic whose
+client allows a delay waits for company from its first sample on.
 """
 
 from __future__ import annotations
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
+from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics import Trigger
 from rt_robot_os.topics.topic import Topic
@@ -34,32 +36,56 @@ class Gather:
 
     :param task: which.
     :param interval_ns: from one of its jobs to the next; 0 holds nothing back.
+    :ivar prompt: the next job comes when the interval is over, or is under way.
+    :ivar within_ns: the next job comes so long from now at the latest.
     """
 
-    __slots__ = ('task', 'interval_ns', 'waiting', '_kernel', '_timer', '_open_ns')
+    __slots__ = ('task', 'interval_ns', 'prompt', 'within_ns', '_kernel', '_timer', '_open_ns',
+                 '_due_ns')
 
     def __init__(self, kernel: Kernel, task: Task, interval_ns: int) -> None:
         self.task = task
         self.interval_ns = interval_ns
-        self.waiting = False
+        self.prompt = False
+        self.within_ns = NEVER_NS
         self._kernel = kernel
         self._timer = kernel.timer(task)
         self._open_ns = 0
+        self._due_ns = NEVER_NS
 
-    def due(self) -> bool:
-        """Return whether the task is to run now; otherwise it runs at the end of the interval."""
+    def due(self, delay_ns: int) -> bool:
+        """
+        Return whether the task is to run now; otherwise it runs in time.
+
+        :param delay_ns: how long it may wait; 0: until the interval is over.
+        """
         kernel = self._kernel
-        self.waiting = True
-        if kernel.now_ns() >= self._open_ns or not kernel.running:
+        now_ns = kernel.now_ns()
+        if delay_ns:
+            due_ns = now_ns + delay_ns
+            self.within_ns = delay_ns
+        else:
+            due_ns = self._open_ns
+            self.prompt = True
+        if due_ns <= now_ns or not kernel.running:
+            self.now()
             return True
-        self._timer.start_at(self._open_ns)
+        if due_ns < self._due_ns:
+            self._due_ns = due_ns
+            self._timer.start_at(due_ns)
         return False
+
+    def now(self) -> None:
+        """Note that the task is released, so that nothing else has to."""
+        self.prompt = True
+        self.within_ns = 0
 
     def begin(self) -> None:
         """Note that the task runs, before it looks at the topics."""
         if self._timer.started:
             self._timer.cancel()
-        self.waiting = False
+        self.prompt = False
+        self.within_ns = self._due_ns = NEVER_NS
 
     def carried(self, now_ns: int) -> None:
         """Note that samples went out; after a job that found none there is no interval."""
@@ -71,12 +97,15 @@ class Gathered(Trigger):
     Release the task for one topic that it carries.
 
     At once, whatever the interval, when half of the topic's ring is unread: none shall be lost.
+
+    :ivar delay_ns: how long a sample may wait for others; 0: as long as the interval says.
     """
 
-    __slots__ = ('_gather', '_subscription', '_enough', '_full_at')
+    __slots__ = ('delay_ns', '_gather', '_subscription', '_enough', '_full_at')
 
     def __init__(self, gather: Gather, subscription: Subscription) -> None:
         super().__init__(gather.task)
+        self.delay_ns = 0
         self._gather = gather
         self._subscription = subscription
         self._enough = max(1, subscription.topic.depth // 2)
@@ -89,6 +118,9 @@ class Gathered(Trigger):
     def published(self, topic: Topic) -> bool:
         gather = self._gather
         if topic.head == self._full_at:
-            gather.waiting = True
+            gather.now()
             return True
-        return not gather.waiting and gather.due()
+        delay_ns = self.delay_ns
+        if delay_ns:
+            return gather.within_ns > delay_ns and gather.due(delay_ns)
+        return not gather.prompt and gather.due(0)

@@ -102,10 +102,11 @@ class LargeMirror(Mirror):
         subscription = self.subscription
         latest = self.policy is Policy.LATEST
         while subscription.unread:
-            if self._interval_ns and now_ns < self._next_ns:
-                if not latest:
-                    self._pass_over(subscription.unread)
-                return
+            if self._interval_ns and self._is_early(now_ns, latest):
+                if latest:
+                    return
+                self._pass_over()
+                continue
             slot = self.loans.take()
             if slot < 0 and self.patient:
                 return  # it waits in the topic until it is overwritten there
@@ -117,7 +118,7 @@ class LargeMirror(Mirror):
                 self.loans.put_back(slot)
                 return
             if self._interval_ns:
-                self._count_interval(now_ns)
+                self._count_interval()
             if not self._hand_over(slot):
                 if self.patient:
                     subscription.put_back()

@@ -23,7 +23,11 @@ from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.gather import Gathered
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+#: How long a sample may wait for others at most.
+DELAY_MAXIMUM_MS = 100.0
 
 
 class Policy(Enum):
@@ -50,6 +54,7 @@ class MirrorStatistics:
     :ivar lost: samples overwritten in the ring before they could be sent.
     :ivar skipped: samples passed over by ``latest``.
     :ivar limited: samples passed over by ``max_rate_hz``.
+    :ivar delay_ms: how long a sample may wait in the core for others; 0: as all mirrors do.
     """
 
     topic: str
@@ -62,6 +67,7 @@ class MirrorStatistics:
     skipped: int
     limited: int
     waiting: int
+    delay_ms: float = 0.0
 
 
 class Mirror:
@@ -94,13 +100,19 @@ class Mirror:
         self._began = self.subscription.next_seq
         self.patient = False
         self.sent = self.full = self.limited = 0
-        self._next_ns = 0
+        self._next_ns = self._carried_ns = self._at_ns = 0
         self.set_policy(policy, max_rate_hz)
 
-    def set_policy(self, policy: Policy, max_rate_hz: float) -> None:
-        """Change what is sent from now on."""
+    def set_policy(self, policy: Policy, max_rate_hz: float, delay_ms: float = 0.0) -> None:
+        """
+        Change what is sent from now on.
+
+        :param delay_ms: how long a sample may wait for others; 0: as long as the link gathers.
+        """
         self.policy = policy
         self.max_rate_hz = max_rate_hz
+        self.delay_ms = delay_ms
+        self._trigger.delay_ns = round(delay_ms * NS_PER_MS)
         self._interval_ns = round(NS_PER_S / max_rate_hz) if max_rate_hz > 0 else 0
 
     def begin_with_oldest(self) -> None:
@@ -126,6 +138,7 @@ class Mirror:
         try:
             self._carry(now_ns, unread)
         finally:
+            self._carried_ns = now_ns
             self._trigger.carried()
         return True
 
@@ -139,10 +152,11 @@ class Mirror:
         latest = self.policy is Policy.LATEST
         take = subscription.latest if latest else subscription.take
         for _ in range(1 if latest else unread):
-            if self._interval_ns and now_ns < self._next_ns:
-                if not latest:
-                    self._pass_over(subscription.unread)
-                return
+            if self._interval_ns and self._is_early(now_ns, latest):
+                if latest:
+                    return
+                self._pass_over()
+                continue
             room = batch.room(self._longest)
             if room is None:
                 if not self.patient:
@@ -155,18 +169,30 @@ class Mirror:
                       subscription.seq, subscription.length)
             self.sent += 1
             if self._interval_ns:
-                self._count_interval(now_ns)
+                self._count_interval()
 
-    def _count_interval(self, now_ns: int) -> None:
+    def _is_early(self, now_ns: int, latest: bool) -> bool:
+        """
+        Return whether the next sample comes too soon after the last one that was sent.
+
+        What waited for others counts from when it was published, or as near as its stamp tells.
+        """
+        if latest:
+            self._at_ns = now_ns
+        else:
+            stamp_ns = self.topic.stamps[self.subscription.next_seq & self.topic.mask]
+            self._at_ns = min(now_ns, max(self._carried_ns, stamp_ns))
+        return self._at_ns < self._next_ns
+
+    def _count_interval(self) -> None:
         # The limit is a grid while the topic keeps up; after a pause the grid starts anew.
         self._next_ns += self._interval_ns
-        if self._next_ns < now_ns:
-            self._next_ns = now_ns + self._interval_ns
+        if self._next_ns < self._at_ns:
+            self._next_ns = self._at_ns + self._interval_ns
 
-    def _pass_over(self, count: int) -> None:
-        for _ in range(count):
-            if self.subscription.pass_over():
-                self.limited += 1
+    def _pass_over(self) -> None:
+        if self.subscription.pass_over():
+            self.limited += 1
 
     def close(self, gone: bool = False) -> None:
         """
@@ -185,6 +211,7 @@ class Mirror:
             head = self.topic.head
             taken = MirrorStatistics(
                 self.topic.name, self.policy.value, self.max_rate_hz, head - self._began,
-                self.sent, self.full, s.statistics().lost, s.skipped, self.limited, s.unread)
+                self.sent, self.full, s.statistics().lost, s.skipped, self.limited, s.unread,
+                self.delay_ms)
             if head == self.topic.head:  # nobody published in between
                 return taken

@@ -29,7 +29,9 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.link.batch import Record
 from rt_robot_os.link.batch import records
+from rt_robot_os.link.fetch_clock import FetchClock
 from rt_robot_os.link.protocol import CONTINUED
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import GIVE_BACK
@@ -42,6 +44,7 @@ from rt_robot_os.link.protocol import MEMORY
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import SLOT
+from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import MemoryFile
@@ -112,6 +115,8 @@ class ClientMemories:
 
 
 DataHandler = Callable[[Header, memoryview], None]
+# Called with a sample of one topic: stamp in ns, samples missed, CDR.
+SampleHandler = Callable[[int, int, memoryview], None]
 ReportHandler = Callable[[dict[str, Any]], None]
 
 _PACKETS_AT_ONCE = 512
@@ -138,6 +143,8 @@ class Reader:
     :ivar on_data: called by the reading thread with each sample: header and CDR, valid during the
         call only. The CDR may be written to. A large one lies where the core put it, and that
         place is given back afterwards: who is slow with it loses the next ones.
+    :ivar carriers: called instead, by channel, without building the header.
+    :ivar clock: when packets are read while nothing but samples is awaited.
     :ivar on_report: called by the reading thread with each report of the core; those that came
         before it was set, with the answer to the greeting, come first.
     :ivar replies: where the answers to requests go, by the number of the request.
@@ -147,6 +154,7 @@ class Reader:
 
     def __init__(self, connection: socket.socket) -> None:
         self.on_data: DataHandler | None = None
+        self.carriers: dict[int, SampleHandler] = {}
         self.on_report: ReportHandler | None = None
         self.last_beat_ns = time.monotonic_ns()
         self.closed = False
@@ -159,10 +167,11 @@ class Reader:
         self._memories = ClientMemories()
         self._owed: deque[bytes] = deque()
         self._reports: deque[dict[str, Any]] = deque(maxlen=_REPORTS_MAXIMUM)
-        self._records: Iterator[memoryview] | None = None
+        self._records: Iterator[Record] | None = None
         self._socket = connection
         self._poll = select.poll()
         self._poll.register(connection, select.POLLIN)
+        self.clock = FetchClock(connection)
 
     def close(self) -> None:
         """Close the socket and all memory files; may be called twice."""
@@ -192,15 +201,23 @@ class Reader:
             self._hand_on_reports()
             if self._records is not None:
                 self._hand_on(self._records)  # left from a packet whose handler raised
-            if not self._poll.poll(max(0.0, timeout_s) * 1000):
+            if not self._wait(timeout_s):
                 return 0
-            count = 0
+            count = size = 0
             while count < _PACKETS_AT_ONCE and (length := self._receive(count)):
                 count += 1
+                size += length
                 self._handle(length)
+            self.clock.fetched(size)
             return count
         finally:
             self._taken.release()
+
+    def _wait(self, timeout_s: float) -> bool:
+        """Wait until there may be packets; an answer that is awaited is read as soon as it comes."""
+        if self.clock.interval_ns and timeout_s > 0 and not self.replies:
+            return self.clock.wait(timeout_s)
+        return bool(self._poll.poll(max(0.0, timeout_s) * 1000))
 
     def _hand_on_reports(self) -> None:
         while self._reports and self.on_report is not None:
@@ -238,9 +255,9 @@ class Reader:
     def _handle(self, length: int) -> None:
         kind = self._buffer[0]
         if kind == Kind.DATA and length >= HEADER_BYTES:
-            if self.on_data is not None:
-                self.on_data(Header(*HEADER.unpack_from(self._buffer)),
-                             self._view[HEADER_BYTES:length])
+            _, _, channel, missed, stamp_ns, seq = HEADER.unpack_from(self._buffer)
+            self._hand_on(iter((
+                (channel, missed, stamp_ns, seq, self._view[HEADER_BYTES:length]),)))
             return
         if kind == Kind.BATCH:
             self._records = records(self._view[:length])
@@ -261,10 +278,14 @@ class Reader:
         elif kind == Kind.REPLY:
             self._deliver(head.seq, head, packet)
 
-    def _hand_on(self, samples: Iterator[memoryview]) -> None:
-        for sample in samples:
-            if self.on_data is not None:
-                self.on_data(Header(*HEADER.unpack_from(sample)), sample[HEADER_BYTES:])
+    def _hand_on(self, samples: Iterator[Record]) -> None:
+        carriers = self.carriers
+        for channel, missed, stamp_ns, seq, cdr in samples:
+            carry = carriers.get(channel)
+            if carry is not None:
+                carry(stamp_ns, missed, cdr)
+            elif self.on_data is not None:
+                self.on_data(Header(Kind.DATA, VERSION, channel, missed, stamp_ns, seq), cdr)
         self._records = None
 
     def _handle_slot(self, length: int) -> None:
@@ -275,8 +296,7 @@ class Reader:
         if sample is None:
             return
         try:
-            if self.on_data is not None:
-                self.on_data(head._replace(kind=Kind.DATA), sample)
+            self._hand_on(iter(((head.channel, head.missed, head.stamp_ns, head.seq, sample),)))
         finally:
             self._owed.append(give_back(packet))
             self._settle()

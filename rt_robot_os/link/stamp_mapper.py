@@ -30,6 +30,7 @@ at any speed, stands still and is set back, and the mapping follows it as it is.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 import time
 
 STEP_NS = 50_000_000
@@ -57,7 +58,7 @@ class StampMapper:
         self._wall_ns = wall_ns
         self.forward_steps = self.resets = 0
         self.follows = False
-        self._recent: dict[int, int] = {}
+        self.recent: dict[int, int] = {}
         self.error_ns = 0
         self._compared_ns = monotonic_ns()
         self.offset_ns = wall_ns() - self._compared_ns
@@ -73,13 +74,13 @@ class StampMapper:
         if self.follows:
             self.error_ns = 0
             if abs(error_ns) > STEP_NS:
-                self._recent.clear()
+                self.recent.clear()
             # One that stands still falls behind by what has passed, and by no more.
             self.resets += error_ns < -elapsed_ns - STEP_NS
             self.offset_ns += error_ns
         elif error_ns > STEP_NS:
             self.forward_steps += 1
-            self._recent.clear()
+            self.recent.clear()
             self.offset_ns += error_ns
         else:
             self.offset_ns += max(-allowed_ns, min(allowed_ns, error_ns))
@@ -91,7 +92,7 @@ class StampMapper:
         So a picture and its calibration, or the topics of one frame of a device, keep equal
         stamps although the offset changes in between: synchronisers look for that.
         """
-        recent = self._recent
+        recent = self.recent
         wall_ns = recent.get(stamp_ns)
         if wall_ns is None:
             if len(recent) >= RECENT:
@@ -107,10 +108,11 @@ class StampMapper:
 class StampLine:
     """The stamps of one topic, each after the one before."""
 
-    __slots__ = ('_mapper', '_last_ns', '_resets')
+    __slots__ = ('_mapper', '_known', '_last_ns', '_resets')
 
     def __init__(self, mapper: StampMapper) -> None:
         self._mapper = mapper
+        self._known: Mapping[int, int] = mapper.recent
         self._last_ns = 0
         self._resets = mapper.resets
 
@@ -121,7 +123,9 @@ class StampLine:
         :param stamp_ns: on CLOCK_MONOTONIC.
         :return: nanoseconds since 1970.
         """
-        wall_ns = self._mapper.wall_of(stamp_ns)
+        wall_ns = self._known.get(stamp_ns)
+        if wall_ns is None:
+            wall_ns = self._mapper.wall_of(stamp_ns)
         if wall_ns <= self._last_ns:
             if self._resets == self._mapper.resets:
                 wall_ns = self._last_ns + 1

@@ -26,6 +26,7 @@ from rt_robot_os.link.client import topic_infos
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.large import memory_bytes
+from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
@@ -83,10 +84,13 @@ class TopicRequests:
         except ValueError:
             raise LinkError(f'policy = {shown(wanted)}: must be drain or latest') from None
         max_rate_hz = number_of(arguments, 'max_rate_hz', 0.0)
+        delay_ms = number_of(arguments, 'delay_ms', 0.0)
+        if delay_ms > DELAY_MAXIMUM_MS:
+            raise LinkError(f'delay_ms = {delay_ms:g}: must be at most {DELAY_MAXIMUM_MS:g}')
         channel = session.channel(topic)
         known = session.mirrors.get(topic)
         if known is not None:
-            known.set_policy(policy, max_rate_hz)
+            known.set_policy(policy, max_rate_hz, delay_ms)
             return {'channel': channel}
         shape = (self._bus, topic, session.name, session.batch, channel, policy, max_rate_hz,
                  bool(arguments.get('initial', False)), self._gather)
@@ -96,9 +100,11 @@ class TopicRequests:
         else:
             session.add_large(topic, lambda number: LargeMirror(
                 *shape, number=number, connection=session.connection), memory_bytes(size))
-        session.mirrors[topic].patient = bool(arguments.get('patient', False))
+        mirror = session.mirrors[topic]
+        mirror.set_policy(policy, max_rate_hz, delay_ms)
+        mirror.patient = bool(arguments.get('patient', False))
         if arguments.get('oldest', False):
-            session.mirrors[topic].begin_with_oldest()
+            mirror.begin_with_oldest()
             self._kernel.release(self._service)
         return {'channel': channel}
 

@@ -42,6 +42,7 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.kernel.spec import TaskSpec
+from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.server import COMMAND_PRIORITY
 from rt_robot_os.link.server import SERVICE_PRIORITY
@@ -304,6 +305,10 @@ class MirrorSettings:
         choices=_values(Policy), live=True)
     max_rate_hz: float = setting(
         0.0, 'most samples a second; 0: no limit', 'Hz', 0.0, FASTEST_HZ, live=True)
+    delay_ms: float = setting(
+        0.0, 'longest time a sample may wait on its way out to go with others: core and node '
+        'spend less on each; 0: no longer than core.link_gather_ms', 'ms', 0.0, DELAY_MAXIMUM_MS,
+        live=True)
     reliability: str = setting(
         'auto', 'quality of service; auto: reliable outward, inward best_effort, which hears '
         'every publisher, and reliable with transient_local',

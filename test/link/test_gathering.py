@@ -17,12 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 from collections.abc import Sequence
 from pathlib import Path
 import socket
 import struct
 import tempfile
 import threading
+from types import MappingProxyType
 from typing import Any
 
 from hypothesis import given
@@ -79,14 +81,11 @@ def packets(connection: socket.socket) -> list[bytes]:
 
 
 def samples(packet: bytes) -> list[Sample]:
-    parts = (records(memoryview(packet)) if packet[0] == Kind.BATCH else [memoryview(packet)])
-    found = []
-    for part in parts:
-        head = parse_header(part)
-        assert head.kind == Kind.DATA
-        found.append((head.channel, head.missed, head.stamp_ns, head.seq,
-                      bytes(part[HEADER_BYTES:])))
-    return found
+    if packet[0] == Kind.BATCH:
+        return [(*head, bytes(cdr)) for *head, cdr in records(memoryview(packet))]
+    head = parse_header(packet)
+    assert head.kind == Kind.DATA
+    return [(head.channel, head.missed, head.stamp_ns, head.seq, packet[HEADER_BYTES:])]
 
 
 def add(batch: Batch, sample: Sample) -> bool:
@@ -161,7 +160,9 @@ def test_what_a_full_socket_refuses_is_sent_later_and_nothing_is_lost() -> None:
 class Carried:
     """Topics that one client gets, under the virtual clock."""
 
-    def __init__(self, gather_ns: int, names: Sequence[str] = ('a',), depth: int = 16) -> None:
+    def __init__(self, gather_ns: int, names: Sequence[str] = ('a',), depth: int = 16,
+                 delays_ms: Mapping[str, float] = MappingProxyType({}), max_rate_hz: float = 0.0
+                 ) -> None:
         self.kernel = Kernel(VirtualClock())
         self.bus = Bus(self.kernel)
         self.ours, self.theirs = pair()
@@ -173,8 +174,10 @@ class Carried:
         for channel, name in enumerate(names):
             self.bus.declare(name, 'geometry_msgs/msg/Vector3', depth=depth)
             self.session.mirrors[name] = Mirror(
-                self.bus, name, 'test', self.session.batch, channel, Policy.DRAIN, 0.0, False,
-                self.gather)
+                self.bus, name, 'test', self.session.batch, channel, Policy.DRAIN,
+                max_rate_hz, False, self.gather)
+            self.session.mirrors[name].set_policy(
+                Policy.DRAIN, max_rate_hz, delays_ms.get(name, 0.0))
 
     def _serve(self) -> None:
         now_ns = self.kernel.now_ns()
@@ -265,6 +268,97 @@ def test_a_topic_that_is_faster_than_its_ring_is_deep_loses_nothing(
     numbers = [number for packet in world.received() for _, number in packet]
     assert numbers == list(range(publisher.published))
     assert len(world.served_ns) <= publisher.published / max(1, depth // 2) + 1
+
+
+def test_what_may_wait_goes_out_together_when_the_first_has_waited_long_enough(
+        carried: Callable[..., Carried]) -> None:
+    world = carried(GATHER_NS, ('a', 'b'), delays_ms={'a': 10.0, 'b': 10.0})
+    world.publish('a', [1000, 4000, 10_900, 12_000])
+    world.publish('b', [3000])
+    world.kernel.run(40 * MS)
+    assert world.served_ns == [11 * MS, 22 * MS]
+    assert world.received() == [[(0, 0), (0, 1), (0, 2), (1, 0)], [(0, 3)]]
+
+
+def test_what_may_not_wait_takes_along_what_may(carried: Callable[..., Carried]) -> None:
+    world = carried(GATHER_NS, ('a', 'b'), delays_ms={'a': 30.0})
+    world.publish('a', [1000, 9000])
+    world.publish('b', [3000, 5000])
+    world.kernel.run(40 * MS)
+    # 'b': at once after a pause, then at the end of the interval.
+    assert world.served_ns == [3 * MS, 8 * MS, 39 * MS]
+    assert world.received() == [[(0, 0), (1, 0)], [(1, 1)], [(0, 1)]]
+
+
+def test_a_delay_that_is_taken_back_holds_nothing_any_more(carried: Callable[..., Carried]
+                                                           ) -> None:
+    world = carried(GATHER_NS, delays_ms={'a': 30.0})
+    world.publish('a', [1000, 9000])
+    world.kernel.add_task(
+        'change', lambda: world.session.mirrors['a'].set_policy(Policy.DRAIN, 0.0, 0.0),
+        priority=70, rate_hz=200.0, phase_ns=5 * MS)
+    world.kernel.run(20 * MS)
+    assert world.received() == [[(0, 0), (0, 1)]] and world.served_ns == [9 * MS]
+
+
+def test_a_limit_of_the_rate_counts_from_publications_and_not_from_when_they_go_out(
+        carried: Callable[..., Carried]) -> None:
+    world = carried(GATHER_NS, depth=64, delays_ms={'a': 50.0}, max_rate_hz=100.0)
+    publisher = world.bus.publisher('a')
+    world.kernel.add_task('publish', publisher.publish, priority=50, rate_hz=500.0)
+    world.kernel.run(S)
+    world.session.carry(world.kernel.now_ns())
+    numbers = [number for packet in world.received() for _, number in packet]
+    assert numbers == list(range(0, publisher.published, 5))
+    counted = world.session.mirrors['a'].statistics()
+    assert (counted.sent, counted.limited) == (len(numbers), publisher.published - len(numbers))
+
+
+def test_stamps_of_long_ago_are_no_way_round_a_limit_and_none_is_shut_out(
+        carried: Callable[..., Carried]) -> None:
+    world = carried(0, depth=64, max_rate_hz=100.0)
+    publisher = world.bus.publisher('a')
+    odd = iter(range(1, 1000))
+    world.kernel.add_task('publish', lambda: publisher.publish(next(odd)), priority=50,
+                          rate_hz=500.0)
+    world.kernel.run(S)
+    sent = world.session.mirrors['a'].statistics().sent
+    assert 95 <= sent <= 101
+
+
+@pytest.mark.parametrize('delay_ms', [0.0, 100.0])
+@pytest.mark.parametrize('depth', [1, 2, 16])
+def test_a_topic_that_is_faster_than_its_ring_loses_nothing_by_a_delay(
+        carried: Callable[..., Carried], depth: int, delay_ms: float) -> None:
+    world = carried(5 * MS, depth=depth, delays_ms={'a': delay_ms})
+    publisher = world.bus.publisher('a')
+    world.kernel.add_task('publish', publisher.publish, priority=50, rate_hz=10_000.0)
+    world.kernel.run(S // 4)
+    world.session.carry(0)
+    numbers = [number for packet in world.received() for _, number in packet]
+    assert numbers == list(range(publisher.published))
+
+
+@examples(max_examples=60)
+@given(st.lists(st.tuples(st.sampled_from('abc'), st.integers(0, 60_000)), max_size=60,
+                unique=True),
+       st.sampled_from([0, 1000, 5000, 20_000]), st.sampled_from([100, 3000, 30_000]),
+       st.sampled_from([1000, 30_000]))
+def test_each_sample_waits_as_long_as_its_own_topic_allows(
+        publications: list[tuple[str, int]], gather_us: int, b_us: int, c_us: int) -> None:
+    world = Carried(gather_us * 1000, 'abc', depth=256,
+                    delays_ms={'b': b_us / 1000, 'c': c_us / 1000})
+    limits_us = {'a': gather_us, 'b': b_us, 'c': c_us}
+    try:
+        for name in 'abc':
+            world.publish(name, [time for n, time in publications if n == name])
+        world.kernel.run(100 * MS)
+        served_us = [ns // 1000 for ns in world.served_ns]
+        for name, time_us in publications:
+            assert any(time_us <= at <= time_us + limits_us[name] for at in served_us)
+        assert sum(map(len, world.received())) == len(publications)
+    finally:
+        world.close()
 
 
 @examples(max_examples=60)

@@ -90,7 +90,8 @@ class Raw(RawClient):
             if head.kind == Kind.DATA:
                 self.samples.append(head)
             elif head.kind == Kind.BATCH:
-                found = [Header(*HEADER.unpack_from(r)) for r in records(memoryview(packet))]
+                found = [Header(Kind.DATA, head.version, *numbers)
+                         for *numbers, _ in records(memoryview(packet))]
                 assert len(found) == head.seq > 1
                 self.samples += found
                 self.batches.append(len(found))

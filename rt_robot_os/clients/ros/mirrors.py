@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterable
+from collections.abc import Sequence
 import struct
 import time
 from typing import Any
@@ -31,7 +32,8 @@ from rclpy.qos import QoSReliabilityPolicy
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
-from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.fetch_clock import SHORTEST_NS
+from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.link.stamped_messages import Header as StampedHeader
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
@@ -41,6 +43,9 @@ from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+# Of the delay that a mirror allows the core may take so much, and the node the rest.
+CORE_SHARE = 0.5
 
 _STAMP = struct.Struct('<iI')
 
@@ -76,24 +81,35 @@ class OutwardMirror:
         self._header = StampedHeader(settings.frame_id) if settings.stamped else None
         self.publisher = node.create_publisher(
             _ros_class(settings), settings.ros_topic, qos_of(settings))
-        self._publish: Callable[[bytes], None] = self.publisher.publish
+        # As rclpy's publish() does for bytes, which enters and leaves the handle for each.
+        self._publish: Callable[[bytes], None] = self.publisher.handle.publish_raw
 
     def connect(self, info: TopicInfo) -> None:
         """Take over the core's facts about the topic."""
         self._stamp_offset = info.stamp_offset
         self.missed = 0
 
-    def carry(self, head: Header, cdr: memoryview) -> None:
-        """Publish one sample with its stamp mapped to the time of day."""
-        if self._stamp_offset is not None:
-            _STAMP.pack_into(cdr, self._stamp_offset,
-                             *divmod(self._line.wall_ns(head.stamp_ns), NS_PER_S))
-        self.missed = head.missed
-        self.published += 1
-        if self._header is not None:
-            self._publish(self._header.put_on(cdr, self._line.wall_ns(head.stamp_ns)))
+    def carry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+        """
+        Publish one sample with its stamp mapped to the time of day.
+
+        :param stamp_ns: on CLOCK_MONOTONIC.
+        :param missed: samples of the topic that this client did not get so far.
+        :param cdr: may be written to; it is copied once, into the bytes that rclpy takes.
+        """
+        header = self._header
+        if header is None:
+            offset = self._stamp_offset
+            if offset is not None:
+                wall_ns = self._line.wall_ns(stamp_ns)
+                seconds = wall_ns // NS_PER_S
+                _STAMP.pack_into(cdr, offset, seconds, wall_ns - seconds * NS_PER_S)
+            data = cdr.tobytes()
         else:
-            self._publish(bytes(cdr))
+            data = header.put_on(cdr, self._line.wall_ns(stamp_ns))
+        self._publish(data)
+        self.missed = missed
+        self.published += 1
 
 
 class InwardMirror:
@@ -160,6 +176,14 @@ class InwardMirror:
         return counted
 
 
+def _to_all(mirrors: Sequence[OutwardMirror]) -> SampleHandler:
+    def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
+        for mirror in mirrors:
+            mirror.carry(stamp_ns, missed, cdr)
+
+    return carry
+
+
 class Mirrors:
     """
     All mirrored topics of a node; the entities exist as long as the node is configured.
@@ -174,7 +198,6 @@ class Mirrors:
         self._client: LinkClient | None = None
         self.outward = [OutwardMirror(node, m, mapper) for m in settings if m.direction == 'out']
         self.inward = [InwardMirror(node, m) for m in settings if m.direction == 'in']
-        self._by_channel: dict[int, list[OutwardMirror]] = {}
 
     def connect(self, client: LinkClient) -> None:
         """
@@ -183,15 +206,16 @@ class Mirrors:
         :raises LinkError: the core refuses.
         """
         self._client = client
-        self._by_channel = {}
+        by_channel: dict[int, list[OutwardMirror]] = {}
         for mirror in self.outward:
             info = client.topics.get(mirror.settings.topic)
             if info is None:
                 raise LinkError(f'the core has no topic {mirror.settings.topic!r} to mirror; was '
                                 'it started with another configuration?')
             mirror.connect(info)
-            self._by_channel.setdefault(info.channel, []).append(mirror)
-        client.on_data = self._carry
+            by_channel.setdefault(info.channel, []).append(mirror)
+        client.carriers = {channel: mirrors[0].carry if len(mirrors) == 1 else _to_all(mirrors)
+                           for channel, mirrors in by_channel.items()}
         if self.active:
             self.activate()
 
@@ -214,8 +238,8 @@ class Mirrors:
         for mirror in self.inward:
             mirror.connect(client)
         for out in self.outward:
-            client.mirror(out.settings.topic, out.settings.policy, out.settings.max_rate_hz,
-                          initial=True)
+            self._ask(client, out.settings, initial=True)
+        self._set_clock()
 
     def deactivate(self) -> None:
         """Let nothing through any more, in either direction."""
@@ -236,8 +260,22 @@ class Mirrors:
         for out in self.outward:
             new = wanted[out.settings.name]
             if new != out.settings and self._client is not None and self.active:
-                self._client.mirror(new.topic, new.policy, new.max_rate_hz)
+                self._ask(self._client, new)
             out.settings = new
+        self._set_clock()
+
+    @staticmethod
+    def _ask(client: LinkClient, settings: MirrorSettings, initial: bool = False) -> None:
+        client.mirror(settings.topic, settings.policy, settings.max_rate_hz, initial=initial,
+                      delay_ms=settings.delay_ms * CORE_SHARE)
+
+    def _set_clock(self) -> None:
+        """Read on an own clock where every topic allows it, else whenever something comes."""
+        if self._client is not None:
+            delay_ms = min((m.settings.delay_ms for m in self.outward), default=0.0)
+            # A moment may be late by the shortest interval.
+            interval_ns = round(delay_ms * (1 - CORE_SHARE) * NS_PER_MS) - SHORTEST_NS
+            self._client.clock.interval_ns = interval_ns if interval_ns >= SHORTEST_NS else 0
 
     def destroy(self) -> None:
         """Remove the publishers and subscriptions from the node."""
@@ -247,15 +285,12 @@ class Mirrors:
         for mirror in self.inward:
             self._node.destroy_subscription(mirror.subscription)
 
-    def _carry(self, head: Header, cdr: memoryview) -> None:
-        for mirror in self._by_channel.get(head.channel, ()):
-            mirror.carry(head, cdr)
-
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
         """Return the counters of all mirrors, by ROS topic."""
         rows: list[tuple[str, dict[str, Any]]] = [
             (f'{m.settings.topic} -> {m.settings.ros_topic}',
-             {'published': m.published, 'missed': m.missed}) for m in self.outward]
+             {'published': m.published, 'missed': m.missed,
+              'delay_ms': m.settings.delay_ms}) for m in self.outward]
         rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
                   m.counters()) for m in self.inward]
         return rows

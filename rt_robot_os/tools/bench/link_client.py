@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 import time
 from typing import NoReturn
@@ -37,15 +38,17 @@ def connect(path: Path) -> LinkClient:
     return LinkClient(path, 'bench', timeout_s=10.0)
 
 
-def stay(link: LinkClient) -> NoReturn:
+def stay(link: LinkClient, after: Callable[[], object] = bool) -> NoReturn:
     """
     Take what comes, with a heartbeat now and then, until the process is ended.
 
+    :param after: called each time after something was read.
     :raises LinkError: the core is gone.
     """
     beat_ns = 0
     while True:
         link.pump(0.1)
+        after()
         now_ns = time.monotonic_ns()
         if now_ns >= beat_ns:
             link.beat()

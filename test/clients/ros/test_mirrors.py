@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -34,7 +35,8 @@ class Node:
     """Makes publishers that publish nothing."""
 
     def create_publisher(self, *arguments: Any) -> Any:
-        return type('Publisher', (), {'publish': staticmethod(lambda cdr: None)})
+        handle = type('Handle', (), {'publish_raw': staticmethod(lambda cdr: None)})
+        return type('Publisher', (), {'handle': handle})
 
 
 class Client:
@@ -44,12 +46,16 @@ class Client:
         self.topics = {name: TopicInfo(name, number, 'geometry_msgs/msg/Twist', 52, 52, None, 8, 0)
                        for number, name in enumerate(('a', 'b'))}
         self.asked: list[tuple[str, str, float]] = []
+        self.delays_ms: dict[str, float] = {}
+        self.clock = SimpleNamespace(interval_ns=0)
         self.refuses = False
 
-    def mirror(self, topic: str, policy: str, max_rate_hz: float, initial: bool = False) -> None:
+    def mirror(self, topic: str, policy: str, max_rate_hz: float, initial: bool = False,
+               delay_ms: float = 0.0) -> None:
         if self.refuses:
             raise LinkError('no')
         self.asked.append((topic, policy, max_rate_hz))
+        self.delays_ms[topic] = delay_ms
 
     def request(self, do: str, **arguments: Any) -> None:
         assert do == 'unmirror'
@@ -107,3 +113,32 @@ def test_a_change_that_the_core_refuses_changes_nothing(both: tuple[MirrorSettin
     client.asked.clear()
     mirrors.activate()
     assert client.asked == [('a', 'drain', 0.0), ('b', 'drain', 0.0)]
+
+
+MS = 1_000_000
+
+
+def test_core_and_node_share_the_delay_and_never_exceed_it(both: tuple[MirrorSettings, ...]
+                                                           ) -> None:
+    for delay_ms in (0.0, 0.5, 3.0, 4.0, 20.0, 100.0):
+        client = Client()
+        mirrors = made(tuple(replace(each, delay_ms=delay_ms) for each in both), client)
+        mirrors.activate()
+        # poll(2) may wait up to a millisecond more.
+        late_ms = client.clock.interval_ns / MS + 1 if client.clock.interval_ns else 0
+        assert client.delays_ms['a'] == client.delays_ms['b'] == delay_ms / 2
+        assert delay_ms / 2 + late_ms <= delay_ms
+        assert bool(client.clock.interval_ns) == (delay_ms >= 4)
+
+
+def test_one_topic_that_may_not_wait_has_the_node_wait_for_packets(
+        both: tuple[MirrorSettings, ...]) -> None:
+    client = Client()
+    mirrors = made((replace(both[0], delay_ms=40.0), both[1]), client)
+    mirrors.activate()
+    assert client.delays_ms == {'a': 20.0, 'b': 0.0} and not client.clock.interval_ns
+    mirrors.follow((replace(both[0], delay_ms=40.0), replace(both[1], delay_ms=20.0)))
+    assert client.delays_ms == {'a': 20.0, 'b': 10.0} and client.clock.interval_ns == 9 * MS
+    assert [row['delay_ms'] for _, row in mirrors.counters()] == [40.0, 20.0]
+    mirrors.follow((replace(both[0], delay_ms=40.0), both[1]))
+    assert not client.clock.interval_ns, 'from the next packet on'

@@ -30,7 +30,6 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.clients.ros.mirrors import OutwardMirror
-from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.link_client import connect
@@ -52,17 +51,10 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
         for i in range(arguments['mirrored'])]
     ready()
     link = connect(path)
-    by_channel: dict[int, OutwardMirror] = {}
-
-    def carry(head: Header, cdr: memoryview) -> None:
-        mirror = by_channel.get(head.channel)
-        if mirror is not None:
-            mirror.carry(head, cdr)
-
-    link.on_data = carry
     for i, mirror in enumerate(mirrors):
         mirror.connect(link.topics[topic(i)])
-        by_channel[link.mirror(topic(i))] = mirror
+        link.carriers[link.topics[topic(i)].channel] = mirror.carry
+        link.mirror(topic(i))
     stay(link)
 
 

@@ -30,9 +30,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.clients.ros.mirrors import OutwardMirror
 from rt_robot_os.link import TopicInfo
-from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.case import Samples
@@ -114,7 +111,7 @@ def _carrying(made: Node) -> tuple[Callable[[], None], Any]:
 
     def carry() -> None:
         stamp_ns[0] += NS_PER_MS
-        mirror.carry(Header(Kind.DATA, VERSION, 0, 0, stamp_ns[0], 0), sample)
+        mirror.carry(stamp_ns[0], 0, sample)
 
     return carry, mirror.publisher
 

@@ -21,6 +21,7 @@ import time
 
 import numpy as np
 
+from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.units import NS_PER_MS
 
@@ -38,19 +39,23 @@ class Turns:
     :param with_it: does what is measured.
     :param without: the same without.
     :param between: called after each stretch, outside of what is measured.
+    :param peer: tells the CPU time that another process has used, in ns.
     """
 
     def __init__(self, with_it: Callable[[], object], without: Callable[[], object],
-                 between: Callable[[], None] | None = None) -> None:
+                 between: Callable[[], None] | None = None,
+                 peer: Callable[[], int] | None = None) -> None:
         self._functions = (without, with_it)
         self._between = between
-        self._costs: tuple[list[float], list[float]] = ([], [])
+        self._clocks = (time.process_time_ns, *((peer,) if peer is not None else ()))
+        self._costs: tuple[list[tuple[float, ...]], list[tuple[float, ...]]] = ([], [])
         self._turn = 0
         self._now_ns = time.monotonic_ns
         self._begin()
 
     def _begin(self) -> None:
-        self._count = self._cpu_ns = self._from_ns = 0
+        self._count = self._from_ns = 0
+        self._cpu_ns: tuple[int, ...] = ()
         self._begun_ns = self._now_ns()
 
     def job(self) -> None:
@@ -60,20 +65,24 @@ class Turns:
         if now_ns < self._begun_ns + _SETTLE_NS:
             return
         if not self._from_ns:
-            self._from_ns, self._cpu_ns = now_ns, time.process_time_ns()
+            self._from_ns, self._cpu_ns = now_ns, self._used()
             return
         self._count += 1
         if now_ns >= self._from_ns + STRETCH_NS:
-            used_ns = time.process_time_ns() - self._cpu_ns
-            self._costs[self._turn].append(used_ns / self._count)
+            self._costs[self._turn].append(tuple(
+                (used_ns - before_ns) / self._count
+                for used_ns, before_ns in zip(self._used(), self._cpu_ns)))
             self._turn = 1 - self._turn
             if self._between is not None:
                 self._between()
             self._begin()
 
+    def _used(self) -> tuple[int, ...]:
+        return tuple(clock() for clock in self._clocks)
+
     def differences(self, warmup_ns: int) -> Measured:
         """
-        Compare each stretch with the one before it.
+        Compare each stretch with the one before it: ``difference_ns``, ``peer_difference_ns``.
 
         :raises RuntimeError: there was no time for a pair.
         """
@@ -81,5 +90,10 @@ class Turns:
         pairs = list(zip(*self._costs))[skip:]
         if not pairs:
             raise RuntimeError('too short to compare a stretch with it and one without')
-        off, on = (np.array([pair[i] for pair in pairs]).round().astype(np.int64) for i in (0, 1))
-        return Measured({'with_ns': on, 'without_ns': off, 'difference_ns': on - off})
+        samples: dict[str, Samples] = {}
+        for i, prefix in zip(range(len(self._clocks)), ('', 'peer_')):
+            off, on = (np.array([pair[turn][i] for pair in pairs]).round().astype(np.int64)
+                       for turn in (0, 1))
+            samples |= {f'{prefix}with_ns': on, f'{prefix}without_ns': off,
+                        f'{prefix}difference_ns': on - off}
+        return Measured(samples)
