@@ -146,7 +146,8 @@ REQUESTS = st.builds(
         ['hello', 'mirror', 'unmirror', 'advertise', 'change', 'parameters', 'settings', 'tap',
          'rearm', 'black_box', 'statistics', 'reset_statistics'])}),
     st.dictionaries(st.sampled_from(
-        ['id', 'name', 'topic', 'policy', 'max_rate_hz', 'initial', 'task', 'reason', 'value']),
+        ['id', 'name', 'topic', 'policy', 'max_rate_hz', 'delay_ms', 'initial', 'task', 'reason',
+         'value']),
         VALUES, max_size=5))
 HEADS = st.builds(
     HEADER.pack, st.integers(0, 10), st.sampled_from([VERSION] * 7 + [0, VERSION + 1, 255]),
@@ -307,6 +308,29 @@ def test_publications_wake_the_link_only_while_somebody_mirrors(world: World, le
             client.socket.close()
             world.run()
     assert not wakes()
+
+
+def test_a_client_that_is_gone_leaves_nothing_that_waits(world: World) -> None:
+    service = world.core.kernel.task('link/service')
+    client = world.client('patient')
+    client.ask('mirror', topic='text', delay_ms=100.0)
+    world.publish(1, 'text')
+    assert world.mirror(client, 'text')['waiting'] == 1
+    client.socket.close()
+    world.run()
+    assert not world.mirror(client, 'text') and not world.core.bus.topic('text').triggers
+    before = service.releases
+    world.publish(3, 'text')
+    world.run(S)
+    assert service.releases == before and world.core.kernel.failures_total == 0
+
+
+@pytest.mark.parametrize('delay_ms', [-1, 100.5, '20', None, True])
+def test_a_delay_that_is_none_is_refused(world: World, delay_ms: Any) -> None:
+    client = world.client()
+    assert 'delay_ms = ' in client.ask('mirror', topic='text', delay_ms=delay_ms)['error']
+    assert client.ask('mirror', topic='text', delay_ms=100)['channel'] >= 0
+    assert 'delay_ms = ' in client.ask('mirror', topic='text', delay_ms=delay_ms)['error']
 
 
 def test_samples_that_were_held_back_as_a_run_ended_come_in_the_next(world: World) -> None:
