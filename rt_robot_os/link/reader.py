@@ -214,7 +214,7 @@ class Reader:
             self._taken.release()
 
     def _wait(self, timeout_s: float) -> bool:
-        """Wait until there may be packets; an answer that is awaited is read as soon as it comes."""
+        """Wait until there may be packets; an answer that is awaited is read at once."""
         if self.clock.interval_ns and timeout_s > 0 and not self.replies:
             return self.clock.wait(timeout_s)
         return bool(self._poll.poll(max(0.0, timeout_s) * 1000))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A client that reads on its own clock: when it does, what wakes it nevertheless, what it loses."""
+"""A client that reads on its own clock: when, what wakes it nevertheless, what it loses."""
 
 from __future__ import annotations
 

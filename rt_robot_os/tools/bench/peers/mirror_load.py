@@ -41,9 +41,9 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     made = Node('bench_robot', start_parameter_services=False, enable_rosout=False)
     mapper = StampMapper()
-    delay = {'delay_ms': arguments['delay_ms']} if arguments['delay_ms'] else {}
     mirrors = Mirrors(made, tuple(MirrorSettings(
-        name=f'imu{i}', topic=mirrored(i), message=IMU, depth=_DEPTH, **delay)
+        name=f'imu{i}', topic=mirrored(i), message=IMU, depth=_DEPTH,
+        delay_ms=arguments['delay_ms'])
         for i in range(arguments['topics'])), mapper)
     ready()
     link = connect(Path(arguments['path']))

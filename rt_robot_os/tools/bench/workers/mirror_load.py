@@ -17,12 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Mapping
 from collections.abc import Sequence
 import time
-from typing import Any
-
-import numpy as np
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.link.paths import socket_path
@@ -32,7 +28,6 @@ from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.turns import Turns
-from rt_robot_os.units import NS_PER_S
 
 _NODE = 'rt_robot_os.tools.bench.peers.mirror_load:node'
 
