@@ -20,7 +20,9 @@ from __future__ import annotations
 from abc import ABC
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
+from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.modules.attitude.quaternion import IDENTITY
 from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.quaternion import Vector
@@ -52,6 +54,7 @@ class Tuning:
     field_rejection: bool = True
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class AttitudeFilter(ABC):
     """
     Estimate how a sensor is turned, from its angular velocity, acceleration and magnetic field.
@@ -69,7 +72,7 @@ class AttitudeFilter(ABC):
     :ivar field_rejected: the last magnetic field was not used.
     """
 
-    name = ''
+    name: ClassVar[str] = ''
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning

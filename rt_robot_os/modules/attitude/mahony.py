@@ -35,6 +35,7 @@ NumPy would be slower: three numbers are too few for it.
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 from typing import Final
 
 from rt_robot_os.modules.attitude import quaternion
@@ -63,7 +64,7 @@ _STDDEV_S: Final = 200.0
 class MahonyFilter(AttitudeFilter):
     """Mahony's complementary filter, changed as said above."""
 
-    name = 'mahony'
+    name: ClassVar[str] = 'mahony'
 
     def __init__(self, tuning: Tuning) -> None:
         super().__init__(tuning)

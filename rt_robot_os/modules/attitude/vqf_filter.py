@@ -25,6 +25,7 @@ and needs all of them: one that is left out would be missing in its average.
 from __future__ import annotations
 
 from typing import Any
+from typing import ClassVar
 from typing import Final
 
 import numpy as np
@@ -53,7 +54,7 @@ class VqfFilter(AttitudeFilter):
     :raises ConfigError: vqf is not installed.
     """
 
-    name = 'vqf'
+    name: ClassVar[str] = 'vqf'
 
     def __init__(self, tuning: Tuning, sample_s: float, field_s: float) -> None:
         super().__init__(tuning)
@@ -68,9 +69,9 @@ class VqfFilter(AttitudeFilter):
         self.tune(tuning)
         self._rate, self._acceleration, self._field = np.zeros(3), np.zeros(3), np.zeros(3)
         # Elements are set through these, which is much faster.
-        self._rate_items: Any = memoryview(self._rate)
-        self._acceleration_items: Any = memoryview(self._acceleration)
-        self._field_items: Any = memoryview(self._field)
+        self._rate_items: Any = self._rate.data
+        self._acceleration_items: Any = self._acceleration.data
+        self._field_items: Any = self._field.data
         # A turn about the vertical that comes on top of what vqf says, until it knows north.
         self._yaw: Quaternion = IDENTITY
         self._since_field_s = 0.0
