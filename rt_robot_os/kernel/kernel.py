@@ -70,6 +70,8 @@ from rt_robot_os.units import NS_PER_US
 _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
 _CLOSE_NS = 100 * NS_PER_MS
+# Wait, and call on_idle, at least so often, also where it would cost less to look at the clock.
+_IDLE_LEAST_NS = 10 * NS_PER_MS
 SPIN_MAXIMUM_NS = NS_PER_MS
 SEPARATION_NS = 100 * NS_PER_US
 
@@ -271,6 +273,8 @@ class Kernel(Scheduler):
         self.pending = False
         self.ended = []
         self._armed_ns = self._armed_due_ns = self._spare_ns = 0
+        self._near_ns = 0 if self.spin_ns else self.clock.wake_ns
+        self._slack_ns = self._set_ns = 0
         start_ns = self.now_ns()
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS
@@ -337,7 +341,8 @@ class Kernel(Scheduler):
 
     def _loop(self) -> None:
         clock = self.clock
-        end_ns = 0
+        near_ns = self._near_ns
+        end_ns = idled_ns = 0
         while not self._stopping:
             self.locked = True
             self.pending = False
@@ -353,6 +358,14 @@ class Kernel(Scheduler):
                 end_ns = self._dispatch(IDLE_LEVEL, now_ns, end_ns)
                 continue
             next_ns = self._firsts[0][0]
+            if (next_ns - now_ns <= near_ns and now_ns - idled_ns <= _IDLE_LEAST_NS
+                    and next_ns != self._armed_ns and next_ns != self._spare_ns):
+                self.overhead_ns += now_ns - end_ns
+                end_ns = 0
+                self._look(next_ns, now_ns)
+                continue
+            idled_ns = now_ns
+            self._slack_ns = 0
             self._arm_ahead(IDLE_LEVEL, NEVER_NS)
             self.overhead_ns += self.now_ns() - end_ns
             end_ns = 0

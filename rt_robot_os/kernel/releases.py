@@ -78,6 +78,10 @@ _FIRSTS_MOST = 4 * LEVELS
 # What an alarm that came in vain takes out of the way of the next: levels, and how far ahead.
 # To take out one that was not due and put it back costs 1 us, an alarm in vain 20 to 40 us.
 _ASIDE_MOST = 8
+# An alarm that is set again so soon is set often; what one that is set often may be late. Both in
+# times that it costs to be woken by one.
+_OFTEN_WAKES = 4
+_SLACK_WAKES = 4
 _ASIDE_NS = NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
@@ -103,6 +107,7 @@ class Releases(ABC):
         never.
     :ivar ended: the tasks whose jobs were, since the kernel was started.
     :ivar overhead_ns: what the kernel itself computed for: releasing, dispatching, setting alarms.
+    :ivar looked_ns: what it looked at the clock for, where an alarm would have cost more.
 
     Of what is not public:
 
@@ -124,6 +129,8 @@ class Releases(ABC):
         '_interrupts', '_interrupted',
         # The alarms
         'spin_ns', '_armed_ns', '_armed_due_ns', '_spare_ns',
+        # What is too near for an alarm
+        'looked_ns', '_near_ns', '_slack_ns', '_set_ns',
         # The end
         'stop_grace_ns', 'ended', '_stopping', '_stop_reason', '_stop_ns', '_end_ns',
         # What is told of it
@@ -149,6 +156,10 @@ class Releases(ABC):
         self._armed_ns = 0
         self._armed_due_ns = 0  # the release that the alarm is for, if nothing else matters
         self._spare_ns = 0
+        self.looked_ns = 0
+        self._near_ns = 0  # sooner than that the alarm costs more than looking at the clock
+        self._slack_ns = 0  # what the alarm may be late, if only others run
+        self._set_ns = 0  # when it was set last for what may preempt a job
         self.stop_grace_ns = NEVER_NS
         self.ended: list[str] = []
         self._stopping = False
@@ -395,14 +406,53 @@ class Releases(ABC):
     def _arm_for(self, task: Task, level: int, due_ns: int) -> None:
         """Let the alarm come for the next release, or at the end of the budget of a new job."""
         alarm_ns = due_ns
-        if self.spin_ns and due_ns == self._firsts[0][0]:
+        if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
+            alarm_ns = self._armed_ns
+        elif self._near_ns:
+            alarm_ns = self._lenient_ns(due_ns)
+        elif self.spin_ns and due_ns == self._firsts[0][0]:
             alarm_ns = self._early_ns(level)
         if task.aborts:
             task.limit_ns = task.budget_ns
             alarm_ns = min(alarm_ns, self.now_ns() + task.budget_ns)
         self._arm(alarm_ns)
         # Spinning depends on who runs, budgets end: these must be looked at each time.
-        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
+        self._armed_due_ns = alarm_ns if alarm_ns >= due_ns else 0
+
+    def _lenient_ns(self, due_ns: int) -> int:
+        """
+        Return the time of an alarm that has to be set now for what may preempt a job.
+
+        Where that is often, because releases lie closer than an alarm costs, it may come late, so
+        that one does for several of them.
+        """
+        if due_ns == self._spare_ns:
+            return due_ns
+        wake_ns, now_ns = self.clock.wake_ns, self.now_ns()
+        often_ns = _OFTEN_WAKES * wake_ns
+        if due_ns - now_ns > often_ns or now_ns - self._set_ns > often_ns + self._slack_ns:
+            self._slack_ns = 0
+        elif self._slack_ns < _SLACK_WAKES * wake_ns:
+            self._slack_ns += wake_ns
+        self._set_ns = now_ns
+        if not self._slack_ns:
+            return due_ns
+        if self._spare_ns < NEVER_NS:  # it would come in vain
+            self._spare_ns = NEVER_NS
+            self.clock.arm_spare(NEVER_NS)
+        return due_ns + self._slack_ns
+
+    def _look(self, until_ns: int, now_ns: int) -> int:
+        """
+        Look at the clock until a release that is near; locked.
+
+        :return: the time, sooner if something else came up.
+        """
+        look, begin_ns = self.clock.look, now_ns
+        while now_ns < until_ns and not (self.pending or self._stopping):
+            now_ns = look(until_ns)
+        self.looked_ns += now_ns - begin_ns
+        return now_ns
 
     def _arm(self, alarm_ns: int) -> None:
         if alarm_ns == self._armed_ns:
@@ -430,11 +480,15 @@ class Releases(ABC):
         first, second, third = self._firsts[:3]
         alarm_ns = due_ns = first[0] if not self._stopping else NEVER_NS
         spin_ns = self.spin_ns
-        if spin_ns and not self._stopping:
+        if self._near_ns and level and alarm_ns < NEVER_NS:
+            alarm_ns = self._lenient_ns(due_ns)
+        elif spin_ns and not self._stopping:
             alarm_ns = self._early_ns(level)
         if look_ns < alarm_ns:
             alarm_ns = look_ns
             spare_ns = due_ns - spin_ns
+        elif alarm_ns > due_ns:
+            spare_ns = NEVER_NS
         else:
             # The first of what is due after it at its level, or at the next levels above.
             timers = self._timers[first[1]]
@@ -449,7 +503,7 @@ class Releases(ABC):
             if due_ns < timers[2][0] < spare_ns:
                 spare_ns = timers[2][0]
             spare_ns -= spin_ns
-        self._armed_due_ns = due_ns if alarm_ns == due_ns else 0
+        self._armed_due_ns = alarm_ns if alarm_ns >= due_ns else 0
         if alarm_ns != self._armed_ns:
             self._arm(alarm_ns)
         if spare_ns != self._spare_ns:

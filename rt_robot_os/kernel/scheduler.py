@@ -188,17 +188,46 @@ class Scheduler(Releases):
         done_ns = entry_ns
         if self._ready.bit_length() - 1 > level:
             done_ns = self._dispatch(level, now_ns, entry_ns)
+        if self._near_ns and firsts[0][0] - done_ns <= self._near_ns:
+            done_ns = self._stay(level, done_ns)
         if firsts[0][1] <= level:
             self._set_aside(level, now_ns)
         if current is not None and (current.limit_ns or self._stopping):
             self._arm_ahead(
                 level, self._police(current, entry_ns - current.start_ns - stolen_ns))
-        elif firsts[0][0] != self._armed_due_ns or not self._spare_ns:
+        elif not self._spare_ns or not (
+                firsts[0][0] <= self._armed_due_ns <= firsts[0][0] + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)
         self.current, self._level = current, level
         end_ns = self.now_ns()
         self.overhead_ns += end_ns - done_ns
         self._stolen_ns = stolen_ns + end_ns - entry_ns
+
+    def _stay(self, level: int, end_ns: int) -> int:
+        """
+        Serve what is due above the interrupted job soon: to go back to it would cost more.
+
+        :param end_ns: when the last job ended, or whatever the kernel did not do itself.
+        :return: the same, on return.
+        """
+        firsts, left_ns = self._firsts, self._near_ns
+        while not self._stopping:
+            due_ns, first_level = firsts[0]
+            now_ns = self.now_ns()
+            if first_level <= level or due_ns - now_ns > left_ns:  # or that would never go on
+                break
+            if now_ns < due_ns:
+                if due_ns == self._armed_ns or due_ns == self._spare_ns:
+                    break
+                self.overhead_ns += now_ns - end_ns
+                end_ns = self._look(due_ns, now_ns)
+                left_ns -= end_ns - now_ns
+            self.pending = False
+            now_ns = self.now_ns()
+            self._notice(now_ns)
+            if self._ready.bit_length() - 1 > level:
+                end_ns = self._dispatch(level, now_ns, end_ns)
+        return end_ns
 
     # ---- releases ----------------------------------------------------------------------------
 
@@ -273,7 +302,7 @@ class Scheduler(Releases):
             next_ns = firsts[0][0]
             if own_ns < next_ns:
                 next_ns = own_ns
-            if task.aborts or next_ns != self._armed_due_ns:
+            if task.aborts or not next_ns <= self._armed_due_ns <= next_ns + self._slack_ns:
                 self._arm_for(task, level, next_ns)
             start_ns = now_ns()
             overhead_ns += start_ns - end_ns

@@ -42,12 +42,14 @@ from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.linux.timer import AGAIN_NS
 
-PERIODS = 3
+PERIODS = 2
 END_NS = (PERIODS + 1) * MS
 
 
 class RacingClock(VirtualClock):
     """A clock whose alarm can be made to come now, except while signals are held."""
+
+    wake_ns = 20 * US  # so that the kernel also looks at it, and sets alarms for several releases
 
     def __init__(self) -> None:
         super().__init__(start_ns=MS)
@@ -63,7 +65,7 @@ class RacingClock(VirtualClock):
         first_ns = min(self._alarm_ns, self._spare_ns)
         # Further away is only the repetition of an alarm that is being served, and a job that had
         # to wait until the end is missed by right.
-        if self.held or first_ns >= min(self._now_ns + MS, END_NS) or self._on_tick is None:
+        if self.held or first_ns >= min(self._now_ns + 900 * US, END_NS) or self._on_tick is None:
             return
         self._now_ns = max(self._now_ns, first_ns)
         self._take_alarms(self._now_ns + AGAIN_NS)
@@ -86,6 +88,8 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     high = kernel.add_task('high', lambda: clock.spend(10 * US), priority=90, rate_hz=1000.0)
     mid = kernel.add_task('mid', lambda: clock.spend(20 * US), priority=50, rate_hz=1000.0,
                           phase_ns=300 * US)
+    kernel.add_task('close', lambda: clock.spend(5 * US), priority=60, rate_hz=1000.0,
+                    phase_ns=305 * US)
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
