@@ -13,7 +13,6 @@
 # limitations under the License.
 
 
-
 """
 What the kernel asks of the system for each job, and how late an alarm may come for that.
 
