@@ -77,18 +77,18 @@ def _build(found: Known, compiled: bool, build: str) -> Iterator[str]:
                 and (two := facts.of_build(name, other)) in found]
     name = 'Pure Python' if compiled else 'The compiled build'
     if compared:
-        yield f'This is {build}. {name} would take: {"; ".join(compared)}.'
+        yield f'What ran: {build}. {name} would take: {"; ".join(compared)}.'
     elif not compiled and any(facts.of_build(name, PURE) in found for name in facts.OF_BUILDS):
-        yield (f'This is {build}. What the compiled build would give was not measured: elsewhere '
-               'it takes about half the time for a message, and less CPU for a job.')
+        yield (f'What ran: {build}. What the compiled build would give was not measured: '
+               'elsewhere it takes about half the time for a message, and less CPU for a job.')
 
 
 def _floors(found: Known) -> str:
     parts = [f'{text} {number(found[name])} us' for name, text in (
-        (facts.CALL, 'the call of an empty Python function takes'),
+        (facts.CALL, 'the call of an empty Python function'),
         (facts.SYSTEM_CALL, 'a system call from Python'),
-        (facts.WAKE_CPU, 'waking up from clock_nanosleep, of CPU time,')) if name in found]
-    return f'Without this package, {", ".join(parts)}.' if parts else ''
+        (facts.WAKE_CPU, 'the CPU time of a wake-up from clock_nanosleep')) if name in found]
+    return f'Without this package: {"; ".join(parts)}.' if parts else ''
 
 
 def _late(found: Known) -> str:
@@ -129,7 +129,7 @@ def _cpu(found: Known, of: Known) -> str:
     if together is None or spread is None or alone is None:
         return ''
     wake = found.get(facts.WAKE_CPU)
-    bare = '' if wake is None else f', where a bare wake-up takes {number(wake)} us'
+    bare = '' if wake is None else f' (a bare wake-up takes {number(wake)} us then)'
     return (f'A job takes {number(together)} us of CPU where {_CROWD} tasks are released '
             f'together, {number(spread)} us where they are 50 us apart, and {number(alone)} us '
             f'where it is alone{bare}. Tasks of one rate are released together unless you give '

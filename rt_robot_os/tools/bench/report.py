@@ -33,6 +33,7 @@ from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
 from rt_robot_os.tools.bench.blocks import Picture
+from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.machine import IN_FORCE
 from rt_robot_os.tools.bench.machine import summary
 from rt_robot_os.tools.bench.machine import warnings
@@ -148,7 +149,8 @@ def _kind(row: Row) -> str:
         return 'quoted'
     if row.status is not Status.OK:
         return 'absent'
-    return 'ours' if OURS in row.label else ''
+    # Of two builds the compiled one is what most users have.
+    return 'ours' if OURS in row.label or row.run.endswith(f' {COMPILED}') else ''
 
 
 def _machine(content: Mapping[str, Any]) -> Iterator[Block]:

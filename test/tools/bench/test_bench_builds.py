@@ -115,7 +115,7 @@ def _evaluate(name: str, measured: Callable[[Run], Outcome]) -> CaseResult:
     outcomes = Outcomes(case.plan(OPTIONS))
     for key, run in outcomes.runs.items():
         for _ in range(OPTIONS.repeats):
-            outcomes.add(key, measured(run) if run.build or 'floor' in key or key == 'wake'
+            outcomes.add(key, measured(run) if run.build or key in ('floor', 'wakes')
                          else Outcome(Status.MISSING, 'left out'))
     return case.evaluate(OPTIONS, outcomes)
 

@@ -42,6 +42,8 @@ from rt_robot_os.units import NS_PER_US
 TASKS, RATE_HZ = 100, 200
 SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 500)
 _QUICK_US = (0, 2, 10, 50, 500)
+# Closer ones are no sleep: a wake-up takes longer.
+_WAKES_US, _QUICK_WAKES_US = (50, 100, 200, 500), (50, 500)
 MANY = 1000
 _MANY = (('together', 'released together'), ('spread', 'spread over the period'))
 _PERIOD_NS = NS_PER_S // RATE_HZ
@@ -54,24 +56,25 @@ _RATE_LIMIT_HZ = 199.95
 _TRIES_PERCENT = 90.0
 _WARMUP_NS, _MANY_WARMUP_NS = 50 * NS_PER_MS, 300 * NS_PER_MS
 _WAKE_SHARE = 4
-_WAKE_NS = 400 * NS_PER_MS
+# Of a bare wake-up: a warm-up and two stretches of 0.1 s.
+_WAKE_S = 0.3
 # Of a stretch in which time is taken, twice, with a warm-up; and of one for counting.
 _LEAST_S, _MORE_S = 0.2, 0.2
 # "Together" has no place on a logarithmic axis but one left of the others.
-_TOGETHER_X = 0.5
+_TOGETHER_X = 0.4
 _WORKERS = 'rt_robot_os.tools.bench.workers'
 
 _COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time a job'),
     Column('p50', 'range', 'us', 'CPU time a job', spread=True), common.RATIO_COLUMN,
-    Column('alarms', 'alarms', '1', 'of a job'), Column('sleeps', 'sleeps', '1', 'of a job'),
-    Column('calls', 'calls', '1', 'of a job'))
+    Column('alarms', 'alarms', '', 'of a job'), Column('sleeps', 'sleeps', '', 'of a job'),
+    Column('calls', 'calls', '', 'of a job'))
 _NOTES = (
     'Tasks of 200 Hz that do nothing: 100 of them, or as many as find a moment of their own in',
     'the period of 5 ms (50 at 100 us, 10 at 500 us). CPU time of the thread divided by the jobs,',
     'stretches of 0.1 s, all spacings in turns. Of a job: alarms that were set, times that the',
     'process slept, system calls of the clock (alarms, holding back and awaiting signals),',
-    'counted in a stretch of its own. The bare wake-up: a clock_nanosleep loop of 20 kHz.')
+    'counted in a stretch of its own. clock_nanosleep: bare wake-ups, so far apart.')
 _MANY_COLUMNS = (
     Column('reached', 'reached', 'Hz', 'rate'),
     Column('reached', 'range', 'Hz', 'rate', spread=True),
@@ -88,6 +91,10 @@ def _spacings(options: Options) -> Sequence[int]:
     return _QUICK_US if options.quick else SPACINGS_US
 
 
+def _wakes(options: Options) -> Sequence[int]:
+    return _QUICK_WAKES_US if options.quick else _WAKES_US
+
+
 def _plan(options: Options) -> Sequence[Run]:
     spacings = _spacings(options)
     curve_s = max(options.seconds / 2, len(spacings) * _LEAST_S)
@@ -100,18 +107,16 @@ def _plan(options: Options) -> Sequence[Run]:
         'tasks': MANY, 'rate_hz': RATE_HZ, 'warmup_ns': _MANY_WARMUP_NS,
         'measure_ns': options.measure_ns},
         common.START_S + 2 * (_MANY_WARMUP_NS / NS_PER_S + options.seconds))
-    wake_ns = max(_WAKE_NS, options.measure_ns // _WAKE_SHARE)
+    wakes = _wakes(options)
+    wake_s = max(len(wakes) * _WAKE_S, options.seconds / _WAKE_SHARE)
     return (*common.both_builds(curve, many),
-            Run('wake', 'clock_nanosleep, a bare wake-up', f'{_WORKERS}.micro:wake',
-                {'rate_hz': TASKS * RATE_HZ, 'measure_ns': wake_ns},
-                common.START_S + wake_ns / NS_PER_S))
+            Run('wakes', 'bare wake-ups', f'{_WORKERS}.spacing:wakes', {
+                'spacings_ns': [us * NS_PER_US for us in wakes],
+                'measure_ns': options.measure_ns // _WAKE_SHARE}, common.START_S + wake_s))
 
 
 def _cost(spacing_us: int) -> common.Of:
     return common.part_of(str(spacing_us * NS_PER_US), 0.5)
-
-
-_WAKE = common.part_of('cpu_ns', 0.5)
 
 
 def _label(spacing_us: int) -> str:
@@ -126,7 +131,9 @@ def _curve_rows(options: Options, outcomes: Outcomes) -> list[Row]:
         rows += common.build_rows(outcomes, 'curve', _label(spacing_us), {
             'p50': _cost(spacing_us),
             **{key: common.figure(f'{key} {name}') for key in ('alarms', 'sleeps', 'calls')}})
-    return [*rows, outcomes.row('wake', {'p50': _WAKE})]
+    return [*rows, *(outcomes.row('wakes', {'p50': _cost(spacing_us)},
+                                  f'clock_nanosleep, {spacing_us} us apart')
+                     for spacing_us in _wakes(options))]
 
 
 def _tries(outcomes: Outcomes, run: str, key: str) -> Metric | None:
@@ -179,16 +186,17 @@ def _asked_for(outcomes: Outcomes, run: str, key: str) -> str:
 
 def _wake_ratio(outcomes: Outcomes, key: str) -> Metric | None:
     values = []
-    for one, two in zip(outcomes.all(key), outcomes.all('wake')):
+    for one, two in zip(outcomes.all(key), outcomes.all('wakes')):
         above = _cost(_SPREAD_US)(one) if one.samples else None
-        below = _WAKE(two)
+        below = _cost(_SPREAD_US)(two) if two.samples else None
         if above is not None and below:
             values.append(above / below)
     return Metric(tuple(values)) if values else None
 
 
 def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
-    found: dict[str, Metric | None] = {facts.WAKE_CPU: outcomes.metric('wake', _WAKE)}
+    found: dict[str, Metric | None] = {
+        facts.WAKE_CPU: outcomes.metric('wakes', _cost(_ALONE_US))}
     for build in BUILDS:
         curve = common.key_of('curve', build)
         for name, spacing_us in ((facts.TOGETHER, 0), (facts.SPREAD, _SPREAD_US),
@@ -201,25 +209,21 @@ def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
 
 
 def _plot(outcomes: Outcomes) -> Plot:
+    curves = [(common.key_of('curve', build), f'rt_robot_os, {common.BUILD_LABELS[build]}')
+              for build in BUILDS] + [('wakes', 'clock_nanosleep, bare wake-ups')]
     series = []
-    for build in BUILDS:
-        key = common.key_of('curve', build)
-        known = [(us or _TOGETHER_X, metric.median) for us in SPACINGS_US
+    for key, label in curves:
+        known = [(us or _TOGETHER_X, metric.median) for us in sorted({*SPACINGS_US, *_WAKES_US})
                  if (metric := outcomes.metric(key, _cost(us))) is not None]
         if known:
-            series.append(Series(f'rt_robot_os, {common.BUILD_LABELS[build]}',
-                                 [x for x, _ in known], [y for _, y in known], 'marks'))
-    wake = outcomes.metric('wake', _WAKE)
-    if wake is not None and series:
-        series.append(Series('clock_nanosleep, a bare wake-up', (_TOGETHER_X, SPACINGS_US[-1]),
-                             (wake.median, wake.median)))
+            series.append(Series(label, [x for x, _ in known], [y for _, y in known], 'marks'))
+    ticks = [(us or _TOGETHER_X, str(us) if us else 'together') for us in SPACINGS_US]
     return Plot('cost', 'Cost of a job by how far releases lie apart',
                 'from one release to the next, us', 'CPU time a job, us', series,
                 'Lower is better. Together: one wake-up of the CPU is shared by 100 tasks. On the '
-                'right each has a wake-up of its own, after which the CPU knows less and less of '
-                'them; the line says what the wake-up alone takes.', True, y_from_zero=True,
-                x_ticks=[(us or _TOGETHER_X, str(us) if us else 'together')
-                         for us in SPACINGS_US])
+                'right each has a wake-up of its own, and the CPU knows less and less of what it '
+                'did last; a bare loop shows what the wake-up alone takes.', True,
+                y_from_zero=True, x_ticks=ticks)
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:

@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.logger import Logger
 from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.case import Samples
@@ -36,7 +35,6 @@ from rt_robot_os.tools.bench.workers.delay import OVERHEAD_BYTES
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Layout
 from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 IMU = 'sensor_msgs/msg/Imu'
 IMU_SHAPE = {'header.frame_id': 'imu_link'}
@@ -178,24 +176,6 @@ def floors(harness: Harness) -> Measured:
         for name, operation in tested.items():
             means[name].append(block_means_ps(operation, share_ns))
     return Measured({name: np.concatenate(parts) for name, parts in means.items()})
-
-
-def wake(harness: Harness) -> Measured:
-    """Divide the CPU time of a bare ``clock_nanosleep`` loop by its wake-ups: the least of one."""
-    a = harness.arguments
-    sleeper = Sleeper()
-    harness.prepare(freeze=True)
-    period_ns = NS_PER_S // a['rate_hz']
-    count = _STRETCH_NS // period_ns
-    costs = []
-    deadline_ns = time.monotonic_ns()
-    for _ in range(1 + max(1, a['measure_ns'] // _STRETCH_NS)):
-        begin_ns = time.process_time_ns()
-        for _ in range(count):
-            deadline_ns += period_ns
-            sleeper.sleep_until_ns(deadline_ns)
-        costs.append((time.process_time_ns() - begin_ns) // count)
-    return Measured({'cpu_ns': np.array(costs[1:], np.int64)})
 
 
 def _nothing() -> None:

@@ -25,13 +25,13 @@ import numpy as np
 
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
+from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _STRETCH_NS = 100 * NS_PER_MS
-# The last stretch of a spacing: its calls are counted, its time is not taken.
 _TURNS = 2
 
 
@@ -146,6 +146,26 @@ def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
     sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw - sleeps
     return {f'alarms {spacing_ns}': clock.alarms / jobs, f'calls {spacing_ns}': clock.calls / jobs,
             f'sleeps {spacing_ns}': sleeps / jobs}
+
+
+def wakes(harness: Harness) -> Measured:
+    """Divide the CPU time of a bare ``clock_nanosleep`` loop by its wake-ups, at each spacing."""
+    a = harness.arguments
+    sleeper = Sleeper()
+    harness.prepare(freeze=True)
+    stretches = max(2, a['measure_ns'] // (len(a['spacings_ns']) * _STRETCH_NS))
+    costs: dict[str, list[int]] = {str(period_ns): [] for period_ns in a['spacings_ns']}
+    for _ in range(1 + stretches):
+        for period_ns in a['spacings_ns']:
+            count = _STRETCH_NS // period_ns
+            deadline_ns = time.monotonic_ns()
+            begin_ns = time.thread_time_ns()
+            for _ in range(count):
+                deadline_ns += period_ns
+                sleeper.sleep_until_ns(deadline_ns)
+            costs[str(period_ns)].append((time.thread_time_ns() - begin_ns) // count)
+    # The first turn is the warm-up.
+    return Measured({name: np.array(some[1:], np.int64) for name, some in costs.items()})
 
 
 def many(harness: Harness) -> Measured:
