@@ -102,11 +102,12 @@ def _ps(run: Run, factor: int) -> Outcome:
     samples |= {name: np.full(200, 2_000 * factor) for name in (DELAY, WARM, SLEEPING, WAITING)}
     samples |= {name: np.full(20, 3_000 * factor) for name in ('cpu_ns', *(
         str(ns) for ns in run.arguments.get('spacings_ns', ())))}
-    figures = {f'{name} {ns}': 1.0 for name in ('alarms', 'calls', 'sleeps')
+    figures = {f'{name} {ns}': 1.0 for name in ('alarms', 'calls', 'sleeps', 'looked')
                for ns in run.arguments.get('spacings_ns', ())}
     for key in ('together', 'spread'):
         figures |= {f'reached_hz {key}': 200.0 / factor, f'missed {key}': 100.0 * (factor - 1),
-                    f'job_us {key}': 3.0 * factor, f'cpu_percent {key}': 30.0 * factor}
+                    f'job_us {key}': 3.0 * factor, f'looked_us {key}': 0.0,
+                    f'cpu_percent {key}': 30.0 * factor}
     return Outcome(Status.OK, '', samples, {'due': 200, **figures})
 
 

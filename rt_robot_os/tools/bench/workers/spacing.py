@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import resource
+import statistics
 import time
 from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,6 +77,21 @@ class CountingClock(MonotonicClock):
         return super().wait()
 
 
+class Stretch(NamedTuple):
+    """
+    What came of letting tasks run for a while.
+
+    :ivar missed: releases that no job served.
+    :ivar used_ns: CPU time of the thread,
+    :ivar looked_ns: and of it what passed in looking at the clock instead of sleeping.
+    """
+
+    jobs: int
+    missed: int
+    used_ns: int
+    looked_ns: int
+
+
 class Crowd:
     """
     Tasks of one rate that do nothing, at phases that lie so far apart.
@@ -89,18 +106,16 @@ class Crowd:
             self._kernel.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=rate_hz,
                                   phase_ns=i * spacing_ns)
 
-    def run(self, duration_ns: int) -> tuple[int, int, int]:
-        """
-        Let them run.
-
-        :return: jobs, missed releases, and the CPU time of this thread in nanoseconds.
-        """
+    def run(self, duration_ns: int) -> Stretch:
+        """Let them run."""
         tasks = self._kernel.tasks
-        runs, missed = sum(t.runs for t in tasks), sum(t.missed for t in tasks)
+        jobs, missed = sum(t.runs for t in tasks), sum(t.missed for t in tasks)
+        looked_ns = self._kernel.looked_ns
         begin_ns = time.thread_time_ns()
         self._kernel.run(duration_ns)
         used_ns = time.thread_time_ns() - begin_ns
-        return (sum(t.runs for t in tasks) - runs, sum(t.missed for t in tasks) - missed, used_ns)
+        return Stretch(sum(t.runs for t in tasks) - jobs, sum(t.missed for t in tasks) - missed,
+                       used_ns, self._kernel.looked_ns - looked_ns)
 
 
 def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:
@@ -113,21 +128,23 @@ def curve(harness: Harness) -> Measured:
     Measure the CPU time of a job at each spacing, in turns; count what is asked of Linux.
 
     :return: for each spacing samples ``NS`` (nanoseconds a job), and figures ``alarms NS``,
-        ``calls NS`` and ``sleeps NS``, each by job.
+        ``calls NS`` and ``sleeps NS``, each by job, and ``looked NS``: nanoseconds a job.
     """
     a = harness.arguments
     harness.prepare(freeze=True)
     spacings = a['spacings_ns']
     stretches = max(1, a['measure_ns'] // (len(spacings) * _TURNS * _STRETCH_NS))
     costs: dict[str, list[int]] = {str(spacing_ns): [] for spacing_ns in spacings}
+    looked: dict[str, list[float]] = {name: [] for name in costs}
     for _ in range(_TURNS):
         for spacing_ns in spacings:
             crowd = _crowd(a, spacing_ns)
             crowd.run(a['warmup_ns'])
             for _ in range(stretches):
-                jobs, _, used_ns = crowd.run(_STRETCH_NS)
-                costs[str(spacing_ns)].append(used_ns // max(1, jobs))
-    figures: dict[str, float] = {}
+                took = crowd.run(_STRETCH_NS)
+                costs[str(spacing_ns)].append(took.used_ns // max(1, took.jobs))
+                looked[str(spacing_ns)].append(took.looked_ns / max(1, took.jobs))
+    figures = {f'looked {name}': statistics.median(some) for name, some in looked.items()}
     for spacing_ns in spacings:
         figures.update(_counted(a, spacing_ns))
     return Measured({name: np.array(some, np.int64) for name, some in costs.items()}, figures)
@@ -142,7 +159,7 @@ def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
     clock = CountingClock()
     crowd = _crowd(a, spacing_ns, clock)
     sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw
-    jobs = max(1, crowd.run(_STRETCH_NS)[0])
+    jobs = max(1, crowd.run(_STRETCH_NS).jobs)
     sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw - sleeps
     return {f'alarms {spacing_ns}': clock.alarms / jobs, f'calls {spacing_ns}': clock.calls / jobs,
             f'sleeps {spacing_ns}': sleeps / jobs}
@@ -172,8 +189,8 @@ def many(harness: Harness) -> Measured:
     """
     Let very many tasks run, released together, then at phases over the whole period.
 
-    :return: figures ``reached_hz KEY``, ``missed KEY`` (releases), ``job_us KEY`` and
-        ``cpu_percent KEY``, with ``together`` and ``spread`` as the key.
+    :return: figures ``reached_hz KEY``, ``missed KEY`` (releases), ``job_us KEY``,
+        ``looked_us KEY`` (of it) and ``cpu_percent KEY``: of ``together`` and of ``spread``.
     """
     a = harness.arguments
     period_ns = NS_PER_S // a['rate_hz']
@@ -185,11 +202,13 @@ def many(harness: Harness) -> Measured:
     figures: dict[str, float] = {}
     for key, crowd in crowds.items():
         crowd.run(a['warmup_ns'])
-        jobs, missed, used_ns = crowd.run(duration_ns)
+        took = crowd.run(duration_ns)
+        jobs = max(1, took.jobs)
         figures.update({
-            f'reached_hz {key}': a['rate_hz'] * jobs / max(1, jobs + missed),
-            f'missed {key}': missed, f'job_us {key}': used_ns / 1e3 / max(1, jobs),
-            f'cpu_percent {key}': 100.0 * used_ns / duration_ns})
+            f'reached_hz {key}': a['rate_hz'] * took.jobs / max(1, took.jobs + took.missed),
+            f'missed {key}': took.missed, f'job_us {key}': took.used_ns / 1e3 / jobs,
+            f'looked_us {key}': took.looked_ns / 1e3 / jobs,
+            f'cpu_percent {key}': 100.0 * took.used_ns / duration_ns})
     return Measured(figures=figures)
 
 
