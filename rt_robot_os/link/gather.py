@@ -112,8 +112,10 @@ class Gathered(Trigger):
         self.carried()
 
     def carried(self) -> None:
-        """Note how far the topic has been read."""
-        self._full_at = self._subscription.next_seq + self._enough
+        """Note how far the topic has been read; what was left there is tried again in time."""
+        subscription = self._subscription
+        self._full_at = max(subscription.next_seq + self._enough,
+                            subscription.topic.head + (self._enough + 1) // 2)
 
     def published(self, topic: Topic) -> bool:
         gather = self._gather

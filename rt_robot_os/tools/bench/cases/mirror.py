@@ -27,6 +27,7 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
+from rt_robot_os.tools.bench.cases import mirror_load
 from rt_robot_os.tools.bench.cases import punctual
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
@@ -46,7 +47,6 @@ _GATHER_MS = 5.0
 _NOT_DRAWN = ('mirror 1', 'mirror 10')
 _WARMUP_NS = 600 * NS_PER_MS
 _START_S = 1.2
-_LIMIT_US = 5.0
 _CORE = 'rt_robot_os.tools.bench.workers.mirror'
 _NODE = 'rt_robot_os.tools.bench.peers.mirror:node'
 
@@ -85,12 +85,13 @@ def _plan(options: Options) -> Sequence[Run]:
     measure_ns = max(options.measure_ns, 5 * STRETCH_NS)
     arguments = {'rate_hz': _RATE_HZ, 'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns}
     return (
-        *_isolation_plan(options),
+        *_isolation_plan(options), *mirror_load.plan(options),
         *(Run(key, label, f'{_CORE}:core', {**arguments, 'gather_ms': gather_ms}, seconds)
           for key, label, gather_ms in (('core', 'core with a mirror', _GATHER_MS),
                                         ('single', 'core, nothing gathered', 0.0))
           if key == 'core' or not options.quick),
-        Run('floor', 'bare socket', f'{_CORE}:floor', arguments, seconds),
+        *(() if options.quick else (
+            Run('floor', 'bare socket', f'{_CORE}:floor', arguments, seconds),)),
         *(Run(f'node {count}', f'node, {count} subscribers', _NODE,
               {**arguments, 'subscribers': count}, seconds + count)
           for count in ((0,) if options.quick else (0, 1))),
@@ -168,18 +169,19 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, {column: _cost(name, part) for column, part in (
         ('p10', 0.1), ('p50', 0.5), ('p90', 0.9))}, label)
         for key, name, label in _ROWS if key in outcomes.runs]
+    load, load_aims = mirror_load.evaluate(outcomes)
     aims = (
-        Aim('core: CPU time to mirror an Imu', _LIMIT_US,
+        Aim('core: CPU time to mirror an Imu of one topic of 2 kHz', mirror_load.LIMIT_US,
             outcomes.metric('core', _dearer), 'us',
             why=_sending(outcomes)),
-        Aim('node: CPU time to publish a mirrored Imu', _LIMIT_US,
+        Aim('node: CPU time of the thread that publishes a mirrored Imu', mirror_load.LIMIT_US,
             outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us',
             why=common.disturbances(outcomes, 'node 0')),
-    )
+        *load_aims)
     isolation, isolation_aims, plot = _isolation(outcomes)
     return CaseResult(
         CASE.name, CASE.title,
-        (isolation, Table('Cost of one mirrored Imu', _COLUMNS, rows, _NOTES)),
+        (isolation, *load, Table('Cost of one mirrored Imu', _COLUMNS, rows, _NOTES)),
         (*isolation_aims, *aims), (plot,))
 
 

@@ -12,15 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A ROS node that mirrors the topics of a core as the node of a robot does."""
+"""A ROS node that mirrors the topics of a core as the node of a robot does, and rclpy alone."""
+
+# mypy: allow-untyped-calls
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
 from pathlib import Path
+import time
 from typing import Any
 
+import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -28,12 +32,20 @@ from rclpy.signals import SignalHandlerOptions
 from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.tools.bench.harness import Harness
+from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.link_client import connect
 from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.workers.micro import IMU
+from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.mirror_load import mirrored
+from rt_robot_os.topics import Layout
+from rt_robot_os.topics.resolve import message_class
 
 _DEPTH = 10
+# As often as the core sends, and the first times do not count.
+_PAUSE_S = 0.005
+_WARM = 20
 
 
 def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
@@ -50,3 +62,25 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     mirrors.active = True
     mirrors.connect(link)
     stay(link, mapper.compare)
+
+
+def raw(harness: Harness) -> Measured:
+    """Give the bytes of an Imu to ``topics`` publishers in turn, and nothing else: the floor."""
+    a = harness.arguments
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    made = Node('bench', start_parameter_services=False, enable_rosout=False)
+    publish = [made.create_publisher(message_class(IMU), mirrored(i), _DEPTH).handle.publish_raw
+               for i in range(a['topics'])]
+    cdr = bytes(Layout.compile(IMU, IMU_SHAPE).prototype)
+    harness.prepare()
+    costs: list[int] = []
+    end_ns = time.monotonic_ns() + a['measure_ns']
+    while time.monotonic_ns() < end_ns or len(costs) <= _WARM:
+        begin_ns = time.thread_time_ns()
+        for one in publish:
+            one(cdr)
+        costs.append((time.thread_time_ns() - begin_ns) // len(publish))
+        time.sleep(_PAUSE_S)
+    made.destroy_node()
+    rclpy.try_shutdown()
+    return Measured({'raw_ns': np.array(costs[_WARM:], np.int64)})

@@ -44,15 +44,16 @@ _RECEIVER = 'rt_robot_os.tools.bench.workers.mirror:receiver'
 
 
 def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]],
-             gather_ms: float = 5.0) -> RobotSettings:
+             gather_ms: float = 5.0, depth: int = 16) -> RobotSettings:
     """
     Make a robot without devices.
 
     :param topics: message type and fixed fields, by name.
     :param gather_ms: what is mirrored within this time goes out together; the default of a robot.
+    :param depth: of each ring.
     """
     declared = tuple(TopicSettings(name=name.replace('/', '_'), topic=name, message=message,
-                                   depth=16, fixed=fixed)
+                                   depth=depth, fixed=fixed)
                      for name, (message, fixed) in topics.items())
     return RobotSettings(topics=declared, core=CoreSettings(
         spawn=False, scheduler_priority=0, link_gather_ms=gather_ms))

@@ -28,7 +28,22 @@ from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.turns import Turns
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 
+# Each rate is tried so long, and the next is this much higher.
+STEP_NS = 400 * NS_PER_MS
+GROWTH = 1.33
+FIRST_HZ, LAST_HZ = 4000.0, 200_000.0
+# Of a deep ring, so that a burst is no loss.
+_DEPTH = 256
+_TICK_HZ = 1000.0
+# A rate is too high when more than this part is dropped, or not published in time.
+_BEARABLE = 0.001
+_BEHIND = 0.02
+# So often in a row: once may be something else that the machine does.
+_TRIES = 3
+CORE_GAVE_IN, NODE_GAVE_IN, NOBODY_GAVE_IN = 1, 2, 0
 _NODE = 'rt_robot_os.tools.bench.peers.mirror_load:node'
 
 
@@ -87,3 +102,85 @@ def core(harness: Harness) -> Measured:
     published, sent, dropped = counts[-1]
     return Measured({name: values // a['topics'] for name, values in measured.samples.items()},
                     {'published': published, 'sent': sent, 'dropped': dropped})
+
+
+class Ramp:
+    """
+    A job for a task of 1 kHz that publishes more and more a second, until something is dropped.
+
+    :param publish: by topic; each in its turn.
+    :param dropped: tells how many samples the core could not send in time, and how many the
+        client's socket refused, both since the beginning.
+    :ivar rate_hz: the highest rate at which nothing was.
+    :ivar gave_in: who could not do more: ``CORE_GAVE_IN``, ``NODE_GAVE_IN``.
+    """
+
+    def __init__(self, publish: Sequence[Callable[[], object]],
+                 dropped: Callable[[], tuple[int, int]], warmup_ns: int) -> None:
+        self.rate_hz = 0.0
+        self.gave_in = NOBODY_GAVE_IN
+        self._publish = publish
+        self._dropped = dropped
+        self._next = self._published = 0
+        self._wanted_hz = FIRST_HZ
+        self._before = (0, 0)
+        self._failed = 0
+        self._begun_ns = time.monotonic_ns() + warmup_ns
+        self._due = 0.0
+
+    def job(self) -> None:
+        """Publish what is due in a millisecond; look at the end of each step what became of it."""
+        publish, count = self._publish, len(self._publish)
+        self._due += self._wanted_hz / _TICK_HZ
+        for _ in range(int(self._due)):
+            publish[self._next % count]()
+            self._next += 1
+        self._published += int(self._due)
+        self._due %= 1.0
+        elapsed_ns = time.monotonic_ns() - self._begun_ns
+        if elapsed_ns >= STEP_NS and not self.gave_in:
+            self._judge(elapsed_ns)
+            self._published, self._begun_ns = 0, time.monotonic_ns()
+
+    def _judge(self, elapsed_ns: int) -> None:
+        rate_hz = self._published * NS_PER_S / elapsed_ns
+        now = self._dropped()
+        lost, full = (after - before for before, after in zip(self._before, now))
+        self._before = now
+        dropped = max(lost, full) > _BEARABLE * self._published
+        if dropped or rate_hz < (1 - _BEHIND) * self._wanted_hz:
+            self._failed += 1
+            if self._failed == _TRIES:
+                self.gave_in = NODE_GAVE_IN if dropped and full > lost else CORE_GAVE_IN
+                self._wanted_hz = FIRST_HZ
+            return
+        self._failed = 0
+        self.rate_hz = rate_hz
+        self._wanted_hz = min(LAST_HZ, GROWTH * self._wanted_hz)
+
+
+def saturation(harness: Harness) -> Measured:
+    """
+    Publish on ``topics`` that a ROS node mirrors, more and more, until a sample is dropped.
+
+    :return: the highest rate at which none was, of all topics together, and who gave in then.
+    """
+    a = harness.arguments
+    topics = range(a['topics'])
+    path = socket_path('bench')
+    tested = Core(settings({mirrored(i): (IMU, IMU_SHAPE) for i in topics}, depth=_DEPTH), path)
+
+    def dropped() -> tuple[int, int]:
+        mirrors = [m for c in tested.link.statistics() for m in c.mirrors]
+        if not sum(m.sent for m in mirrors):
+            raise RuntimeError('the node got no sample')
+        return sum(m.lost for m in mirrors), sum(m.full for m in mirrors)
+
+    arguments = {'path': str(path), 'topics': a['topics'], 'delay_ms': a['delay_ms']}
+    with harness.helper(_NODE, arguments, same_cpu=False):
+        harness.prepare(freeze=True)
+        ramp = Ramp([tested.bus.publisher(mirrored(i)).publish for i in topics], dropped,
+                    a['warmup_ns'])
+        tested.kernel.add_task('bench/publish', ramp.job, priority=60, rate_hz=_TICK_HZ)
+        tested.run(a['warmup_ns'] + a['measure_ns'])
+    return Measured({}, {'rate_hz': ramp.rate_hz, 'gave_in': ramp.gave_in})
