@@ -31,8 +31,8 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={package_name: ['py.typed', 'devices/*/page.md', 'tools/plan/typical.json',
-                                 'tools/new/templates/*.in']},
+    package_data={package_name: ['py.typed', 'devices/*/page.md', 'linux/_timer.c',
+                                 'tools/plan/typical.json', 'tools/new/templates/*.in']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),

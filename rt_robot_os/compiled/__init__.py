@@ -78,6 +78,8 @@ MODULES: Final = (
     'topics.topic',
     'units',
 )
+# What is written in C: the same in Python stands beside it.
+C_MODULES: Final = ('linux._timer',)
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,8 @@ def wanted() -> bool | None:
 
 def source_of(module: str, package: Path) -> Path:
     """Return the file of a module."""
-    return package.joinpath(*module.split('.')).with_suffix('.py')
+    suffix = '.c' if module in C_MODULES else '.py'
+    return package.joinpath(*module.split('.')).with_suffix(suffix)
 
 
 def digest(path: Path) -> str:
@@ -127,7 +130,7 @@ def manifest_path(folder: Path) -> Path:
 
 def changed_since(manifest: Mapping[str, Any], package: Path) -> list[str]:
     """Return the sources that are not what a manifest says; all of them must be what it says."""
-    if manifest['modules'] != list(MODULES):
+    if manifest['modules'] != [*MODULES, *C_MODULES]:
         return ['compiled.__init__']
     return [module for module, recorded in manifest['sources'].items()
             if digest(source_of(module, package)) != recorded]
@@ -148,7 +151,7 @@ class _Finder(MetaPathFinder):
 
     def __init__(self, package: Path) -> None:
         self._package = package
-        self._names = {f'{PACKAGE}.{module}' for module in MODULES}
+        self._names = {f'{PACKAGE}.{module}' for module in (*MODULES, *C_MODULES)}
         self._files: dict[str, str] = {}
         self._state: State | None = None
 

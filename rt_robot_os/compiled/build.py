@@ -31,6 +31,7 @@ import sys
 import sysconfig
 from typing import Any
 
+from rt_robot_os.compiled import C_MODULES
 from rt_robot_os.compiled import changed_since
 from rt_robot_os.compiled import digest
 from rt_robot_os.compiled import FOLDER
@@ -78,6 +79,7 @@ def sources(package: Path) -> dict[str, str]:
         path = source_of(module, package)
         for name in (module, *_imports(path.read_bytes())):
             found[name] = digest(source_of(name, package))
+    found.update((module, digest(source_of(module, package))) for module in C_MODULES)
     return {name: value for name, value in found.items() if value}
 
 
@@ -165,9 +167,11 @@ class BuildCompiled(build_ext):
             extension.extra_compile_args = [
                 *(option for option in extension.extra_compile_args if option != '-Werror'),
                 '-ffp-contract=off']
+        extensions += [Extension(f'{PACKAGE}.{module}', [str(source_of(module, Path(PACKAGE)))],
+                                 extra_compile_args=['-O3']) for module in C_MODULES]
         self._build(extensions, temporary)
         manifest = {
-            'mypyc': mypyc_version, 'modules': list(MODULES), 'sources': made_of,
+            'mypyc': mypyc_version, 'modules': [*MODULES, *C_MODULES], 'sources': made_of,
             'files': {extension.name: file_name(extension.name)
                       for extension in extensions}}
         self._put_in_place(temporary, folder, manifest)

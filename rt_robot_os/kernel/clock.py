@@ -37,6 +37,7 @@ from rt_robot_os.errors import TaskError
 from rt_robot_os.linux.process import WaitingTime
 from rt_robot_os.linux.recursion import with_room
 from rt_robot_os.linux.timer import AGAIN_NS
+from rt_robot_os.linux.timer import Noting
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
 from rt_robot_os.units import NS_PER_MS
@@ -137,6 +138,17 @@ class Clock(ABC):
         :return: True when it may have been something else than the alarm.
         """
 
+    def rest(self, owner: Noting) -> bool:
+        """
+        Hold alarms and interrupts back, :meth:`wait` unless something is pending, and admit them.
+
+        :return: what :meth:`wait` gives; False when something was pending.
+        """
+        self.hold()
+        came = not owner.pending and self.wait()
+        self.admit()
+        return came
+
     def look(self, until_ns: int) -> int:
         """
         Read the time once more, on the way to a moment that is too near to wait for.
@@ -183,6 +195,7 @@ class MonotonicClock(Clock):
         self._hold: Callable[[], None] = _nothing
         self._admit: Callable[[], None] = _nothing
         self._sigwait: Callable[[], int] = _refuse
+        self._rest: Callable[[Noting], int] = _refuse
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
@@ -225,6 +238,7 @@ class MonotonicClock(Clock):
             raise
         self._arm, self._arm_spare = self._timers[0].arm, self._timers[1].arm
         self._hold, self._admit, self._sigwait = gate.hold, gate.admit, gate.wait
+        self._rest = gate.rest
         self.wake_ns = self._measure_wake_ns()
 
     def _measure_wake_ns(self) -> int:
@@ -301,10 +315,16 @@ class MonotonicClock(Clock):
     def waited_ns(self) -> int:
         return self._waiting.read()
 
+    def rest(self, owner: Noting) -> bool:
+        signo = self._rest(owner)
+        return signo not in (0, TICK_SIGNAL) and self._take(signo)
+
     def wait(self) -> bool:
         signo = self._sigwait()
-        if signo == TICK_SIGNAL:
-            return False
+        return signo != TICK_SIGNAL and self._take(signo)
+
+    def _take(self, signo: int) -> bool:
+        """Do what another signal is for."""
         if signo in self._wakes:
             handler = signal.getsignal(signo)
             if callable(handler):

@@ -372,11 +372,8 @@ class Kernel(Scheduler):
             if self.on_idle is not None:
                 self._idle(self.on_idle, next_ns - now_ns)
             self.stolen.keep_fresh(now_ns)
-            clock.hold()
-            # A signal that came before hold() has left its note; one after it is held.
-            if not (self.pending or self._stopping) and clock.wait():
+            if clock.rest(self):
                 self._interrupted = True
-            clock.admit()
             self.wakeups += 1
 
     def _idle(self, hook: Callable[[int], None], slack_ns: int) -> None:

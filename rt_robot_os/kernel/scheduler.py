@@ -48,6 +48,7 @@ from rt_robot_os.kernel.consequences import Consequences
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
+from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.task import Task
@@ -159,6 +160,8 @@ class Scheduler(Releases):
                 self.pending = True
             else:
                 self.settle()  # which sets the alarm
+        elif self._level == IDLE_LEVEL:
+            self.pending = True  # it may be about to wait
 
     def _fail(self, error: Exception) -> None:
         """Let :meth:`Kernel.run` end with a defect of the kernel."""

@@ -25,12 +25,21 @@ from collections.abc import Iterable
 import ctypes
 import resource
 import threading
+from typing import Any
+from typing import Protocol
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.linux import _libc
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+# The same calls without ctypes, where it was built: 3 us less for a job that waits for its alarm.
+_native: Any
+try:
+    from rt_robot_os.linux import _timer as _native
+except ImportError:
+    _native = None
 
 # Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
 AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
@@ -74,6 +83,9 @@ class SignalTimer:
         self._arguments = (self._timer, ctypes.c_int(_libc.TIMER_ABSTIME),
                            ctypes.byref(self._spec_storage), None)
         self._alive = True
+        if _native is not None:
+            self.arm = _native.Alarm(  # type: ignore[method-assign]
+                self._timer.value or 0, AGAIN_NS).arm
 
     def arm(self, deadline_ns: int) -> None:
         """
@@ -99,6 +111,12 @@ class SignalTimer:
             _libc.timer_delete(self._timer)
 
 
+class Noting(Protocol):
+    """Somebody who rests until something comes up."""
+
+    pending: bool
+
+
 class SignalGate:
     """
     A set of signals that can be held back and awaited.
@@ -115,6 +133,10 @@ class SignalGate:
         self._hold = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
         self._admit = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
         self._wait = (reference, None)
+        if _native is not None:
+            gate = _native.Gate(self._set[0])
+            self.hold, self.admit = gate.hold, gate.admit  # type: ignore[method-assign]
+            self.wait, self.rest = gate.wait, gate.rest  # type: ignore[method-assign]
 
     def hold(self) -> None:
         """Keep the signals pending; safe in the real-time loop."""
@@ -132,6 +154,18 @@ class SignalGate:
         """
         result: int = _libc.sigwaitinfo(*self._wait)
         return result
+
+    def rest(self, owner: Noting) -> int:
+        """
+        Wait for one of the signals unless something is pending, and lose none in between.
+
+        :return: what :meth:`wait` gives; 0 when something was pending.
+        """
+        self.hold()
+        # A signal that came before hold() has left its note; one after it is held.
+        signo = 0 if owner.pending else self.wait()
+        self.admit()
+        return signo
 
 
 class Sleeper:

@@ -13,7 +13,11 @@
 # limitations under the License.
 
 
-"""The timer signals the thread that made it; signals that are held are not lost."""
+"""
+The timer signals the thread that made it; signals that are held are not lost.
+
+All of it holds with ctypes and with the extension in C, where there is one.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,21 @@ import time
 
 import pytest
 
+from rt_robot_os.linux import timer as timer_module
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
 from rt_robot_os.linux.timer import Sleeper
 
 SIGNAL = signal.SIGRTMIN + 7
 MS = 1_000_000
+
+
+@pytest.fixture(autouse=True, params=['ctypes', 'C'])
+def build(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == 'ctypes':
+        monkeypatch.setattr('rt_robot_os.linux.timer._native', None)
+    elif timer_module._native is None:
+        pytest.skip('this is the pure build')
 
 
 @pytest.fixture
@@ -88,6 +101,7 @@ def test_the_signal_is_repeated_until_the_timer_is_armed_anew_or_disarmed(
 
 def test_a_deadline_in_146_years_is_no_problem(timer: SignalTimer, seen: list[int]) -> None:
     timer.arm(1 << 62)
+    timer.arm(1 << 63)
     assert not seen
 
 
@@ -117,6 +131,54 @@ def test_another_signal_ends_the_waiting(timer: SignalTimer, seen: list[int]) ->
     finally:
         gate.admit()
     wait_for(1, seen)
+
+
+class Owner:
+    """Somebody who rests."""
+
+    def __init__(self, pending: bool = False) -> None:
+        self.pending = pending
+
+
+def test_who_rests_is_woken_and_has_its_signals_back(
+        timer: SignalTimer, seen: list[int]) -> None:
+    gate = SignalGate([SIGNAL])
+    timer.arm(time.monotonic_ns() + MS)
+    assert gate.rest(Owner()) == SIGNAL
+    assert not seen and not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    timer.arm(1)
+    wait_for(1, seen)
+
+
+def test_nobody_rests_with_something_pending(seen: list[int]) -> None:
+    assert SignalGate([SIGNAL]).rest(Owner(pending=True)) == 0
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_handler_that_has_not_run_yet_runs_before_the_rest(seen: list[int]) -> None:
+    owner = Owner()
+
+    def note(signo: int, frame: object) -> None:
+        owner.pending = True
+
+    signal.signal(SIGNAL, note)
+    rest = SignalGate([SIGNAL]).rest
+    for _ in range(100):  # a sort of signals that come as late as they can
+        owner.pending = False
+        assert [signal.raise_signal(SIGNAL), rest(owner)] == [None, 0]
+
+
+def test_an_owner_that_fails_leaves_no_signals_held() -> None:
+    gate = SignalGate([SIGNAL])
+    with pytest.raises(AttributeError):
+        gate.rest(object())  # type: ignore[arg-type]
+    gate.admit()  # what the clock does when it is detached
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_deadline_that_is_none_is_refused(timer: SignalTimer) -> None:
+    with pytest.raises(TypeError):
+        timer.arm('soon')  # type: ignore[arg-type]
 
 
 def test_the_sleeper_sleeps_until_its_deadline() -> None:
