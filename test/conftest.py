@@ -40,7 +40,7 @@ import background  # noqa: E402, I100
 # So many tests take longer than all linters.
 MANY = 2000
 # What is made of the compiled modules, and how it looks from outside. Property tests come on top.
-BOTH_BUILDS = ('core', 'e2e', 'golden', 'kernel', 'link', 'topics')
+BOTH_BUILDS = ('core', 'e2e', 'golden', 'kernel', 'link', 'linux', 'topics')
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 # Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
