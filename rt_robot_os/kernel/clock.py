@@ -168,7 +168,7 @@ class Clock(ABC):
         """Pretend to compute: what a task calls in a simulation or a test."""
 
 
-def _refuse(*_: int) -> Any:
+def _refuse(*_: object) -> Any:
     raise TaskError('the clock is not attached: a kernel does that when it runs')
 
 

@@ -22,7 +22,9 @@ so that no drift can build up, and aimed at the thread that created it.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 import ctypes
+from importlib import import_module
 import resource
 import threading
 from typing import Any
@@ -35,11 +37,9 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 # The same calls without ctypes, where it was built: 3 us less for a job that waits for its alarm.
-_native: Any
-try:
-    from rt_robot_os.linux import _timer as _native
-except ImportError:
-    _native = None
+_native: Any = None
+with suppress(ImportError):
+    _native = import_module('rt_robot_os.linux._timer')
 
 # Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
 AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
