@@ -172,7 +172,8 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
             common.build_ratio(outcomes, 'curve', _cost(0)),
             why=common.disturbances(outcomes, ours)),
         Aim('job, 50 us apart / a bare wake-up', _WAKE_RATIO,
-            _wake_ratio(outcomes, ours), why=common.disturbances(outcomes, ours))]
+            _wake_ratio(outcomes, ours),
+            why=_woken(outcomes, ours) + common.disturbances(outcomes, ours))]
     many = common.ours(outcomes, 'many')
     for key, _ in _MANY:
         why = _asked_for(outcomes, many, key) + common.disturbances(outcomes, many)
@@ -192,6 +193,15 @@ def _asked_for(outcomes: Outcomes, run: str, key: str) -> str:
     return '' if job is None else (
         f'a job takes {job.median:.1f} us: all of them ask for '
         f'{100 * MANY * RATE_HZ * job.median / 1e6:.0f} % of a CPU; ')
+
+
+def _woken(outcomes: Outcomes, key: str) -> str:
+    """Return what of a job with a moment of its own is the machine's."""
+    sleeps = outcomes.metric(key, common.figure(f'sleeps {_SPREAD_US * NS_PER_US}'))
+    wake = outcomes.metric('wakes', _cost(_SPREAD_US))
+    return '' if sleeps is None or wake is None else (
+        f'the process slept {sleeps.median:.2f} times a job, and to wake up takes '
+        f'{wake.median:.1f} us without any kernel; ')
 
 
 def _wake_ratio(outcomes: Outcomes, key: str) -> Metric | None:
