@@ -74,6 +74,12 @@ else:
     hypothesis_settings.load_profile('package')
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Let processes of one run take the files in the order of the collection, see below."""
+    if hasattr(config.option, 'loadscopereorder'):
+        config.option.loadscopereorder = False
+
+
 def pytest_report_header() -> str:
     """Say which build is tested."""
     return f'{PACKAGE}: {state().text}'
