@@ -154,7 +154,7 @@ def beside(running: Path, tmp_path: Path) -> Iterator[Robot]:
 
 
 @pytest.fixture(scope='session')
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record the default robot from its first moment on; who changes it works on a copy."""
     output = tmp_path_factory.mktemp('recording')
     with tempfile.TemporaryDirectory(prefix='rtr') as folder:
@@ -165,6 +165,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             made.core('-p', 'core.record_bytes:=true')
             made.wait_for_messages(log, recorder, 1000)
             assert made.end(recorder) == 0, log.read_text()
-            yield output / 'bag'
         finally:
             made.close()
+    return output / 'bag'
