@@ -21,9 +21,8 @@ import re
 import sys
 from xml.etree import ElementTree
 
-MUST_RUN = re.compile(r'\b(ros|rclpy|ament\w*|mypy|flake8|pep257|hypothesis)\b|_msgs\b', re.IGNORECASE)
-
-
+MUST_RUN = re.compile(
+    r'\b(ros|rclpy|ament\w*|mypy|flake8|pep257|hypothesis)\b|_msgs\b', re.IGNORECASE)
 BUILDS = ('pure build', 'compiled build')
 # What a machine may lack; mypyc is installed for the tests.
 MAY_LACK = re.compile(r'^no (C compiler|\S*Python\.h)\b')

@@ -15,8 +15,8 @@
 """
 Join what the tests said of both builds in one JUnit file, and close as pytest does.
 
-    join_results.py pytest.xml pure=log/test/pure.xml compiled=log/test/compiled.xml
-    join_results.py pytest.xml pure=log/test/pure.xml --not-compiled 'no C compiler'
+    join_results.py JOINED pure=FILE compiled=FILE
+    join_results.py JOINED pure=FILE --not-compiled 'no C compiler'
 """
 
 from __future__ import annotations
