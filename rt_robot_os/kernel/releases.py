@@ -406,9 +406,7 @@ class Releases(ABC):
     def _arm_for(self, task: Task, level: int, due_ns: int) -> None:
         """Let the alarm come for the next release, or at the end of the budget of a new job."""
         alarm_ns = due_ns
-        if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
-            alarm_ns = self._armed_ns
-        elif self._near_ns:
+        if self._near_ns:
             alarm_ns = self._lenient_ns(due_ns)
         elif self.spin_ns and due_ns == self._firsts[0][0]:
             alarm_ns = self._early_ns(level)
@@ -426,6 +424,8 @@ class Releases(ABC):
         Where that is often, because releases lie closer than an alarm costs, it may come late, so
         that one does for several of them.
         """
+        if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
+            return self._armed_ns
         if due_ns == self._spare_ns:
             return due_ns
         wake_ns, now_ns = self.clock.wake_ns, self.now_ns()
