@@ -265,13 +265,16 @@ class Supervisor:
                   f'{len(client.topics)} topics, {len(client.core.get("tasks", ()))} tasks')
 
     def _stay(self, client: LinkClient) -> None:
-        beat_s = statistics_s = 0.0
+        look_s = beat_s = statistics_s = 0.0
         question: Question | None = None
         self._silence.restart()
         while not self._stopping.is_set():
             client.pump(_PUMP_S)
-            now_s = time.monotonic()
             self._mapper.compare()
+            now_s = time.monotonic()
+            if now_s < look_s:
+                continue  # samples come often; what follows is in no such hurry
+            look_s = now_s + _PUMP_S / 2
             if now_s >= beat_s:
                 with suppress(LinkSilent):  # its socket is full: the sign of life decides
                     client.beat()
