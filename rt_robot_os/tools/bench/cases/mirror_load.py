@@ -148,7 +148,7 @@ def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Aim]]:
         if key not in outcomes.runs:
             continue  # of a first look
         more = f', delay_ms {delay_ms:g}' if delay_ms else ''
-        aims += [Aim(f'{who}: CPU time of a mirrored Imu, 50 topics of 200 Hz{more}', LIMIT_US,
+        aims += [Aim(f'{who}: CPU of an Imu, 50 topics{more}', LIMIT_US,
                      outcomes.metric(key, of), 'us', why=_why(outcomes, who, key))
                  for who, of in (('core', _CORE), ('node', _NODE))]
     return tables, aims
