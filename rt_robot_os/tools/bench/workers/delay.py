@@ -205,6 +205,11 @@ class Variant:
 
         return job
 
+    @property
+    def counted(self) -> int:
+        """Messages that were published so far, but those that do not count: see to_the_last."""
+        return max(0, self._sent.count - self._warm - 1)
+
     def run(self) -> Samples:
         """Publish for the time that is wanted."""
         self._kernel.run(self._total_ns)
