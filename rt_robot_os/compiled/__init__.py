@@ -65,6 +65,8 @@ MODULES: Final = (
     'kernel.scheduler',
     'kernel.stolen',
     'kernel.task',
+    'link.batch',
+    'link.mirror',
     'modules.attitude.base',
     'modules.attitude.guards',
     'modules.attitude.mahony',
