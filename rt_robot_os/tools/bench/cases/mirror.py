@@ -171,10 +171,10 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         for key, name, label in _ROWS if key in outcomes.runs]
     load, load_aims = mirror_load.evaluate(outcomes)
     aims = (
-        Aim('core: CPU time to mirror an Imu of one topic of 2 kHz', mirror_load.LIMIT_US,
+        Aim('core: CPU of an Imu of one topic of 2 kHz', mirror_load.LIMIT_US,
             outcomes.metric('core', _dearer), 'us',
             why=_sending(outcomes)),
-        Aim('node: CPU time of the thread that publishes a mirrored Imu', mirror_load.LIMIT_US,
+        Aim('node: CPU of an Imu, publishing thread alone', mirror_load.LIMIT_US,
             outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us',
             why=common.disturbances(outcomes, 'node 0')),
         *load_aims)
