@@ -57,6 +57,7 @@ class KernelRequests:
         kernel, now_ns = self._kernel, self._kernel.now_ns()
         return {'pid': os.getpid(), 'now_ns': now_ns, 'elapsed_ns': now_ns - kernel.start_ns,
                 'wakeups': kernel.wakeups, 'overhead_ns': kernel.overhead_ns,
+                'looked_ns': kernel.looked_ns, 'alarm_ns': kernel.clock.wake_ns,
                 'failures_total': kernel.failures_total, 'stolen': kernel.stolen.events,
                 'stolen_total_ns': kernel.stolen.total_ns,
                 'stolen_maximum_ns': kernel.stolen.times.maximum_ns}

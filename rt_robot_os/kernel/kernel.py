@@ -500,7 +500,7 @@ class Kernel(Scheduler):
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
-            overhead_ns=self.overhead_ns,
+            overhead_ns=self.overhead_ns, looked_ns=self.looked_ns, alarm_ns=self.clock.wake_ns,
             stolen=self.stolen.times.summary(), stolen_total_ns=self.stolen.total_ns,
             tasks=tuple(task.statistics() for task in self._tasks),
             resources=tuple(r.statistics() for r in self._resources.values()),

@@ -134,6 +134,9 @@ class KernelStatistics:
     :ivar failures_dropped: failure reports that gave way to newer ones.
     :ivar overhead_ns: what the kernel itself computed for since it was made: releasing,
         dispatching, setting alarms. What Linux and Python need to deliver a signal is not in it.
+    :ivar looked_ns: what it looked at the clock for, since it was made, where an alarm would have
+        cost more.
+    :ivar alarm_ns: what an alarm costs here, as measured at the start; 0 where it costs nothing.
     """
 
     elapsed_ns: int
@@ -146,3 +149,5 @@ class KernelStatistics:
     overhead_ns: int = 0
     stolen: Summary = Summary()
     stolen_total_ns: int = 0
+    looked_ns: int = 0
+    alarm_ns: int = 0

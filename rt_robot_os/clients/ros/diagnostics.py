@@ -194,6 +194,9 @@ class Diagnostics:
                    'threads': threads or 'none',
                    'kernel_percent': 100 * now.core.get('overhead_ns', 0) / max(
                        1, now.core['elapsed_ns']),
+                   'looking_percent': 100 * now.core.get('looked_ns', 0) / max(
+                       1, now.core['elapsed_ns']),
+                   'alarm_costs_us': now.core.get('alarm_ns', 0) / 1000,
                    'stolen_by_linux': now.core.get('stolen', 0),
                    'stolen_by_linux_max_us': now.core.get('stolen_maximum_ns', 0) / 1000,
                    'clients_accepted': now.core['accepted'],
