@@ -27,7 +27,6 @@ from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
-from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.ran_instead import ran_instead
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
@@ -131,19 +130,22 @@ class Consequences:
 
     # ---- limits ------------------------------------------------------------------------------
 
-    def long_execution(self, task: Task, execution_ns: int) -> None:
-        """Look at a job that computed for longer than the longest so far, or than its budget."""
+    def long_execution(self, task: Task, execution_ns: int) -> int:
+        """
+        Look at a job that computed for longer than the longest so far, or than its budget.
+
+        :return: its computing time, without what Linux took.
+        """
         if execution_ns > LOOKS_LONG_NS:
             taken_ns = self._claim(task, self._kernel.now_ns(), execution_ns)
             if taken_ns:
                 self._ended = (task, task.start_ns, taken_ns)
-                task.execution_counts[bucket(execution_ns)] -= 1
                 task.execution_total_ns -= taken_ns
                 execution_ns -= taken_ns
-                task.execution_counts[bucket(execution_ns)] += 1
-        longest_ns = task.execution.maximum_ns = max(task.execution.maximum_ns, execution_ns)
+        longest_ns = task.execution_maximum_ns = max(task.execution_maximum_ns, execution_ns)
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
         task.budget_exceeded += execution_ns > task.budget_ns
+        return execution_ns
 
     def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
         """Look at a job that ended later after its release than any so far, or too late."""

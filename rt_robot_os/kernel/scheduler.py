@@ -51,6 +51,10 @@ from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.task import CARRY
+from rt_robot_os.kernel.task import EXECUTION
+from rt_robot_os.kernel.task import JITTER
+from rt_robot_os.kernel.task import KINDS
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
@@ -380,33 +384,47 @@ class Scheduler(Releases):
         A call for each histogram would cost as much again: the arithmetic is that of
         :func:`rt_robot_os.kernel.histogram.bucket`, written out.
         """
+        counts = task.counts
         execution_ns = end_ns - start_ns - self._stolen_ns
         task.runs += 1
         task.execution_total_ns += execution_ns
-        shift = execution_ns.bit_length() - 4
-        task.execution_counts[
-            execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)] += 1
         if execution_ns > task.execution_limit_ns:
-            self._consequences.long_execution(task, execution_ns)
+            execution_ns = self._consequences.long_execution(task, execution_ns)
+        shift = execution_ns.bit_length() - 4
+        place = KINDS * (
+            execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)) + EXECUTION
+        count = counts[place] + 1
+        counts[place] = count
+        if count == CARRY:
+            task.carry(place)
         latency_ns = start_ns - release_ns
         shift = latency_ns.bit_length() - 4
-        task.latency_counts[
-            latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)] += 1
-        if latency_ns > task.latency.maximum_ns:
-            task.latency.maximum_ns = latency_ns
+        place = KINDS * (latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift))
+        count = counts[place] + 1
+        counts[place] = count
+        if count == CARRY:
+            task.carry(place)
+        if latency_ns > task.latency_maximum_ns:
+            task.latency_maximum_ns = latency_ns
         if end_ns - release_ns > task.response_limit_ns:
             self._consequences.long_response(task, release_ns, end_ns)
         if previous_ns >= 0:
-            gap_ns = start_ns - previous_ns
-            if gap_ns > task.gap_maximum_ns:
-                task.gap_maximum_ns = gap_ns
+            jitter_ns = start_ns - previous_ns
+            if jitter_ns > task.gap_maximum_ns:
+                task.gap_maximum_ns = jitter_ns
             if task.period_ns:
-                jitter_ns = abs(gap_ns - task.interval_ns)
+                jitter_ns -= task.interval_ns
+                if jitter_ns < 0:
+                    jitter_ns = -jitter_ns
                 shift = jitter_ns.bit_length() - 4
-                task.jitter_counts[
-                    jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)] += 1
-                if jitter_ns > task.jitter.maximum_ns:
-                    task.jitter.maximum_ns = jitter_ns
+                place = KINDS * (
+                    jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)) + JITTER
+                count = counts[place] + 1
+                counts[place] = count
+                if count == CARRY:
+                    task.carry(place)
+                if jitter_ns > task.jitter_maximum_ns:
+                    task.jitter_maximum_ns = jitter_ns
 
     # ---- ending jobs -------------------------------------------------------------------------
 
