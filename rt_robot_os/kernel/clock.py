@@ -32,6 +32,7 @@ import threading
 import time
 from typing import Any
 from typing import ClassVar
+from typing import Final
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.linux.process import WaitingTime
@@ -43,7 +44,8 @@ from rt_robot_os.linux.timer import SignalTimer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
-NEVER_NS = 1 << 62
+# The largest power of two that compiled code need not keep in an object.
+NEVER_NS: Final = 1 << 61
 
 TICK_SIGNAL = signal.SIGRTMIN + 5
 INTERRUPT_SIGNAL = signal.SIGRTMIN + 6

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 import functools
-import heapq
+from typing import Final
 
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
@@ -28,6 +28,7 @@ from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.ran_instead import ran_instead
+from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.spec import FailurePolicy
@@ -39,8 +40,8 @@ from rt_robot_os.kernel.task import Timer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
-BLOCKED_NS = 50 * NS_PER_US
-_SUSPECTS_EVERY_NS = 10 * NS_PER_MS
+BLOCKED_NS: Final = 50 * NS_PER_US
+_SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
 
 
 class Consequences:
@@ -262,7 +263,7 @@ class Consequences:
     def _put_back(self, task: Task, timer: Timer) -> None:
         kernel = self._kernel
         task.timer = None
-        heapq.heappush(kernel._timers[task.priority], timer)
+        insert(kernel._timers[task.priority], timer)
         kernel._expect(task.priority)
 
     def demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:

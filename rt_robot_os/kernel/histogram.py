@@ -23,10 +23,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 # Enough for any difference of two times: nobody has to ask whether a bucket exists.
-BUCKETS = 488
-LAST_LIMIT_NS = 1 << 63
+BUCKETS: Final = 488
+LAST_LIMIT_NS: Final = 1 << 63
 
 
 def bucket(duration_ns: int) -> int:

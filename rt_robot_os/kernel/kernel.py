@@ -25,7 +25,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Sequence
 import functools
-import heapq
 import sys
 from typing import Any
 from typing import SupportsFloat
@@ -54,6 +53,7 @@ from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.logical_tasks import LogicalTasks
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import IDLE_LEVEL
+from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import LEVEL_END
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.scheduler import Scheduler
@@ -292,7 +292,7 @@ class Kernel(Scheduler):
                 self._schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
             elif task.period_ns and task.logical is None:
                 timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, task.period_ns)
-                heapq.heappush(self._timers[task.priority], timer)
+                insert(self._timers[task.priority], timer)
                 self._expect(task.priority)
         self._interrupts.arm()
         self.running = True
@@ -307,7 +307,7 @@ class Kernel(Scheduler):
         """Count what was released and does not run any more as missed."""
         now_ns = min(self.now_ns(), self._end_ns - 1)
         for timers in self._timers:
-            for timer in sorted(timers):
+            for timer in timers.copy():
                 if timer[0] <= now_ns and timer[3]:
                     self._release(timer)
         for task in self._tasks:

@@ -39,11 +39,13 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
+from bisect import insort
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 import functools
-import heapq
+from typing import Any
+from typing import Final
 
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import INTERRUPT
@@ -62,30 +64,46 @@ from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.task import Timer
 from rt_robot_os.units import NS_PER_MS
 
-IDLE_LEVEL = 0
+IDLE_LEVEL: Final = 0
 # Above every task: what happens at a point in time rather than in a job.
-LEVEL_END = PRIORITY_MAXIMUM + 3
-LEVEL_OUTPUTS = PRIORITY_MAXIMUM + 2
-LEVEL_INPUTS = PRIORITY_MAXIMUM + 1
-LEVELS = LEVEL_END + 1
+LEVEL_END: Final = PRIORITY_MAXIMUM + 3
+LEVEL_OUTPUTS: Final = PRIORITY_MAXIMUM + 2
+LEVEL_INPUTS: Final = PRIORITY_MAXIMUM + 1
+LEVELS: Final = LEVEL_END + 1
 
-_FAILURES_KEPT = 32
-_ONE_SHOT_ORDER = 1 << 32
+_FAILURES_KEPT: Final = 32
+_ONE_SHOT_ORDER: Final = 1 << 32
 # Spare the question whether there are as many.
-_SENTINELS: list[Timer] = [(NEVER_NS, order, None, 0) for order in (-4, -3, -2)]
+_SENTINELS: list[Timer] = [(NEVER_NS, (1 << 60) + order, None, 0) for order in range(3)]
 # Entries of _firsts that no longer count may not outgrow those that do.
-_FIRSTS_MOST = 4 * LEVELS
+_FIRSTS_MOST: Final = 4 * LEVELS
 # What an alarm that came in vain takes out of the way of the next: levels, and how far ahead.
 # To take out one that was not due and put it back costs 1 us, an alarm in vain 20 to 40 us.
-_ASIDE_MOST = 8
+_ASIDE_MOST: Final = 8
 # An alarm that is set again so soon is set often; what one that is set often may be late. Both in
 # times that it costs to be woken by one.
-_OFTEN_WAKES = 4
-_SLACK_WAKES = 4
-_ASIDE_NS = NS_PER_MS
+_OFTEN_WAKES: Final = 4
+_SLACK_WAKES: Final = 4
+_ASIDE_NS: Final = NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
 Observer = Callable[[Record], None]
+
+
+def insert(entries: list[Any], entry: tuple[Any, ...]) -> None:
+    """
+    Put an entry in its place among others, which are sorted and end with three sentinels.
+
+    As a rule that is behind all others, or before them where they fall due together. Then it is
+    cheaper than in a heap, which is compared with itself to its bottom each time that its first
+    is taken.
+    """
+    if entry < entries[0]:
+        entries.insert(0, entry)
+    elif entries[-4] < entry:
+        entries.insert(-3, entry)
+    else:
+        insort(entries, entry)
 
 
 class Releases(ABC):
@@ -111,10 +129,10 @@ class Releases(ABC):
 
     Of what is not public:
 
-    - ``_timers``, of each level: a heap of what falls due;
+    - ``_timers``, of each level: what falls due, sorted;
     - ``_queues``, of each level: tasks whose job waits, in the order of their releases;
     - ``_ready``: bits of the levels at which something waits, or may have fallen due;
-    - ``_firsts``: a heap of (due, level) with the first timer of each level that has no bit there;
+    - ``_firsts``: sorted, (due, level) with the first timer of each level that has no bit there;
     - ``_watched_ns``, of each level: which entry of ``_firsts`` counts;
     - ``_level``: of what runs, its task's priority or the ceiling of a resource that it is in.
     """
@@ -238,19 +256,18 @@ class Releases(ABC):
             self._ready |= self._bits[level]
         elif due_ns < watched_ns[level]:
             watched_ns[level] = due_ns
-            heapq.heappush(firsts, (due_ns, level))
+            insert(firsts, (due_ns, level))
             if firsts[0][0] == due_ns:
                 self.pending = True  # the alarm must be set anew
         if len(firsts) > _FIRSTS_MOST:
-            firsts[:] = {entry for entry in firsts
-                         if entry[1] >= LEVELS or watched_ns[entry[1]] == entry[0]}
-            heapq.heapify(firsts)
+            firsts[:] = sorted({entry for entry in firsts
+                                if entry[1] >= LEVELS or watched_ns[entry[1]] == entry[0]})
 
     def _notice(self, now_ns: int) -> None:
         """Note which levels have something due, and hear the interrupts."""
         firsts, watched_ns = self._firsts, self._watched_ns
         while firsts[0][0] <= now_ns:
-            due_ns, level = heapq.heappop(firsts)
+            due_ns, level = firsts.pop(0)
             if watched_ns[level] == due_ns:
                 watched_ns[level] = NEVER_NS
                 self._ready |= self._bits[level]
@@ -265,7 +282,7 @@ class Releases(ABC):
             due_ns, low = firsts[0]
             if low > level or due_ns > until_ns:
                 break
-            heapq.heappop(firsts)
+            firsts.pop(0)
             if watched_ns[low] == due_ns:
                 watched_ns[low] = NEVER_NS
                 self._ready |= self._bits[low]
@@ -273,15 +290,18 @@ class Releases(ABC):
     def _take_in(self, level: int, now_ns: int) -> None:
         """Release what is due at a level, in the order of time."""
         timers = self._timers[level]
-        while timers[0][0] <= now_ns and not self._stopping:
-            self._serve(heapq.heappop(timers), now_ns)
+        while not self._stopping:
+            due_ns: int = timers[0][0]
+            if due_ns > now_ns:
+                break
+            self._serve(timers.pop(0), now_ns)
 
     def _take_out(self, task: Task, now_ns: int) -> None:
         """Take the timer of the task that runs out of the others, if it has fallen due."""
         timers = self._timers[task.priority]
         now_ns = min(now_ns, self._end_ns - 1)
         while task.timer is None and timers[0][0] <= now_ns:
-            self._serve(heapq.heappop(timers), now_ns)
+            self._serve(timers.pop(0), now_ns)
 
     def _serve(self, timer: Timer, now_ns: int) -> None:
         if timer[3]:
@@ -291,6 +311,8 @@ class Releases(ABC):
 
     def _release(self, timer: Timer) -> None:
         """Release a periodic task, or leave that to the end of the job that waits or runs."""
+        due_ns: int
+        task: Task
         due_ns, index, task, period_ns = timer
         if task.pending or task.busy:
             task.timer = timer
@@ -308,7 +330,7 @@ class Releases(ABC):
         """
         self._one_shots += 1
         timer = (at_ns, _ONE_SHOT_ORDER + self._one_shots, action, 0)
-        heapq.heappush(self._timers[level], timer)
+        insert(self._timers[level], timer)
         self._expect(level)
         return timer
 
@@ -317,7 +339,6 @@ class Releases(ABC):
         timers = self._timers[level]
         if timer in timers:
             timers.remove(timer)
-            heapq.heapify(timers)
 
     # ---- events ------------------------------------------------------------------------------
 

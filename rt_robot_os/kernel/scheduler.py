@@ -31,8 +31,9 @@ round an alarm would be lost in between.
 
 from __future__ import annotations
 
-import heapq
 import sys
+from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import KernelError
 from rt_robot_os.kernel.black_box import ABORT
@@ -49,6 +50,7 @@ from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
+from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.task import CARRY
@@ -56,6 +58,7 @@ from rt_robot_os.kernel.task import EXECUTION
 from rt_robot_os.kernel.task import JITTER
 from rt_robot_os.kernel.task import KINDS
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.kernel.task import Timer
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
@@ -64,18 +67,18 @@ from rt_robot_os.units import NS_PER_US
 # Computing time for ``finally`` clauses between the first TaskAborted and the second, at least;
 # after that the task is known to resist, and a strike between two of its handlers is a matter of
 # tries.
-GRACE_NS = 20 * NS_PER_MS
-STRIKE_AGAIN_NS = 20 * NS_PER_US
+GRACE_NS: Final = 20 * NS_PER_MS
+STRIKE_AGAIN_NS: Final = 20 * NS_PER_US
 # Computing time for describing an exception and for dropping it: both may run its author's code.
-CONTAIN_NS = 10 * NS_PER_MS
+CONTAIN_NS: Final = 10 * NS_PER_MS
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
 # not leave too few for those that preempt it.
-RECURSION_ROOM = 200
+RECURSION_ROOM: Final = 200
 # Before Python 3.12 a job that comes so close to its limit is ended: where it is deeper still
 # there is no room for the handler of the alarm, and it would hold up everybody.
-_RECURSION_EDGE = 50
+_RECURSION_EDGE: Final = 50
 
-_set_recursion_limit = sys.setrecursionlimit
+_set_recursion_limit: Final = sys.setrecursionlimit
 
 
 class Scheduler(Releases):
@@ -262,9 +265,18 @@ class Scheduler(Releases):
         :return: the same, on return.
         """
         # Written out, each of its parts being 1 to 4 % of a job as a method: only counting is one.
-        now_ns, queues, trace = self.now_ns, self._queues, self.trace
+        now_ns: Any = self.now_ns
+        queues, trace = self._queues, self.trace
         all_timers, watched_ns, firsts = self._timers, self._watched_ns, self._firsts
         overhead_ns = 0
+        task: Task
+        # Times that go into tuples: for the compiled build they stay objects, not made anew.
+        release: Any
+        start: Any
+        end: Any
+        own_ns: int
+        following_ns: int
+        timer: Timer
         while not self._stopping:
             level = self._ready.bit_length() - 1
             if level <= floor:
@@ -278,31 +290,39 @@ class Scheduler(Releases):
                     self._ready ^= self._bits[level]
                     if own_ns < watched_ns[level]:
                         watched_ns[level] = own_ns
-                        heapq.heappush(firsts, (own_ns, level))
+                        insert(firsts, (own_ns, level))
                     continue
                 task = queue.popleft()
                 task.pending = False
-                release_ns = task.release_ns  # an event may release it again while it runs
-            elif queue or not first[3] or first[2].pending:
-                self._take_in(level, looked_ns)
-                if self._interrupted:
-                    self._hear(looked_ns)
-                continue
-            else:  # the usual case, without the way through the queue
-                release_ns, index, task, task.interval_ns = first
+                release = task.release_ns  # an event may release it again while it runs
+            else:
+                periodic = not queue and first[3]
+                if periodic:
+                    task = first[2]
+                if not periodic or task.pending:
+                    self._take_in(level, looked_ns)
+                    if self._interrupted:
+                        self._hear(looked_ns)
+                    continue
+                # The usual case, without the way through the queue.
+                release = first[0]
+                task.interval_ns = first[3]
                 task.releases += 1
-                task.release_ns = release_ns
+                task.release_ns = own_ns
                 period_ns = task.period_ns
-                own_ns = release_ns + period_ns
-                timer = (own_ns, index, task, period_ns)
+                own_ns += period_ns
+                timer = (own_ns, first[1], task, period_ns)
                 if own_ns <= looked_ns:  # late
-                    heapq.heappop(timers)
+                    timers.pop(0)
                     task.timer = timer
                     own_ns = NEVER_NS
-                elif own_ns < timers[1][0] and own_ns < timers[2][0]:
-                    timers[0] = timer
                 else:
-                    heapq.heapreplace(timers, timer)
+                    following_ns = timers[1][0]
+                    if own_ns < following_ns:
+                        timers[0] = timer
+                    else:
+                        timers.pop(0)
+                        insert(timers, timer)
             # The alarm: for what may preempt it, or for its own next release after it.
             task.busy = True
             self.current, self._level = task, level
@@ -311,7 +331,8 @@ class Scheduler(Releases):
                 next_ns = own_ns
             if task.aborts or not next_ns <= self._armed_due_ns <= next_ns + self._slack_ns:
                 self._arm_for(task, level, next_ns)
-            start_ns = now_ns()
+            start = now_ns()
+            start_ns: int = start
             overhead_ns += start_ns - end_ns
             previous_ns, task.start_ns = task.start_ns, start_ns
             self._stolen_ns = 0
@@ -339,9 +360,10 @@ class Scheduler(Releases):
                 failure = failure or FailureReport(
                     task.name, 0, 'an exception that raised another when it was looked at', ())
             # What it took, and when it is due again.
-            end_ns = now_ns()
-            self.record((JOB, task, release_ns, start_ns, end_ns, outcome))
-            self._count(task, release_ns, start_ns, previous_ns, end_ns)
+            end = now_ns()
+            end_ns = end
+            self.record((JOB, task, release, start, end, outcome))
+            self._count(task, release, start_ns, previous_ns, end_ns)
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             if own_ns <= end_ns and task.period_ns:
@@ -350,7 +372,7 @@ class Scheduler(Releases):
                 following = self._consequences.reckon(task, task.timer, end_ns)
                 task.timer = None
                 if following is not None:
-                    heapq.heappush(timers, following)
+                    insert(timers, following)
             task.busy = False
             if failure is not None or task.follow_up or task.inside:
                 self._consequences.follow(task, failure, outcome, end_ns)
@@ -360,7 +382,7 @@ class Scheduler(Releases):
                 self._ready ^= self._bits[level]
                 if due_ns < watched_ns[level]:
                     watched_ns[level] = due_ns
-                    heapq.heappush(firsts, (due_ns, level))
+                    insert(firsts, (due_ns, level))
             looked_ns = end_ns
             # The second condition finds an alarm whose handler had no room left on the stack.
             if self.pending or firsts[0][0] <= end_ns:

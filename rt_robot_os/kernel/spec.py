@@ -22,14 +22,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import period_from_rate
 
-PRIORITY_MINIMUM = 1
-PRIORITY_MAXIMUM = 99
+PRIORITY_MINIMUM: Final = 1
+PRIORITY_MAXIMUM: Final = 99
 BACKLOG_MAXIMUM = 1000
 RATE_MINIMUM_HZ = 1e-6
 RATE_MAXIMUM_HZ = 100_000.0

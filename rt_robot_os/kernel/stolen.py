@@ -27,16 +27,18 @@ A job that waits in a system call of its own (a disk) is not robbed: that remain
 
 from __future__ import annotations
 
+from typing import Final
+
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
 # Below that nothing is asked: it is the way from an alarm to its handler.
-LOOKS_LONG_NS = 200 * NS_PER_US
+LOOKS_LONG_NS: Final = 200 * NS_PER_US
 # Read again so often while the kernel idles, about 1 us each: what came before a job is not its.
-_FRESH_NS = 5 * NS_PER_MS
-_LEAST_NS = 50 * NS_PER_US
+_FRESH_NS: Final = 5 * NS_PER_MS
+_LEAST_NS: Final = 50 * NS_PER_US
 
 
 class Stolen:

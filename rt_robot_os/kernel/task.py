@@ -53,7 +53,7 @@ _COUNTS: Final = KINDS * BUCKETS
 CARRY: Final = 256
 
 # (time, order among equals, task or action, period in force until then; 0: it comes once)
-Timer = tuple[int, int, Any, int]
+Timer = tuple[Any, ...]  # of any length: of others mypyc copies all whenever one is looked at
 
 
 class Coroutine(ABC):
@@ -108,9 +108,9 @@ class Task:
 
     How long its jobs took:
 
-    :ivar counts: of the histograms ``latency``, ``execution`` and ``jitter``, bucket by bucket side
-        by side. All of them are below ``CARRY``, so that Python has them ready made and counting
-        touches nothing but this list; what is more has been carried elsewhere.
+    :ivar counts: of the histograms ``latency``, ``execution`` and ``jitter``, bucket by bucket
+        side by side. All of them are below ``CARRY``, so that Python has them ready made and
+        counting touches nothing but this list; what is more has been carried elsewhere.
     """
 
     __slots__ = (

@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from kernel_tools import balance
 from kernel_tools import MS
 from kernel_tools import S
@@ -24,6 +26,9 @@ from kernel_tools import US
 import pytest
 
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel.task import CARRY
+from rt_robot_os.kernel.task import EXECUTION
+from rt_robot_os.kernel.task import KINDS
 
 
 def test_execution_is_exact_without_what_preempted_it(kernel: Kernel) -> None:
@@ -38,6 +43,33 @@ def test_execution_is_exact_without_what_preempted_it(kernel: Kernel) -> None:
         assert task.execution_total_ns == task.runs * execution_ns
         assert sum(task.execution.counts) == task.runs
     assert (low.runs, mid.runs, high.runs) == (100, 1000, 2000)
+
+
+@pytest.mark.interpreted
+def test_a_histogram_is_whole_when_a_job_counts_while_it_is_copied(kernel: Kernel) -> None:
+    task = kernel.add_task('task', lambda: kernel.clock.spend(US), priority=10, rate_hz=1000.0)
+    kernel.run(600 * MS)  # 600 = 2 * 256 + 88: two have been carried
+
+    class Preempted(list[int]):
+        """A list that a job counts in as soon as it has been copied, up to what is carried."""
+
+        def __getitem__(self, key: Any) -> Any:
+            found = super().__getitem__(key)
+            if isinstance(key, slice):
+                task.counts = counts
+                place = found.index(88) * KINDS + EXECUTION
+                while task.counts[place] < CARRY:
+                    task.counts[place] += 1
+                task.carry(place)
+            return found
+
+    counts = task.counts
+    assert sum(task.execution.counts) == 600
+    task.counts = Preempted(counts)
+    assert sum(task.execution.counts) == 600 - 88 + CARRY
+    assert task.execution.summary().count == 768
+    task.reset_statistics()
+    assert sum(task.execution.counts) == sum(task.latency.counts) == 0
 
 
 def test_the_first_interval_of_a_virtual_clock_that_starts_at_0_counts(kernel: Kernel) -> None:
