@@ -85,6 +85,15 @@ class LargeMirror(Mirror):
         self._announced = False
         self._packet = bytearray(HEADER_BYTES + SLOT.size)
 
+    def set_policy(self, policy: Policy, max_rate_hz: float, delay_ms: float = 0.0) -> None:
+        """
+        Change what is sent from now on.
+
+        :param delay_ms: ignored: samples that wait would want more slots, and each of them has a
+            packet of its own anyway.
+        """
+        super().set_policy(policy, max_rate_hz)
+
     def _carry(self, now_ns: int, unread: int) -> None:
         try:
             if not self._announced:

@@ -174,6 +174,22 @@ def test_a_large_sample_arrives_in_place_and_in_order(world: World) -> None:
     assert (told['sent'], told['full'], told['lost']) == (10, 0, 0)
 
 
+def test_a_large_sample_does_not_wait_for_others(world: World) -> None:
+    client = world.client()
+    client.ask('mirror', topic='picture', delay_ms=100.0)
+    left = [1]
+
+    def publish(slack_ns: int) -> None:
+        if left:
+            world.publish(left.pop())
+
+    world.core.kernel.on_idle = publish
+    world.run(5 * MS)
+    world.core.kernel.on_idle = None
+    client.receive()
+    assert client.seen == [(0, 0)] and world.told()['delay_ms'] == 0
+
+
 def test_a_client_that_gives_nothing_back_loses_samples_and_others_do_not(world: World) -> None:
     stalled, good = world.client('stalled'), world.client('good')
     for client in (stalled, good):

@@ -33,6 +33,7 @@ from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.fetch_clock import SHORTEST_NS
+from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.link.stamped_messages import Header as StampedHeader
@@ -78,6 +79,7 @@ class OutwardMirror:
         self.missed = 0
         self._line = mapper.line()
         self._stamp_offset: int | None = None
+        self._large = False
         self._header = StampedHeader(settings.frame_id) if settings.stamped else None
         self.publisher = node.create_publisher(
             _ros_class(settings), settings.ros_topic, qos_of(settings))
@@ -87,7 +89,13 @@ class OutwardMirror:
     def connect(self, info: TopicInfo) -> None:
         """Take over the core's facts about the topic."""
         self._stamp_offset = info.stamp_offset
+        self._large = info.max_size > SAMPLE_BYTES_MAXIMUM
         self.missed = 0
+
+    @property
+    def delay_ms(self) -> float:
+        """Return how long a sample may wait on its way; 0 for a large one: it goes by itself."""
+        return 0.0 if self._large else self.settings.delay_ms
 
     def carry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """
@@ -272,7 +280,7 @@ class Mirrors:
     def _set_clock(self) -> None:
         """Read on an own clock where every topic allows it, else whenever something comes."""
         if self._client is not None:
-            delay_ms = min((m.settings.delay_ms for m in self.outward), default=0.0)
+            delay_ms = min((m.delay_ms for m in self.outward), default=0.0)
             # A moment may be late by the shortest interval.
             interval_ns = round(delay_ms * (1 - CORE_SHARE) * NS_PER_MS) - SHORTEST_NS
             self._client.clock.interval_ns = interval_ns if interval_ns >= SHORTEST_NS else 0
@@ -290,7 +298,7 @@ class Mirrors:
         rows: list[tuple[str, dict[str, Any]]] = [
             (f'{m.settings.topic} -> {m.settings.ros_topic}',
              {'published': m.published, 'missed': m.missed,
-              'delay_ms': m.settings.delay_ms}) for m in self.outward]
+              'delay_ms': m.delay_ms}) for m in self.outward]
         rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
                   m.counters()) for m in self.inward]
         return rows

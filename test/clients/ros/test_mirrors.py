@@ -142,3 +142,13 @@ def test_one_topic_that_may_not_wait_has_the_node_wait_for_packets(
     assert [row['delay_ms'] for _, row in mirrors.counters()] == [40.0, 20.0]
     mirrors.follow((replace(both[0], delay_ms=40.0), both[1]))
     assert not client.clock.interval_ns, 'from the next packet on'
+
+
+def test_samples_that_go_by_themselves_have_nothing_to_wait_for(
+        both: tuple[MirrorSettings, ...]) -> None:
+    client = Client()
+    client.topics['b'] = replace(client.topics['b'], max_size=65_537)
+    mirrors = made(tuple(replace(each, delay_ms=40.0) for each in both), client)
+    mirrors.activate()
+    assert not client.clock.interval_ns
+    assert [row['delay_ms'] for _, row in mirrors.counters()] == [40.0, 0.0]
