@@ -36,6 +36,7 @@ import sys
 from types import FrameType
 from typing import Final
 
+from rt_robot_os.compiled import FOLDER
 from rt_robot_os.errors import RtRobotError
 
 OK: Final = 0
@@ -88,7 +89,8 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
 
     Ctrl-C ends it at once and in silence while it is loaded, and then with code 130; a reader who
     has enough (``| head``) ends it in silence, too; an error of this package or of the system that
-    comes up to here is told in one line, with exit code 1.
+    comes up to here is told in one line, with exit code 1; a compiled build that is demanded and
+    not there, with 2.
 
     :param load: imports what the program needs and gives what runs it.
     :param argv: the arguments; None takes those of the process, which ends with the program.
@@ -111,6 +113,11 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
     except (RtRobotError, OSError) as error:
         tell(name, error)
         return FAILED
+    except ImportError as error:
+        if error.name != FOLDER:
+            raise
+        tell(name, error)  # a build was demanded that is not there
+        return BAD_USE
     finally:
         _let_go_of_output()
         if argv is None:

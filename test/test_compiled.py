@@ -133,11 +133,26 @@ def test_a_list_of_modules_that_has_grown_makes_binaries_stale(tmp_path: Path) -
 
 def test_the_switch_has_two_positions(tmp_path: Path) -> None:
     environment = {**os.environ, 'PYTHONPATH': str(ROOT), compiled.SWITCH: 'yes'}
-    told = subprocess.run([sys.executable, '-c', 'import rt_robot_os'], env=environment,
+    told = subprocess.run([sys.executable, '-c', 'import rt_robot_os.kernel'], env=environment,
                           capture_output=True, text=True)
     assert told.returncode == 1
     assert told.stderr.splitlines()[-1] == (
         "ImportError: RT_ROBOT_OS_COMPILE='yes' must be 0 (pure Python) or 1 (compiled), or unset")
+
+
+@pytest.mark.parametrize('switch, words', [
+    ('yes', "doctor: RT_ROBOT_OS_COMPILE='yes' must be 0 (pure Python) or 1 (compiled), or unset"),
+    ('1', 'doctor: RT_ROBOT_OS_COMPILE=1, but pure Python: it was not compiled')])
+def test_a_program_says_in_one_line_that_it_cannot_have_the_build(
+        switch: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / compiled.PACKAGE).symlink_to(PACKAGE)
+    code = ('import sys; sys.path.insert(0, "."); from rt_robot_os import compiled; '
+            'compiled._finder._folders = lambda: []; '
+            'from rt_robot_os.tools.doctor.program import main; sys.exit(main([]))')
+    told = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, capture_output=True,
+                          text=True, env={**os.environ, compiled.SWITCH: switch})
+    assert (told.returncode, told.stdout, told.stderr.count('\n')) == (2, '', 1)
+    assert told.stderr.startswith(words)
 
 
 # ---- building ----------------------------------------------------------------------------------

@@ -107,7 +107,8 @@ def wanted() -> bool | None:
     """
     value = os.environ.get(SWITCH, '')
     if value not in ('', '0', '1'):
-        raise ImportError(f'{SWITCH}={value!r} must be 0 (pure Python) or 1 (compiled), or unset')
+        raise ImportError(f'{SWITCH}={value!r} must be 0 (pure Python) or 1 (compiled), or unset',
+                          name=FOLDER)
     return {'': None, '0': False, '1': True}[value]
 
 
@@ -162,7 +163,7 @@ class _Finder(MetaPathFinder):
         if self._state is None:
             self._state = self._decide()
             if wanted() and not self._state.compiled:
-                raise ImportError(f'{SWITCH}=1, but {self._state.text}')
+                raise ImportError(f'{SWITCH}=1, but {self._state.text}', name=FOLDER)
         return self._state
 
     def _decide(self) -> State:
@@ -209,8 +210,13 @@ _finder = _Finder(Path(__file__).parents[1])
 
 
 def use() -> None:
-    """Let the binaries be found before the sources, if they may be used."""
-    if _finder not in sys.meta_path and wanted() is not False:
+    """
+    Let the binaries be found before the sources, if they may be used.
+
+    A wrong value is told when the first module is imported that could be compiled: a program can
+    say it in one line then.
+    """
+    if _finder not in sys.meta_path and os.environ.get(SWITCH) != '0':
         sys.meta_path.insert(0, _finder)
 
 

@@ -61,6 +61,9 @@ Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run 
   bench --page s                      another terminal: evaluates what is there so far;
                                       after Ctrl-C the same call goes on where it ended
 
+With RT_ROBOT_OS_COMPILE=0 before it everything is measured in pure Python; micro, delay and
+spacing measure the compiled build beside that in any case, where there is one.
+
 "Paper 1" and "paper 2" are named on the page, and so is how each system is run.
 """
 

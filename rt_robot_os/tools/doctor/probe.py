@@ -135,11 +135,8 @@ def core() -> dict[str, Any]:
 def compiled() -> dict[str, Any]:
     """Say which build of the package runs, and why this machine could not compile it."""
     from rt_robot_os.compiled import state
-    try:
-        known = state()
-        answer: dict[str, Any] = {'compiled': known.compiled, 'text': known.text}
-    except ImportError as error:  # it is demanded, and there is none
-        answer = {'compiled': False, 'error': str(error)}
+    known = state()
+    answer: dict[str, Any] = {'compiled': known.compiled, 'text': known.text}
     try:
         from rt_robot_os.compiled.build import obstacle
         answer['obstacle'] = obstacle() or ''

@@ -87,9 +87,7 @@ def compiled(system: System) -> Iterator[Finding]:
     if facts['compiled']:
         yield ok(facts['text'])
         return
-    if facts.get('error'):
-        yield bad(facts['error'], _compile(system, facts['obstacle']), weight=95)
-    elif system.environ.get(SWITCH) == '0':
+    if system.environ.get(SWITCH) == '0':
         yield ok(facts['text'], Remedy((f'unset {SWITCH}',)))
     else:
         yield warn(facts['text'], _compile(system, facts['obstacle']), weight=40)
