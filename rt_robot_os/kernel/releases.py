@@ -353,7 +353,8 @@ class Releases(ABC):
         for task in tasks:
             level = task.priority
             if not task.pending:
-                if self._timers[level][0][0] <= now_ns:
+                due_ns: int = self._timers[level][0][0]
+                if due_ns <= now_ns:
                     self._take_in(level, min(now_ns, self._end_ns - 1))  # it came before
                 if level > self._level:
                     self.pending = True

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from typing import Any
+from typing import Final
 
 from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
@@ -25,6 +26,8 @@ from rt_robot_os.topics.pieces import copy_in_pieces
 from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.pieces import touch
 from rt_robot_os.topics.topic import Topic
+
+_ALL: Final = slice(None)  # not made anew each time
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -65,11 +68,12 @@ class Publisher:
             self._publish(self._buffer[:self.topic.layout.length(self._buffer)], stamp_ns)
             return
         kernel, topic = self._kernel, self.topic
-        now_ns = kernel.now_ns()
+        read_ns: Any = kernel.now_ns
+        now_ns = read_ns()  # of type Any: compiled, it stays the object that goes into the tuple
         kernel.locked = True
         head = topic.head
         index = head & self._mask
-        self._slots[index][:] = self._buffer
+        self._slots[index][_ALL] = self._buffer
         self._stamps[index] = stamp_ns or now_ns
         topic.head = head + 1
         self.published += 1

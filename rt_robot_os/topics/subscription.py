@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from enum import Enum
 from typing import Any
+from typing import Final
 from typing import TYPE_CHECKING
 
 from rt_robot_os.compiled.subclasses import mypyc_attr
@@ -31,6 +32,8 @@ from rt_robot_os.topics.topic import Topic
 
 if TYPE_CHECKING:
     from rt_robot_os.kernel.coroutine import AsyncBody
+
+_ALL: Final = slice(None)  # not made anew each time
 
 
 class ReadStatus(Enum):
@@ -103,7 +106,7 @@ class Subscription(SubscriberStatisticsSource):
             if self._has_tail:
                 self._copy_tail(index)
             else:
-                self.buffer[:] = self._slots[index]
+                self.buffer[_ALL] = self._slots[index]
             stamp_ns = self._stamps[index]
             if topic.head - wanted <= depth:  # not lapped while copying
                 break
