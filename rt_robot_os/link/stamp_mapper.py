@@ -49,6 +49,7 @@ class StampMapper:
     :ivar forward_steps: times that it followed at once.
     :ivar follows: set while the time of day is one that runs as it likes: it is followed at once,
         in both directions.
+    :ivar recent: the last moments that were mapped, with their time of day.
     :ivar resets: times that such a clock was set back; lines of stamps begin anew then.
     """
 
