@@ -98,9 +98,16 @@ def insert(entries: list[Any], entry: tuple[Any, ...]) -> None:
     cheaper than in a heap, which is compared with itself to its bottom each time that its first
     is taken.
     """
-    if entry < entries[0]:
+    # Times are compared first: whole tuples only where they are the same.
+    due_ns: int = entry[0]
+    near: tuple[Any, ...] = entries[0]
+    near_ns: int = near[0]
+    if due_ns < near_ns or due_ns == near_ns and entry < near:
         entries.insert(0, entry)
-    elif entries[-4] < entry:
+        return
+    near = entries[-4]
+    near_ns = near[0]
+    if near_ns < due_ns or due_ns == near_ns and near < entry:
         entries.insert(-3, entry)
     else:
         insort(entries, entry)
