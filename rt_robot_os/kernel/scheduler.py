@@ -200,13 +200,15 @@ class Scheduler(Releases):
             done_ns = self._dispatch(level, now_ns, entry_ns)
         if self._near_ns and firsts[0][0] - done_ns <= self._near_ns:
             done_ns = self._stay(level, done_ns)
-        if firsts[0][1] <= level:
+        due_ns, first_level = firsts[0]
+        if first_level <= level:
             self._set_aside(level, now_ns)
+            due_ns = firsts[0][0]
         if current is not None and (current.limit_ns or self._stopping):
             self._arm_ahead(
                 level, self._police(current, entry_ns - current.start_ns - stolen_ns))
         elif not self._spare_ns or not (
-                firsts[0][0] <= self._armed_due_ns <= firsts[0][0] + self._slack_ns):
+                due_ns <= self._armed_due_ns <= due_ns + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)
         self.current, self._level = current, level
         end_ns = self.now_ns()
