@@ -41,7 +41,7 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
 TASKS, RATE_HZ = 100, 200
-SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 500)
+SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 _QUICK_US = (0, 2, 10, 50, 500)
 # Closer ones are no sleep: a wake-up takes longer.
 _WAKES_US, _QUICK_WAKES_US = (50, 100, 200, 500), (50, 500)
@@ -233,7 +233,7 @@ def _plot(outcomes: Outcomes) -> Plot:
               for build in BUILDS] + [('wakes', 'clock_nanosleep, bare wake-ups')]
     series = []
     for key, label in curves:
-        known = [(us or _TOGETHER_X, metric.median) for us in sorted({*SPACINGS_US, *_WAKES_US})
+        known = [(us or _TOGETHER_X, metric.median) for us in SPACINGS_US
                  if (metric := outcomes.metric(key, _cost(us))) is not None]
         if known:
             series.append(Series(label, [x for x, _ in known], [y for _, y in known], 'marks'))
