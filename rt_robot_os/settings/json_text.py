@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from dataclasses import is_dataclass
+from dataclasses import MISSING
 import json
 from typing import Any
 from typing import Final
@@ -77,10 +78,13 @@ def _make(kind: type, data: Any, name: str) -> Any:
         raise ConfigError([f'settings: {name} must be an object'])
     hints = hints_of(kind)
     known = {each.name: hints[each.name] for each in fields(kind)}
-    wrong = sorted(set(known) ^ set(data))
+    # What is newer than a recording has its default there.
+    needed = {each.name for each in fields(kind)
+              if each.default is MISSING and each.default_factory is MISSING}
+    wrong = sorted((needed - set(data)) | (set(data) - set(known)))
     if wrong:
         raise ConfigError([f"settings: {name}: keys missing or unknown: {', '.join(wrong)}"])
-    return kind(**{key: _value(hint, data[key], f'{name}.{key}') for key, hint in known.items()})
+    return kind(**{key: _value(known[key], value, f'{name}.{key}') for key, value in data.items()})
 
 
 def _value(hint: Any, value: Any, name: str) -> Any:

@@ -53,7 +53,7 @@ def test_what_ros_may_change_in_the_core_is_what_the_core_lets_change(core: Core
     live = {each.name: each for each in parameters(core.settings) if each.live}
     assert told == {name: each.value for name, each in live.items() if each.in_core}
     assert [name for name, each in live.items() if not each.in_core] == [
-        'safe.policy', 'safe.max_rate_hz']
+        'safe.policy', 'safe.max_rate_hz', 'safe.delay_ms']
     assert 'guard.rate_hz' in told and 'depth.sea_level_pa' in told
     # Neither has a period that could change.
     assert not {'woken.rate_hz', 'walker.rate_hz'} & {*told, *live}

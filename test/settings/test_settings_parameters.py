@@ -72,7 +72,7 @@ def test_what_is_live(robot: RobotSettings, catalogue: Catalogue) -> None:
     assert [each.name for each in parameters(robot, catalogue) if each.live] == [
         'imu.rate_hz', 'imu.log_level', 'gps.rate_hz', 'gps.log_level', 'guard.rate_hz',
         'guard.log_level', 'guard.timeout_s', 'imu_data.policy', 'imu_data.max_rate_hz',
-        'cmd_vel_in.policy', 'cmd_vel_in.max_rate_hz']
+        'imu_data.delay_ms', 'cmd_vel_in.policy', 'cmd_vel_in.max_rate_hz', 'cmd_vel_in.delay_ms']
 
 
 @pytest.mark.parametrize(('name', 'value', 'reason'), [
