@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from html import escape
 import io
 import json
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rt_robot_os.compiled import state
 from rt_robot_os.programs import run_program
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
@@ -106,6 +108,8 @@ def test_the_document_holds_conditions_metrics_and_verdicts(tmp_path: Path) -> N
         'seconds': 2.0, 'repeats': 3, 'full': False, 'quick': False, 'hours': 1 / 60}
     assert content['realtime'] == {'CPU 1': 'in force', 'SCHED_FIFO priority 80': 'not permitted'}
     assert content['harness_ns_per_sample'] > 0
+    assert (content['machine']['compiled'], content['machine']['build']) == (
+        state().compiled, state().text)
     for key in ('cpu', 'kernel', 'kernel_version', 'preemption', 'cores', 'load_average',
                 'virtual', 'python', 'packages'):
         assert key in content['machine'], key
@@ -125,7 +129,8 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     out = tmp_path / 'out'
     assert _run('--quick', '--repeats', '2', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()
-    for words in ('Which system for which need', 'Aims and verdicts', 'How each system is run',
+    for words in (f'rt_robot_os: {escape(state().text)}', 'What to expect on your machine',
+                  'Which system for which need', 'Aims and verdicts', 'How each system is run',
                   'rt_robot_os kernel', 'not available: rclpy', 'bench --quick --repeats 2',
                   'Refused to the measured processes: SCHED_FIFO priority 80: not permitted'):
         assert words in said, words
