@@ -15,7 +15,7 @@
 """
 Logarithmic histograms of durations: eight buckets an octave, so at most 12.5 % wide.
 
-The dispatcher counts straight into :attr:`Histogram.counts` with the arithmetic of
+The dispatcher counts straight into the list of a task (``Task.counts``) with the arithmetic of
 :func:`bucket`, written out in place: a call would cost more than the counting.
 """
 

@@ -283,6 +283,7 @@ class Kernel(Scheduler):
         self._end_ns = NEVER_NS if duration_ns is None else start_ns + int(duration_ns)
         self._clear_timers()
         self._schedule(self._end_ns, self._end, LEVEL_END)
+        periods: dict[int, Any] = {}  # one object for equal ones: each job looks at it
         for task in self._tasks:
             task.rest()
             if task.coroutine is not None:
@@ -291,7 +292,8 @@ class Kernel(Scheduler):
                 at_ns = start_ns + task.spec.phase_ns
                 self._schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
             elif task.period_ns and task.logical is None:
-                timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, task.period_ns)
+                period_ns = periods.setdefault(task.period_ns, task.period_ns)
+                timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, period_ns)
                 insert(self._timers[task.priority], timer)
                 self._expect(task.priority)
         self._interrupts.arm()

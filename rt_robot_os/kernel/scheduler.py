@@ -274,6 +274,7 @@ class Scheduler(Releases):
         task: Task
         # Times that go into tuples: for the compiled build they stay objects, not made anew.
         release: Any
+        period: Any
         start: Any
         end: Any
         own_ns: int
@@ -307,13 +308,14 @@ class Scheduler(Releases):
                         self._hear(looked_ns)
                     continue
                 # The usual case, without the way through the queue.
-                release = first[0]
-                task.interval_ns = first[3]
+                release, period = first[0], first[3]
+                interval_ns: int = period
+                task.interval_ns = interval_ns
                 task.releases += 1
                 task.release_ns = own_ns
                 period_ns = task.period_ns
                 own_ns += period_ns
-                timer = (own_ns, first[1], task, period_ns)
+                timer = (own_ns, first[1], task, period if period_ns == interval_ns else period_ns)
                 if own_ns <= looked_ns:  # late
                     timers.pop(0)
                     task.timer = timer

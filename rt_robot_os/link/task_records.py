@@ -69,7 +69,7 @@ def encode_task(task: Task) -> bytes:
         task.coalesced, task.failures, task.gap_maximum_ns, task.blocked_maximum_ns,
         task.execution_total_ns, task.overruns, task.aborted, task.budget_exceeded,
         task.deadline_missed, task.response_maximum_ns,
-        task.latency.maximum_ns, task.execution.maximum_ns, task.jitter.maximum_ns,
+        task.latency_maximum_ns, task.execution_maximum_ns, task.jitter_maximum_ns,
         *((miss.job, miss.release_ns, miss.late_ns) if miss is not None else (0, 0, 0)))
     return b''.join([counters, *parts])
 
