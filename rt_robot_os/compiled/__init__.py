@@ -54,6 +54,7 @@ SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 MODULES: Final = (
     'kernel.consequences',
     'kernel.coroutine',
+    'kernel.count',
     'kernel.histogram',
     'kernel.interrupts',
     'kernel.kernel',
@@ -65,6 +66,7 @@ MODULES: Final = (
     'kernel.scheduler',
     'kernel.stolen',
     'kernel.task',
+    'kernel.timers',
     'link.batch',
     'link.mirror',
     'modules.attitude.base',

@@ -28,7 +28,6 @@ from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.ran_instead import ran_instead
-from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.spec import FailurePolicy
@@ -36,7 +35,8 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import Timer
+from rt_robot_os.kernel.timers import insert
+from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 

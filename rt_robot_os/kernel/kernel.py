@@ -53,7 +53,6 @@ from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.logical_tasks import LogicalTasks
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import IDLE_LEVEL
-from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import LEVEL_END
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.scheduler import Scheduler
@@ -63,7 +62,8 @@ from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import Timer
+from rt_robot_os.kernel.timers import insert
+from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 

@@ -22,7 +22,7 @@ from typing import SupportsIndex
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import Timer
+from rt_robot_os.kernel.timers import Timer
 
 
 class OneShot:

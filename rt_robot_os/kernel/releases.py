@@ -39,12 +39,10 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
-from bisect import insort
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 import functools
-from typing import Any
 from typing import Final
 
 from rt_robot_os.kernel.black_box import BlackBox
@@ -61,7 +59,9 @@ from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.stolen import Stolen
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import Timer
+from rt_robot_os.kernel.timers import insert
+from rt_robot_os.kernel.timers import SENTINELS
+from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_MS
 
 IDLE_LEVEL: Final = 0
@@ -73,8 +73,6 @@ LEVELS: Final = LEVEL_END + 1
 
 _FAILURES_KEPT: Final = 32
 _ONE_SHOT_ORDER: Final = 1 << 32
-# Spare the question whether there are as many.
-_SENTINELS: list[Timer] = [(NEVER_NS, (1 << 60) + order, None, 0) for order in range(3)]
 # Entries of _firsts that no longer count may not outgrow those that do.
 _FIRSTS_MOST: Final = 4 * LEVELS
 # What an alarm that came in vain takes out of the way of the next: levels, and how far ahead.
@@ -88,29 +86,6 @@ _ASIDE_NS: Final = NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
 Observer = Callable[[Record], None]
-
-
-def insert(entries: list[Any], entry: tuple[Any, ...]) -> None:
-    """
-    Put an entry in its place among others, which are sorted and end with three sentinels.
-
-    As a rule that is behind all others, or before them where they fall due together. Then it is
-    cheaper than in a heap, which is compared with itself to its bottom each time that its first
-    is taken.
-    """
-    # Times are compared first: whole tuples only where they are the same.
-    due_ns: int = entry[0]
-    near: tuple[Any, ...] = entries[0]
-    near_ns: int = near[0]
-    if due_ns < near_ns or due_ns == near_ns and entry < near:
-        entries.insert(0, entry)
-        return
-    near = entries[-4]
-    near_ns = near[0]
-    if near_ns < due_ns or due_ns == near_ns and near < entry:
-        entries.insert(-3, entry)
-    else:
-        insort(entries, entry)
 
 
 class Releases(ABC):
@@ -251,7 +226,7 @@ class Releases(ABC):
     def _clear_timers(self) -> None:
         """Forget all."""
         self._ready = 0
-        self._timers: list[list[Timer]] = [_SENTINELS.copy() for _ in range(LEVELS + 3)]
+        self._timers: list[list[Timer]] = [SENTINELS.copy() for _ in range(LEVELS + 3)]
         self._firsts: list[tuple[int, int]] = [(NEVER_NS, LEVELS + n) for n in range(3)]
         self._watched_ns = [NEVER_NS] * LEVELS
 

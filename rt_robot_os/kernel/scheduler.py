@@ -46,19 +46,16 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import BLOCKED_NS
 from rt_robot_os.kernel.consequences import Consequences
+from rt_robot_os.kernel.count import count
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
-from rt_robot_os.kernel.releases import insert
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
-from rt_robot_os.kernel.task import CARRY
-from rt_robot_os.kernel.task import EXECUTION
-from rt_robot_os.kernel.task import JITTER
-from rt_robot_os.kernel.task import KINDS
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.task import Timer
+from rt_robot_os.kernel.timers import insert
+from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
@@ -270,6 +267,7 @@ class Scheduler(Releases):
         now_ns: Any = self.now_ns
         queues, trace = self._queues, self.trace
         all_timers, watched_ns, firsts = self._timers, self._watched_ns, self._firsts
+        consequences = self._consequences
         overhead_ns = 0
         task: Task
         # Times that go into tuples: for the compiled build they stay objects, not made anew.
@@ -367,19 +365,19 @@ class Scheduler(Releases):
             end = now_ns()
             end_ns = end
             self.record((JOB, task, release, start, end, outcome))
-            self._count(task, release, start_ns, previous_ns, end_ns)
+            count(task, release, start_ns, previous_ns, end_ns, self._stolen_ns, consequences)
             if trace is not None:
                 trace(end_ns, 'end' if outcome == OK else 'fail', task.name)
             if own_ns <= end_ns and task.period_ns:
                 self._take_out(task, end_ns)
             if task.timer is not None:
-                following = self._consequences.reckon(task, task.timer, end_ns)
+                following = consequences.reckon(task, task.timer, end_ns)
                 task.timer = None
                 if following is not None:
                     insert(timers, following)
             task.busy = False
             if failure is not None or task.follow_up or task.inside:
-                self._consequences.follow(task, failure, outcome, end_ns)
+                consequences.follow(task, failure, outcome, end_ns)
             # What is to do now: at this level, and above it.
             due_ns = timers[0][0]
             if due_ns > end_ns and not queue:
@@ -397,60 +395,10 @@ class Scheduler(Releases):
                 late_ns = looked_ns - (self._armed_ns if self._armed_ns > start_ns else start_ns)
                 self._notice(looked_ns)
                 if late_ns > BLOCKED_NS:  # it ended in a native call
-                    self._consequences.held_up(task, level, looked_ns, late_ns)
+                    consequences.held_up(task, level, looked_ns, late_ns)
         self.overhead_ns += overhead_ns
         self.current, self._level = None, floor
         return end_ns
-
-    def _count(self, task: Task, release_ns: int, start_ns: int, previous_ns: int,
-               end_ns: int) -> None:
-        """
-        Count a job that has ended.
-
-        A call for each histogram would cost as much again: the arithmetic is that of
-        :func:`rt_robot_os.kernel.histogram.bucket`, written out.
-        """
-        counts = task.counts
-        execution_ns = end_ns - start_ns - self._stolen_ns
-        task.runs += 1
-        task.execution_total_ns += execution_ns
-        if execution_ns > task.execution_limit_ns:
-            execution_ns = self._consequences.long_execution(task, execution_ns)
-        shift = execution_ns.bit_length() - 4
-        place = KINDS * (
-            execution_ns if shift <= 0 else (shift << 3) + (execution_ns >> shift)) + EXECUTION
-        count = counts[place] + 1
-        counts[place] = count
-        if count == CARRY:
-            task.carry(place)
-        latency_ns = start_ns - release_ns
-        shift = latency_ns.bit_length() - 4
-        place = KINDS * (latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift))
-        count = counts[place] + 1
-        counts[place] = count
-        if count == CARRY:
-            task.carry(place)
-        if latency_ns > task.latency_maximum_ns:
-            task.latency_maximum_ns = latency_ns
-        if end_ns - release_ns > task.response_limit_ns:
-            self._consequences.long_response(task, release_ns, end_ns)
-        if previous_ns >= 0:
-            jitter_ns = start_ns - previous_ns
-            if jitter_ns > task.gap_maximum_ns:
-                task.gap_maximum_ns = jitter_ns
-            if task.period_ns:
-                jitter_ns -= task.interval_ns
-                if jitter_ns < 0:
-                    jitter_ns = -jitter_ns
-                shift = jitter_ns.bit_length() - 4
-                place = KINDS * (
-                    jitter_ns if shift <= 0 else (shift << 3) + (jitter_ns >> shift)) + JITTER
-                count = counts[place] + 1
-                counts[place] = count
-                if count == CARRY:
-                    task.carry(place)
-                if jitter_ns > task.jitter_maximum_ns:
-                    task.jitter_maximum_ns = jitter_ns
 
     # ---- ending jobs -------------------------------------------------------------------------
 

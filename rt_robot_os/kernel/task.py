@@ -24,7 +24,6 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import add
-from typing import Any
 from typing import Final
 from typing import SupportsFloat
 
@@ -41,6 +40,7 @@ from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.statistics import DeadlineMiss
 from rt_robot_os.kernel.statistics import TaskStatistics
+from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_S
 
 # The histograms of a task, in one list: bucket b of kind k is number b * KINDS + k.
@@ -51,9 +51,6 @@ KINDS: Final = 3
 _COUNTS: Final = KINDS * BUCKETS
 # The first count that is carried: Python keeps the integers up to 256.
 CARRY: Final = 256
-
-# (time, order among equals, task or action, period in force until then; 0: it comes once)
-Timer = tuple[Any, ...]  # of any length: of others mypyc copies all whenever one is looked at
 
 
 class Coroutine(ABC):

@@ -19,7 +19,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rt_robot_os.kernel.releases import insert
+from rt_robot_os.kernel.timers import insert
 
 LAST = [(1 << 61, number) for number in range(3)]
 
