@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from rt_robot_os.tools.bench.case import LAST_CPU
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
@@ -61,6 +63,8 @@ _MIDDLE_PERIOD_NS = 5 * NS_PER_MS
 _MIDDLE_BUSY_NS = NS_PER_MS
 _NEED_US = 100.0
 _NEED_NATIVE_US = 1000.0
+_PURE_KEY = common.key_of('kernel', PURE)
+_KERNELS = ('kernel', _PURE_KEY)
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.preemption'
 _PEERS = 'rt_robot_os.tools.bench.peers.preemption'
@@ -80,8 +84,8 @@ _NOTES = (
     'where a row says otherwise (HORUS computes in its thread pool, on any CPU). clock_nanosleep:',
     'one thread that does nothing else; what computes beside it is a process without SCHED_FIFO',
     "on the same CPU: as much as the others' task (20 %), or always. 'Into the computation': the",
-    'releases that fell into it. Range: lowest and highest of the repeats; the other figures are',
-    'their medians.',
+    'releases that fell into it. The kernel: in the build that this machine has, and once more in',
+    'pure Python. Range: lowest and highest of the repeats; the other figures are their medians.',
 )
 _LEVEL_NOTES = (
     'Three levels: the 1 kHz task over a 200 Hz task that computes 1 ms over the one of 20 ms.',
@@ -117,6 +121,9 @@ def _plan(options: Options) -> Sequence[Run]:
         run('floor same', 'clock_nanosleep, CPU busy 20 %', f'{_WORKERS}:floor', {'load': 'same'}),
         run('floor always', 'clock_nanosleep, CPU busy', f'{_WORKERS}:floor', {'load': 'always'}),
         run('kernel', common.KERNEL_LABEL, f'{_WORKERS}:kernel', {}),
+        *(() if options.quick else (replace(
+            run(_PURE_KEY, f'{common.KERNEL_LABEL}, {common.BUILD_LABELS[PURE]}',
+                f'{_WORKERS}:kernel', {}), build=PURE),)),
         *(peer(name, common.RCLPY_LABELS[name], name, {}) for name in common.rclpy(options)),
         *(() if options.quick else (
             peer('multi free', '  Multi, all CPUs, no FIFO', 'multi', {}, **free),
@@ -189,8 +196,9 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             levels += _level_rows(outcomes, key)
             continue
         rows.append(outcomes.row(key, _metrics()))
-        if key == 'kernel' and outcomes.measured(key):
-            rows.append(outcomes.row(key, _metrics(True), '  into the computation'))
+        if key in _KERNELS and outcomes.measured(key):
+            pure = f', {common.BUILD_LABELS[PURE]}' if key == _PURE_KEY else ''
+            rows.append(outcomes.row(key, _metrics(True), f'  into the computation{pure}'))
     why = common.disturbances(outcomes, 'kernel')
     all_rclpy = (*common.RCLPY, 'multi free', 'multi free tuned')
     aims = (
@@ -260,7 +268,7 @@ def _tails_plots(outcomes: Outcomes) -> tuple[Plot, ...]:
         latencies = [_timing(outcome).latencies for outcome in outcomes.measured(key)]
         if latencies and not key.startswith(('levels', 'native', 'multi free')):
             curve = tail(run.label, np.concatenate(latencies), NS_PER_US)
-            if key.startswith('floor') or key == 'kernel':
+            if key.startswith('floor') or key in _KERNELS:
                 floors.append(curve)
             if not key.startswith('floor'):
                 peers.append(curve)
