@@ -21,29 +21,22 @@ machine some 15 us, for an interrupt of another processor.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 import socket
-import struct
 
-from rt_robot_os.errors import LinkError
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import RECORD
+from rt_robot_os.link.protocol import RECORD_HEAD
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import VERSION
 
 # No task can start during a system call, so it is kept short.
 BATCH_BYTES = 16 * 1024
-# A sample's length and its header, packed at once.
-_HEAD = struct.Struct(RECORD.format + HEADER.format[1:])
-_HEAD_BYTES = _HEAD.size
+_HEAD_BYTES = RECORD_HEAD.size
 _FIRST = HEADER_BYTES + _HEAD_BYTES
 _ALONE = HEADER_BYTES + RECORD.size
 _DATA = int(Kind.DATA)
-
-#: A sample of a packet: channel, samples missed, stamp in ns, number in its topic, CDR.
-Record = tuple[int, int, int, int, memoryview]
 
 
 class Batch:
@@ -82,8 +75,8 @@ class Batch:
     def add(self, channel: int, missed: int, stamp_ns: int, seq: int, length: int) -> None:
         """Add the sample that was written to :meth:`room`, with its length."""
         at = self._end
-        _HEAD.pack_into(self._buffer, at, HEADER_BYTES + length, _DATA, VERSION, channel,
-                        missed & 0xFFFFFFFF, stamp_ns, seq)
+        RECORD_HEAD.pack_into(self._buffer, at, HEADER_BYTES + length, _DATA, VERSION, channel,
+                              missed & 0xFFFFFFFF, stamp_ns, seq)
         end = at + _HEAD_BYTES + length
         self._end = end + -end % 8
         self._count += 1
@@ -110,24 +103,3 @@ class Batch:
         self._end = HEADER_BYTES
         self._count = 0
         return True
-
-
-def records(packet: memoryview) -> Iterator[Record]:
-    """
-    Take a packet of samples apart.
-
-    :raises LinkError: a length in it is wrong.
-    """
-    at, end = HEADER_BYTES, len(packet)
-    while at < end:
-        start = at + _HEAD_BYTES
-        if start <= end:
-            length, _, _, channel, missed, stamp_ns, seq = _HEAD.unpack_from(packet, at)
-        else:
-            length = 0
-        at += RECORD.size + length
-        if length < HEADER_BYTES or at > end:
-            raise LinkError(f'a packet of {end} bytes holds a sample of {length} bytes that does '
-                            f'not fit, {start - _HEAD_BYTES} after its begin')
-        yield channel, missed, stamp_ns, seq, packet[start:at]
-        at += -length % 8

@@ -71,6 +71,8 @@ VERSION = 4
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
 RECORD = struct.Struct('<Q')
+# A sample's length and its header, packed at once.
+RECORD_HEAD = struct.Struct(RECORD.format + HEADER.format[1:])
 MEMORY = struct.Struct('<IIQ')
 SLOT = struct.Struct('<IIQ')
 GIVE_BACK = struct.Struct('<II')

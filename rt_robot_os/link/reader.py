@@ -29,8 +29,6 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.link.batch import Record
-from rt_robot_os.link.batch import records
 from rt_robot_os.link.fetch_clock import FetchClock
 from rt_robot_os.link.protocol import CONTINUED
 from rt_robot_os.link.protocol import decode_json
@@ -45,6 +43,8 @@ from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.link.records import Record
+from rt_robot_os.link.records import records
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import MemoryFile

@@ -38,7 +38,6 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.batch import BATCH_BYTES
-from rt_robot_os.link.batch import records
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
@@ -47,6 +46,7 @@ from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
+from rt_robot_os.link.records import records
 from rt_robot_os.link.session import Session
 from rt_robot_os.topics import Bus
 

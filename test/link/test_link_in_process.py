@@ -39,7 +39,6 @@ import pytest
 from rt_robot_os.core.app import Core
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.batch import records
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
@@ -49,6 +48,7 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.link.records import records
 from rt_robot_os.link.session import OUTBOX_BYTES_MAXIMUM
 from rt_robot_os.settings import load
 

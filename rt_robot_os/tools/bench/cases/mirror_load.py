@@ -67,12 +67,13 @@ _COST_NOTES = (
 _SATURATION_COLUMNS = (
     Column('rate', 'all topics', '1000/s', 'samples'),
     Column('rate', 'range', '1000/s', 'samples', spread=True),
-    Column('core', 'core gave in', '%', 'repeats'), Column('node', 'node gave in', '%', 'repeats'))
+    Column('core', 'core gave in', '%', 'repeats'),
+    Column('node', 'client gave in', '%', 'repeats'))
 _SATURATION_NOTES = (
     'The same, but more and more samples a second, a third more every 0.3 s, in bursts of a',
     'millisecond through rings of 1024, until more than 0.1 % of a step are dropped, three times',
-    'in a row; the rate before that. The node gave in: its socket was full. The core: it was not,',
-    'and samples were overwritten before they were sent. Neither: as far as the time went.')
+    'in a row; the rate before that. The client gave in: its socket was full. The core: it was',
+    'not, and samples were overwritten before they were sent. Neither: the time was over first.')
 
 
 def plan(options: Options) -> Sequence[Run]:
