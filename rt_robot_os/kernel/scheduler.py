@@ -138,7 +138,10 @@ class Scheduler(Releases):
         try:
             _set_recursion_limit(limit)
         except RecursionError:
-            force_recursion_limit(limit)
+            try:
+                force_recursion_limit(limit)
+            except RecursionError:  # of a handler that found no room any more: the limit is set
+                pass
         self.locked = False
         if strike is not None:
             raise strike
@@ -471,7 +474,10 @@ class Scheduler(Releases):
         try:
             sys.setrecursionlimit(limit)
         except RecursionError:
-            force_recursion_limit(limit)
+            try:
+                force_recursion_limit(limit)
+            except RecursionError:  # of a handler that found no room any more: the limit is set
+                pass
 
     def _look_at_depth(self, task: Task, limit: int) -> None:
         """Have a job struck that is about to reach its recursion limit."""

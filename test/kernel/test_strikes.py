@@ -21,6 +21,7 @@ from collections.abc import Callable
 import contextlib
 import gc
 import sys
+import time
 from typing import Any
 
 from at_line import AtLine
@@ -41,6 +42,7 @@ from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import BLOCKED
+from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 
 ABORT = BudgetPolicy.ABORT
@@ -84,6 +86,37 @@ def test_a_job_at_its_recursion_limit_is_ended_by_its_budget(job: Callable[[], o
         gc.enable()
     assert task.aborted == task.runs
     assert sys.getrecursionlimit() == limit
+
+
+def test_a_signal_that_finds_no_room_leaves_the_kernel_at_work(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    # Where the limit is taken back at the depth of the job, the next signal's handler has no room:
+    # its RecursionError comes out of the call that sets the limit. Here it always does.
+    def force(limit: int) -> None:
+        force_recursion_limit(limit)
+        raise RecursionError
+
+    def job() -> object:
+        if time.monotonic() > give_up:
+            return None
+        try:
+            return job()
+        except RecursionError:
+            return job()
+
+    give_up = time.monotonic() + 20.0
+    monkeypatch.setattr(scheduler_module, 'force_recursion_limit', force)
+    kernel = Kernel(MonotonicClock())
+    task = kernel.add_task('deep', job, priority=10, rate_hz=5.0, budget_ns=5 * MS,
+                           on_budget=ABORT)
+    kernel.add_task('last', lambda: kernel.stop('enough') if task.runs > 2 else None, priority=1,
+                    rate_hz=100.0)
+    gc.disable()
+    try:
+        assert kernel.run(60 * S) == 'enough'
+    finally:
+        gc.enable()
+    assert task.aborted == task.runs
 
 
 def test_a_job_at_its_recursion_limit_does_not_keep_out_those_above_it() -> None:
