@@ -199,3 +199,27 @@ def test_binaries_that_fit_are_not_made_again(
     manifest = json.loads(compiled.manifest_path(copy / compiled.FOLDER).read_text())
     assert all((copy / path).is_file() for path in command.get_outputs())
     assert len(command.get_outputs()) == len(manifest['files']) + 1
+
+
+def test_a_fault_of_the_compiler_leaves_the_sources_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    from setuptools import Distribution
+
+    def fail(*_: object) -> None:
+        raise ValueError('value is not in list')  # as that of mypy 1.9 may
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(build, 'obstacle', lambda: None)
+    monkeypatch.setattr(build.BuildCompiled, '_compile', fail)
+    monkeypatch.delenv(compiled.SWITCH, raising=False)
+    command = build.BuildCompiled(Distribution({'name': 'x'}))
+    command.ensure_finalized()
+    command.inplace = True
+    command.run()
+    assert command.get_outputs() == []
+    assert 'pure Python, it could not be compiled: ValueError: value is not in list' in (
+        ''.join(capsys.readouterr()))
+    monkeypatch.setenv(compiled.SWITCH, '1')
+    with pytest.raises(ValueError):
+        command.run()

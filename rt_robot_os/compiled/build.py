@@ -44,7 +44,6 @@ from rt_robot_os.compiled import SWITCH
 from rt_robot_os.compiled import wanted
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
-from setuptools.errors import BaseError
 from setuptools.errors import ExecError
 
 # The commands that end with a package which runs.
@@ -139,10 +138,12 @@ class BuildCompiled(build_ext):
             print(f'{PACKAGE}: compiling {len(MODULES)} modules, half a minute', flush=True)
             try:
                 manifest = self._compile(folder)
-            except (BaseError, SystemExit) as error:  # mypy ends the program with its message
+            # mypy ends the program with its message; old ones of it stumble over faults of theirs.
+            except (Exception, SystemExit) as error:
                 if wanted():
                     raise
-                print(f'{PACKAGE}: pure Python, it could not be compiled: {error}',
+                print(f'{PACKAGE}: pure Python, it could not be compiled: '
+                      f'{type(error).__name__}: {error}',
                       file=sys.stderr, flush=True)
                 return
         self._made = [str(folder / name) for name in manifest['files'].values()]

@@ -22,7 +22,6 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.modules.attitude.quaternion import IDENTITY
 from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.quaternion import Vector
@@ -54,7 +53,6 @@ class Tuning:
     field_rejection: bool = True
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class AttitudeFilter(ABC):
     """
     Estimate how a sensor is turned, from its angular velocity, acceleration and magnetic field.
