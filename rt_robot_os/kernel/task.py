@@ -23,7 +23,6 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import add
 from typing import Final
 from typing import SupportsFloat
 
@@ -177,7 +176,7 @@ class Task:
         self.logical: Logical | None = None
         self.coroutine: Coroutine | None = None
         self.counts = [0] * _COUNTS
-        self._carried: list[int] | None = None
+        self._carried: dict[int, int] = {}
         self._carries = 0
         self.backlog: deque[int] = deque()  # times of releases that catch_up keeps
         self._rearm = rearm
@@ -268,22 +267,23 @@ class Task:
 
     def carry(self, place: int) -> None:
         """Put aside a count that has become ``CARRY``; called locked."""
-        if self._carried is None:
-            self._carried = [0] * _COUNTS
         self.counts[place] -= CARRY
-        self._carried[place] += CARRY
+        self._carried[place] = self._carried.get(place, 0) + CARRY
         self._carries += 1
 
     def _histogram(self, kind: int, maximum_ns: int) -> Histogram:
         found = Histogram()
         found.maximum_ns = maximum_ns
         while True:
-            carries, carried = self._carries, self._carried
-            found.counts = self.counts[kind::KINDS]
-            if carried is not None:
-                found.counts = list(map(add, found.counts, carried[kind::KINDS]))
+            carries = self._carries
+            counts, carried = self.counts[kind::KINDS], self._carried.copy()
             if carries == self._carries:  # no job of it came in between and carried
-                return found
+                break
+        for place, number in carried.items():
+            if place % KINDS == kind:
+                counts[place // KINDS] += number
+        found.counts = counts
+        return found
 
     @property
     def last_miss(self) -> DeadlineMiss | None:
@@ -305,7 +305,7 @@ class Task:
         self.response_maximum_ns = self.response_limit_ns = self.execution_limit_ns = 0
         self.latency_maximum_ns = self.execution_maximum_ns = self.jitter_maximum_ns = 0
         self.counts[:] = [0] * _COUNTS
-        self._carried = None
+        self._carried = {}
         self._carries += 1
 
     def statistics(self) -> TaskStatistics:
