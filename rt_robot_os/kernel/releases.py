@@ -340,6 +340,13 @@ class Releases(ABC):
                     self._take_in(level, min(now_ns, self._end_ns - 1))  # it came before
                 if level > self._level:
                     self.pending = True
+                if not task.pending:  # as _arrive, written out: the usual case of a publication
+                    task.releases += 1
+                    task.pending = True
+                    task.release_ns = now_ns
+                    self._queues[level].append(task)
+                    self._ready |= self._bits[level]
+                    continue
             self._arrive(task, now_ns)
 
     def _arrive(self, task: Task, release_ns: int) -> None:
