@@ -209,7 +209,8 @@ def real_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
 
     def make(seconds: float) -> I2cBuses:
         (tmp_path / 'smbus2.py').write_text(SLOW_BUS.replace('SECONDS', repr(seconds)))
-        monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{Path(__file__).parents[2]}')
+        monkeypatch.setenv('PYTHONPATH', os.pathsep.join(
+            [str(tmp_path), str(Path(__file__).parents[2]), os.environ.get('PYTHONPATH', '')]))
         made.prepare('/dev/null')
         return made
 

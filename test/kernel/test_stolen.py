@@ -189,7 +189,7 @@ print(task.blocked_maximum_ns, task.execution.maximum_ns, told.stolen.maximum_ns
 def test_a_process_that_is_stopped_blames_none_of_its_tasks() -> None:
     process = subprocess.Popen(
         [sys.executable, '-c', STOPPED], stdout=subprocess.PIPE, text=True,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)})
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), *sys.path])})
     assert process.stdout is not None
     with process.stdout:
         assert process.stdout.readline() == 'begins\n'
