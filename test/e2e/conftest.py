@@ -38,6 +38,7 @@ from rclpy.node import Node  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT_S = 60.0
+ASK_AGAIN_S = 10.0
 
 
 def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = TIMEOUT_S) -> Any:
@@ -159,13 +160,24 @@ class World:
         return received
 
     def call(self, service: Any, name: str, request: Any) -> Any:
-        """Call a service and wait for its answer."""
+        """
+        Call a service and wait for its answer.
+
+        DDS loses an answer to a client that it has not made known to the server yet, and a server
+        that has just ended still seems to be there: then it is asked again.
+        """
         client = self.node.create_client(service, name)
+        asked: list[Any] = []
         try:
             assert client.wait_for_service(TIMEOUT_S), f'no service {name}'
-            future = client.call_async(request)
-            wait_for(future.done, f'the answer of {name}')
-            return future.result()
+
+            def answered() -> list[Any]:
+                if time.monotonic() > began + len(asked) * ASK_AGAIN_S:
+                    asked.append(client.call_async(request))
+                return [future for future in asked if future.done()]
+
+            began = time.monotonic()
+            return wait_for(answered, f'the answer of {name}')[0].result()
         finally:
             self.node.destroy_client(client)
 
