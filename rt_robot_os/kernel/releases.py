@@ -448,9 +448,7 @@ class Releases(ABC):
         self._set_ns = now_ns
         if not self._slack_ns:
             return due_ns
-        if self._spare_ns < NEVER_NS:  # it would come in vain
-            self._spare_ns = NEVER_NS
-            self.clock.arm_spare(NEVER_NS)
+        self._drop_spare()  # it would come in vain
         return due_ns + self._slack_ns
 
     def _look(self, until_ns: int, now_ns: int) -> int:
@@ -474,6 +472,17 @@ class Releases(ABC):
         else:
             self.clock.arm(alarm_ns)
         self._armed_ns = alarm_ns
+
+    def _arm_alone(self, alarm_ns: int) -> None:
+        """Let an alarm come at a time, whatever falls due before."""
+        self._arm(alarm_ns)
+        self._armed_due_ns = 0
+        self._drop_spare()
+
+    def _drop_spare(self) -> None:
+        if self._spare_ns < NEVER_NS:
+            self._spare_ns = NEVER_NS
+            self.clock.arm_spare(NEVER_NS)
 
     def _look_at(self, at_ns: int) -> None:
         """Let the alarm come no later than that."""
