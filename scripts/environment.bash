@@ -253,7 +253,8 @@ build_state() {
 compiled_sources() {
   [ "${RT_ROBOT_OS_COMPILE:-}" = 0 ] ||
     cat "build/$PACKAGE/${PACKAGE}_compiled"/manifest.*.json 2>/dev/null |
-      sed -n 's/^  "\([a-z0-9_.]*\)": "[0-9a-f]*",*$/\1/p' | sort -u | tr . / | sed "s|.*|$PACKAGE/&.py|"
+      sed -n 's/^  "\([a-z0-9_.]*\)": "[0-9a-f]*",*$/\1/p' | sort -u | tr . / |
+      while read -r name; do ls "$PACKAGE/$name".py "$PACKAGE/$name".c 2>/dev/null; done
 }
 
 build() {

@@ -52,6 +52,7 @@ SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 # What is hot. Left out is what users subclass, and what takes long and must stay preemptible:
 # compiled code is not interrupted.
 MODULES: Final = (
+    'kernel.alarms',
     'kernel.consequences',
     'kernel.coroutine',
     'kernel.count',

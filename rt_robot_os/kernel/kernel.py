@@ -27,7 +27,6 @@ from collections.abc import Sequence
 import functools
 import sys
 from typing import Any
-from typing import Final
 from typing import SupportsFloat
 from typing import SupportsIndex
 
@@ -73,10 +72,6 @@ _RECURSION_LIMIT = 5000
 _START_DELAY_NS = NS_PER_MS
 _START_TASK_NS = 5 * NS_PER_US
 _CLOSE_NS = 100 * NS_PER_MS
-# Where the kernel would look at the clock for ever, it rests so long so often: a bit more than the
-# 5 % of a CPU that Linux takes for the others, in one piece of 50 ms, unless they get it anyway.
-_REST_EVERY_NS: Final = 800 * NS_PER_US
-_REST_NS: Final = 60 * NS_PER_US
 SPIN_MAXIMUM_NS = NS_PER_MS
 SEPARATION_NS = 100 * NS_PER_US
 
@@ -277,9 +272,7 @@ class Kernel(Scheduler):
         self._interrupted = True  # something may be readable already
         self.pending = False
         self.ended = []
-        self._armed_ns = self._armed_due_ns = self._spare_ns = 0
-        self._near_ns = 0 if self.spin_ns else self.clock.wake_ns
-        self._slack_ns = self._set_ns = 0
+        self._begin_alarms()
         for task in self._tasks:
             task.rest()
             if task.coroutine is not None:
@@ -350,7 +343,6 @@ class Kernel(Scheduler):
 
     def _loop(self) -> None:
         clock = self.clock
-        near_ns = self._near_ns
         end_ns = idled_ns = 0
         while not self._stopping:
             self.locked = True
@@ -367,24 +359,16 @@ class Kernel(Scheduler):
                 end_ns = self._dispatch(IDLE_LEVEL, now_ns, end_ns)
                 continue
             next_ns = self._firsts[0][0]
-            if (next_ns - now_ns > near_ns
-                    or next_ns == self._armed_ns or next_ns == self._spare_ns):
-                self._slack_ns = 0
-                self._arm_ahead(IDLE_LEVEL, NEVER_NS)
-            elif (now_ns - idled_ns <= _REST_EVERY_NS
-                    or self._end_ns - now_ns <= 2 * _REST_NS):  # nothing is to be missed at the end
+            alarm_ns = self._arm_or_look(next_ns, now_ns, idled_ns)
+            if not alarm_ns:
                 self.overhead_ns += now_ns - end_ns
                 end_ns = 0
-                self._look(next_ns, now_ns)
                 continue
-            else:
-                next_ns = now_ns + _REST_NS
-                self._arm_alone(next_ns)
             idled_ns = now_ns
             self.overhead_ns += self.now_ns() - end_ns
             end_ns = 0
             if self.on_idle is not None:
-                self._idle(self.on_idle, next_ns - now_ns)
+                self._idle(self.on_idle, alarm_ns - now_ns)
             self.stolen.keep_fresh(now_ns)
             if clock.rest(self):
                 self._interrupted = True

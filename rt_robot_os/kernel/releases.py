@@ -14,7 +14,7 @@
 
 
 """
-The lower half of the kernel: its data, what releases tasks, and when the clock is to interrupt.
+The lower half of the kernel: its data, and what releases tasks.
 
 Each priority has its own timers. What has fallen due at a level is taken in when the dispatcher
 comes to that level (:meth:`Releases._take_in`), in the order of time, and not before: as long as
@@ -28,11 +28,6 @@ When the job has ended, the points of the grid that passed meanwhile are reckone
 So the work of releasing is in proportion to the jobs that run, not to the releases that fall due.
 The alternative, an alarm for each release, ends in a livelock as soon as the alarms alone take
 more than the CPU has (Mogul, Ramakrishnan: Eliminating receive livelock, 1997).
-
-To set an alarm costs a system call and, on most machines, an access to the timer hardware:
-microseconds that the next job would wait for. So there are two alarms: the second is set for the
-release after the next when a job has ended, and before one begins there is nothing left to do but
-to swap them.
 """
 
 from __future__ import annotations
@@ -78,10 +73,6 @@ _FIRSTS_MOST: Final = 4 * LEVELS
 # What an alarm that came in vain takes out of the way of the next: levels, and how far ahead.
 # To take out one that was not due and put it back costs 1 us, an alarm in vain 20 to 40 us.
 _ASIDE_MOST: Final = 8
-# An alarm that is set again so soon is set often; what one that is set often may be late. Both in
-# times that it costs to be woken by one.
-_OFTEN_WAKES: Final = 4
-_SLACK_WAKES: Final = 4
 _ASIDE_NS: Final = NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
@@ -101,13 +92,11 @@ class Releases(ABC):
     :ivar trace: called with (time, kind, task name) for each start and end, unless it is None;
         may not raise.
     :ivar black_box: the last things that happened.
-    :ivar spin_ns: wake this much before a release and spin until it.
     :ivar stolen: time that Linux took from the jobs.
     :ivar stop_grace_ns: jobs that run so long after :meth:`Kernel.stop` are ended; by default
         never.
     :ivar ended: the tasks whose jobs were, since the kernel was started.
     :ivar overhead_ns: what the kernel itself computed for: releasing, dispatching, setting alarms.
-    :ivar looked_ns: what it looked at the clock for, where an alarm would have cost more.
 
     Of what is not public:
 
@@ -127,17 +116,13 @@ class Releases(ABC):
         # What is due
         '_ready', '_bits', '_queues', '_timers', '_firsts', '_watched_ns', '_one_shots',
         '_interrupts', '_interrupted',
-        # The alarms
-        'spin_ns', '_armed_ns', '_armed_due_ns', '_spare_ns',
-        # What is too near for an alarm
-        'looked_ns', '_near_ns', '_slack_ns', '_set_ns',
         # The end
         'stop_grace_ns', 'ended', '_stopping', '_stop_reason', '_stop_ns', '_end_ns',
         # What is told of it
         'trace', 'record', 'black_box', 'failures', 'failures_total', 'stolen', 'overhead_ns',
         '_observers')
 
-    def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
+    def __init__(self, clock: Clock, records: int = RECORDS_DEFAULT) -> None:
         self.clock = clock
         self.now_ns = clock.now_ns
         self.running = False
@@ -152,14 +137,6 @@ class Releases(ABC):
         self._one_shots = 0
         self._interrupts = InterruptSources(clock)
         self._interrupted = False
-        self.spin_ns = spin_ns
-        self._armed_ns = 0
-        self._armed_due_ns = 0  # the release that the alarm is for, if nothing else matters
-        self._spare_ns = 0
-        self.looked_ns = 0
-        self._near_ns = 0  # sooner than that the alarm costs more than looking at the clock
-        self._slack_ns = 0  # what the alarm may be late, if only others run
-        self._set_ns = 0  # when it was set last for what may preempt a job
         self.stop_grace_ns = NEVER_NS
         self.ended: list[str] = []
         self._stopping = False
@@ -411,137 +388,3 @@ class Releases(ABC):
         """Hear the sources again that were not heard while a job of their task waited."""
         for source in self._interrupts.waiting_for(task):
             self._listen_at(source, source.open_ns)
-
-    # ---- alarms ------------------------------------------------------------------------------
-
-    def _arm_for(self, task: Task, level: int, due_ns: int) -> None:
-        """Let the alarm come for the next release, or at the end of the budget of a new job."""
-        alarm_ns = due_ns
-        if self._near_ns:
-            alarm_ns = self._lenient_ns(due_ns)
-        elif self.spin_ns and due_ns == self._firsts[0][0]:
-            alarm_ns = self._early_ns(level)
-        if task.aborts:
-            task.limit_ns = task.budget_ns
-            alarm_ns = min(alarm_ns, self.now_ns() + task.budget_ns)
-        self._arm(alarm_ns)
-        # Spinning depends on who runs, budgets end: these must be looked at each time.
-        self._armed_due_ns = alarm_ns if alarm_ns >= due_ns else 0
-
-    def _lenient_ns(self, due_ns: int) -> int:
-        """
-        Return the time of an alarm that has to be set now for what may preempt a job.
-
-        Where that is often, because releases lie closer than an alarm costs, it may come late, so
-        that one does for several of them.
-        """
-        if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
-            return self._armed_ns
-        if due_ns == self._spare_ns:
-            return due_ns
-        wake_ns, now_ns = self.clock.wake_ns, self.now_ns()
-        often_ns = _OFTEN_WAKES * wake_ns
-        if due_ns - now_ns > often_ns or now_ns - self._set_ns > often_ns + self._slack_ns:
-            self._slack_ns = 0
-        elif self._slack_ns < _SLACK_WAKES * wake_ns:
-            self._slack_ns += wake_ns
-        self._set_ns = now_ns
-        if not self._slack_ns:
-            return due_ns
-        self._drop_spare()  # it would come in vain
-        return due_ns + self._slack_ns
-
-    def _look(self, until_ns: int, now_ns: int) -> int:
-        """
-        Look at the clock until a release that is near; locked.
-
-        :return: the time, sooner if something else came up.
-        """
-        look, begin_ns = self.clock.look, now_ns
-        while now_ns < until_ns and not (self.pending or self._stopping):
-            now_ns = look(until_ns)
-        self.looked_ns += now_ns - begin_ns
-        return now_ns
-
-    def _arm(self, alarm_ns: int) -> None:
-        if alarm_ns == self._armed_ns:
-            return
-        if alarm_ns == self._spare_ns:
-            self.clock.swap()
-            self._spare_ns = 0
-        else:
-            self.clock.arm(alarm_ns)
-        self._armed_ns = alarm_ns
-
-    def _arm_alone(self, alarm_ns: int) -> None:
-        """Let an alarm come at a time, whatever falls due before."""
-        self._arm(alarm_ns)
-        self._armed_due_ns = 0
-        self._drop_spare()
-
-    def _drop_spare(self) -> None:
-        if self._spare_ns < NEVER_NS:
-            self._spare_ns = NEVER_NS
-            self.clock.arm_spare(NEVER_NS)
-
-    def _look_at(self, at_ns: int) -> None:
-        """Let the alarm come no later than that."""
-        if not self.now_ns() < self._armed_ns <= at_ns:
-            self._arm(at_ns)
-            self._armed_due_ns = 0
-
-    def _arm_ahead(self, level: int, look_ns: int) -> None:
-        """
-        Set the alarm, and the other one for what comes after, if that is cheap to say.
-
-        :param level: of what goes on then.
-        :param look_ns: when its budget may end.
-        """
-        first, second, third = self._firsts[:3]
-        alarm_ns = due_ns = first[0] if not self._stopping else NEVER_NS
-        spin_ns = self.spin_ns
-        if self._near_ns and level and alarm_ns < NEVER_NS:
-            alarm_ns = self._lenient_ns(due_ns)
-        elif spin_ns and not self._stopping:
-            alarm_ns = self._early_ns(level)
-        if look_ns < alarm_ns:
-            alarm_ns = look_ns
-            spare_ns = due_ns - spin_ns
-        elif alarm_ns > due_ns:
-            spare_ns = NEVER_NS
-        else:
-            # The first of what is due after it at its level, or at the next levels above.
-            timers = self._timers[first[1]]
-            period_ns = timers[0][3]
-            spare_ns = due_ns + period_ns if period_ns else NEVER_NS
-            if due_ns < second[0] < spare_ns and second[1] > level:
-                spare_ns = second[0]
-            if due_ns < third[0] < spare_ns and third[1] > level:
-                spare_ns = third[0]
-            if due_ns < timers[1][0] < spare_ns:
-                spare_ns = timers[1][0]
-            if due_ns < timers[2][0] < spare_ns:
-                spare_ns = timers[2][0]
-            spare_ns -= spin_ns
-        self._armed_due_ns = alarm_ns if alarm_ns >= due_ns else 0
-        if alarm_ns != self._armed_ns:
-            self._arm(alarm_ns)
-        if spare_ns != self._spare_ns:
-            self._spare_ns = spare_ns
-            self.clock.arm_spare(spare_ns)
-
-    def _early_ns(self, level: int) -> int:
-        """Return the time of the alarm for the first release, early if that is worth spinning."""
-        due_ns, first_level = self._firsts[0]
-        if first_level > level and self._timers[first_level][0][3]:
-            return due_ns - self.spin_ns
-        return due_ns
-
-    def _spin(self, now_ns: int, level: int) -> int:
-        """Spin to the first release, if it is near and above a level."""
-        due_ns = self._firsts[0][0]
-        if now_ns < due_ns and self._early_ns(level) <= now_ns:
-            read_ns = self.now_ns
-            while now_ns < due_ns:
-                now_ns = read_ns()
-        return now_ns

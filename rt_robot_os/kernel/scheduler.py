@@ -36,6 +36,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import KernelError
+from rt_robot_os.kernel.alarms import Alarms
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import FAILED
@@ -51,7 +52,6 @@ from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
-from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.timers import insert
@@ -78,7 +78,7 @@ _RECURSION_EDGE: Final = 50
 _set_recursion_limit: Final = sys.setrecursionlimit
 
 
-class Scheduler(Releases):
+class Scheduler(Alarms):
     """Dispatch, and ending jobs: what runs in every tick. :class:`Kernel` adds the rest."""
 
     __slots__ = ('_recursion_limit', '_resources', '_consequences', '_leaving')
