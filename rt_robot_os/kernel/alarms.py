@@ -119,7 +119,8 @@ class Alarms(Releases):
         Return the time of an alarm that has to be set now for what may preempt a job.
 
         Where that is often, because releases lie closer than an alarm costs, it may come late, so
-        that one does for several of them.
+        that one does for several of them. One that is set for sooner stays, unless that is very
+        soon: to move it away and back takes longer than to be woken in vain now and then.
         """
         if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
             return self._armed_ns
@@ -127,6 +128,8 @@ class Alarms(Releases):
             return due_ns
         wake_ns, now_ns = self.clock.wake_ns, self.now_ns()
         often_ns = _OFTEN_WAKES * wake_ns
+        if now_ns + 2 * often_ns < self._armed_ns <= due_ns:  # most jobs have ended by then
+            return self._armed_ns
         if due_ns - now_ns > often_ns or now_ns - self._set_ns > often_ns + self._slack_ns:
             self._slack_ns = 0
         elif self._slack_ns < _SLACK_WAKES * wake_ns:
@@ -189,6 +192,9 @@ class Alarms(Releases):
             spare_ns = due_ns - spin_ns
         elif alarm_ns > due_ns:
             spare_ns = NEVER_NS
+        elif alarm_ns < due_ns and self._near_ns:
+            self._armed_due_ns = 0
+            return
         else:
             # The first of what is due after it at its level, or at the next levels above.
             timers = self._timers[first[1]]

@@ -120,6 +120,29 @@ def test_a_job_of_its_own_moment_takes_one_alarm_ahead_and_one_wait(number: int)
     assert all(task.latency.maximum_ns == 0 for task in kernel.tasks)
 
 
+def test_an_event_for_a_higher_task_sets_no_alarm() -> None:
+    clock = CountingClock()
+    kernel = Kernel(clock)
+    reader = kernel.add_task('reader', lambda: clock.spend(5 * US), priority=50)
+    kernel.add_task('writer', lambda: kernel.release(reader), priority=10, rate_hz=500.0)
+    kernel.run(S // 5)
+    assert reader.runs == 100 and reader.latency.maximum_ns == 0
+    # For the next release of the writer; before, four.
+    assert clock.calls['arm'] + clock.calls['spare'] <= 100 + 5 and not clock.calls['signal']
+
+
+def test_a_long_job_that_an_event_released_is_interrupted_in_time() -> None:
+    clock = CountingClock()
+    kernel = Kernel(clock)
+    reader = kernel.add_task('reader', lambda: clock.spend(7 * MS), priority=50)
+    kernel.add_task('writer', lambda: kernel.release(reader), priority=10, rate_hz=100.0)
+    high = kernel.add_task('high', lambda: clock.spend(US), priority=90, rate_hz=150.0,
+                           phase_ns=777 * US)
+    kernel.run(S // 5)
+    assert reader.runs == 20 and high.runs == 30
+    assert high.latency.maximum_ns == 0
+
+
 def test_jobs_closer_than_an_alarm_costs_do_nearly_without() -> None:
     kernel, calls, jobs = spread(1000, 100 * MS, 2 * US)
     # An alarm that is moved on, again and again, and hardly ever comes.
