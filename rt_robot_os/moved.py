@@ -71,6 +71,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {
     'drivers.ublox': ('devices.ublox.driver',),
     'drivers.witmotion': ('devices.witmotion.driver',),
     'drivers.xsens': ('devices.xsens.driver',),
+    'modules.attitude.quaternion': ('motion.quaternion',),
     'modules.ports': ('topics.ports',),
     'recording': ('clients.recording',),
     'recording.compare': ('clients.recording.compare',),

@@ -30,6 +30,7 @@ LAYERS = (
     ('compiled', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'plugins', 'programs'),
+    ('motion',),
     ('linux',),
     ('kernel',),
     ('dumps',),
@@ -55,7 +56,7 @@ RANK = {name: row for row, names in enumerate(LAYERS) for name in names}
 TWIN = re.compile(r'devices\.\w+\.twin')
 TWIN_MAY_IMPORT = re.compile(
     r'devices\.(\w+\.(twin|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
-    r'|(errors|linux|plugins|reports|schema|sim|units)(\..*)?')
+    r'|(errors|linux|motion|plugins|reports|schema|sim|units)(\..*)?')
 # The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
 # declares names, for every process, and imports nothing.
 WIRE = re.compile(r'devices\.\w+\.(wire|mtdata2|rtcm)')

@@ -29,9 +29,9 @@ from rt_robot_os import compiled
 from rt_robot_os.modules.attitude import AttitudeFilter
 from rt_robot_os.modules.attitude import MahonyFilter
 from rt_robot_os.modules.attitude import Tuning
-from rt_robot_os.modules.attitude.quaternion import IDENTITY
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import IDENTITY
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import Vector
 
 FOLDERS = (Path(compiled.__file__).parents[2], Path(__file__).parent)
 

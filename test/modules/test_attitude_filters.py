@@ -38,14 +38,14 @@ from rt_robot_os.modules.attitude import AttitudeFilter
 from rt_robot_os.modules.attitude import MahonyFilter
 from rt_robot_os.modules.attitude import Tuning
 from rt_robot_os.modules.attitude import VqfFilter
-from rt_robot_os.modules.attitude.quaternion import about_up
-from rt_robot_os.modules.attitude.quaternion import conjugate
-from rt_robot_os.modules.attitude.quaternion import from_rotation
-from rt_robot_os.modules.attitude.quaternion import IDENTITY
-from rt_robot_os.modules.attitude.quaternion import multiply
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import rotate
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import about_up
+from rt_robot_os.motion.quaternion import conjugate
+from rt_robot_os.motion.quaternion import from_rotation
+from rt_robot_os.motion.quaternion import IDENTITY
+from rt_robot_os.motion.quaternion import multiply
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import rotate
+from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2 as G
 
 hypothesis = pytest.importorskip('hypothesis', reason='hypothesis is not installed')

@@ -36,9 +36,9 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules.attitude import Attitude
 from rt_robot_os.modules.attitude.module import chosen
-from rt_robot_os.modules.attitude.quaternion import from_rotation
-from rt_robot_os.modules.attitude.quaternion import IDENTITY
 from rt_robot_os.modules.registry import module_class
+from rt_robot_os.motion.quaternion import from_rotation
+from rt_robot_os.motion.quaternion import IDENTITY
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2 as G
 

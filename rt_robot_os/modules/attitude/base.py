@@ -22,9 +22,9 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rt_robot_os.modules.attitude.quaternion import IDENTITY
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import IDENTITY
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import Vector
 
 
 @dataclass(frozen=True)

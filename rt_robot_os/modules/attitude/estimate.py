@@ -38,13 +38,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import Tuning
 from rt_robot_os.modules.attitude.guards import FieldGuard
 from rt_robot_os.modules.attitude.guards import GravityGuard
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import Vector
 from rt_robot_os.modules.attitude.rest import RestDetector
+from rt_robot_os.motion import quaternion
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import Vector
 
 # The average and the turning are two delays in a row: with this part of the time constant for the
 # first, a step is followed with an overshoot of 4 %, as by a Butterworth filter.

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 _PER_G: Final = 1 / STANDARD_GRAVITY_M_S2

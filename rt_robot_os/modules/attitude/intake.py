@@ -29,7 +29,7 @@ from typing import Final
 
 import numpy.typing as npt
 
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
 

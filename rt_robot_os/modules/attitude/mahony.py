@@ -21,8 +21,8 @@ from typing import ClassVar
 from rt_robot_os.modules.attitude.base import AttitudeFilter
 from rt_robot_os.modules.attitude.base import Tuning
 from rt_robot_os.modules.attitude.estimate import MahonyEstimate
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import Vector
 
 
 class MahonyFilter(AttitudeFilter):

@@ -32,16 +32,16 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter
 from rt_robot_os.modules.attitude.base import Tuning
 from rt_robot_os.modules.attitude.intake import Intake
 from rt_robot_os.modules.attitude.mahony import MahonyFilter
-from rt_robot_os.modules.attitude.quaternion import Quaternion
 from rt_robot_os.modules.attitude.uncertainty import Uncertainty
 from rt_robot_os.modules.attitude.vqf_filter import INSTALL
 from rt_robot_os.modules.attitude.vqf_filter import VqfFilter
 from rt_robot_os.modules.base import Module
+from rt_robot_os.motion import quaternion
+from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Final
 
 from rt_robot_os.modules.attitude.base import Tuning
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion.quaternion import Vector
 
 _SMOOTH_S: Final = 0.5
 _REST_S: Final = 1.5

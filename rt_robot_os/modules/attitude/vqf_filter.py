@@ -31,12 +31,12 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.attitude import quaternion
 from rt_robot_os.modules.attitude.base import AttitudeFilter
 from rt_robot_os.modules.attitude.base import Tuning
-from rt_robot_os.modules.attitude.quaternion import IDENTITY
-from rt_robot_os.modules.attitude.quaternion import Quaternion
-from rt_robot_os.modules.attitude.quaternion import Vector
+from rt_robot_os.motion import quaternion
+from rt_robot_os.motion.quaternion import IDENTITY
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import Vector
 
 INSTALL: Final = 'python3 -m pip install vqf'
 # The most steps after a gap; one takes a microsecond.
