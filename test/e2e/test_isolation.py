@@ -76,18 +76,19 @@ def releases_account_for_all(task: TaskStatistics) -> bool:
 
 
 def test_a_stopped_ros_side_loses_only_its_own_samples(world: Any, until: Until) -> None:
-    # Fast, and each sample in a packet of its own: a socket of any size is soon full.
+    # Each sample in a packet of its own: a socket of any size is soon full. Not faster, or a busy
+    # machine has no time left for the link, which is below the guard.
     _, robot, watch = start_apart(world, ROBOT.replace(
-        'rate_hz: 200.0', 'rate_hz: 1000.0').replace(
+        'rate_hz: 200.0', 'rate_hz: 400.0').replace(
         'spawn: false', 'spawn: false, link_gather_ms: 0.0'))
     with watch:
         before = guard_of(watch)
         robot.process.send_signal(signal.SIGSTOP)
-        until(lambda: guard_of(watch).runs > before.runs + 600, '600 more jobs', 60.0)
+        until(lambda: guard_of(watch).runs > before.runs + 400, '400 more jobs', 60.0)
         during = guard_of(watch)
         assert releases_account_for_all(during)
-        # The whole time on the grid, none left out: 1 ms each.
-        assert during.gap_maximum_ns < 1_000_000 * (during.missed + 2)
+        # The whole time on the grid, none left out: 2.5 ms each.
+        assert during.gap_maximum_ns < 2_500_000 * (during.missed + 2)
         mirror = until(lambda: (m := mirrors_of(watch, 'robot')) and m['full'] and m,
                        'a full socket', 60.0)
         robot.process.send_signal(signal.SIGCONT)
