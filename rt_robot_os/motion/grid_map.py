@@ -1,0 +1,301 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Grid maps of ROS: what is a wall, what is free and what nobody knows; look-ups, files.
+
+The values are those of ``nav_msgs/msg/OccupancyGrid``. The files are those that map_server reads
+and map_saver writes: a YAML file and a picture (PGM).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+import math
+import os
+from pathlib import Path
+import stat
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.map_file import MapFile
+from rt_robot_os.motion.map_file import MODES
+from rt_robot_os.motion.map_file import read_map_file
+from rt_robot_os.motion.pgm import Grey
+from rt_robot_os.motion.pgm import MOST_PIXELS
+from rt_robot_os.motion.pgm import read_pgm
+from rt_robot_os.motion.pgm import write_pgm
+
+UNKNOWN: Final = -1
+FREE: Final = 0
+OCCUPIED: Final = 100
+
+# The greys of map_saver.
+_GREY_OCCUPIED: Final = 0
+_GREY_UNKNOWN: Final = 205
+_GREY_FREE: Final = 254
+_RAW_UNKNOWN: Final = 255
+
+_LONGEST_YAML: Final = 1 << 16
+_LONGEST_PGM: Final = 5 * MOST_PIXELS
+
+Cells = npt.NDArray[np.int8]
+Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+Coordinates = npt.NDArray[np.float64]
+Origin = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class GridMap:
+    """
+    A map of square cells; nothing changes it.
+
+    Single look-ups (:meth:`cell`, :meth:`value`, :meth:`occupied`, :meth:`free`) are plain floats
+    and safe in the real-time loop.
+
+    :ivar cells: of shape (rows, columns), read-only: -1 unknown, 0 free, to 100 occupied. Row 0 is
+        the lowest y and column 0 the lowest x, as in ``nav_msgs/msg/OccupancyGrid``.
+    :ivar resolution_m: edge of a cell.
+    :ivar origin: x and y in m of the outer corner of cell (0, 0) in the frame of the map, and the
+        yaw in rad by which the rows are turned against its x axis.
+    :ivar path: the YAML file that it was read from.
+    """
+
+    cells: Cells
+    resolution_m: float
+    origin: Origin = (0.0, 0.0, 0.0)
+    path: Path | None = None
+
+    def __post_init__(self) -> None:
+        given = np.asarray(self.cells)
+        if given.ndim != 2 or not given.size:
+            raise ConfigError([f'a map of shape {given.shape}: it must have rows and columns'])
+        if given.min() < UNKNOWN or given.max() > OCCUPIED:
+            raise ConfigError([f'a map with values from {given.min()} to {given.max()}: they must '
+                               f'be from {UNKNOWN} (unknown) to {OCCUPIED} (occupied)'])
+        numbers = (self.resolution_m, *self.origin)
+        if not all(map(math.isfinite, numbers)) or self.resolution_m <= 0.0:
+            raise ConfigError([f'a map with cells of {self.resolution_m} m at {self.origin}: '
+                               'finite numbers, and cells above 0, make a map'])
+        cells = given.astype(np.int8)  # a copy: whoever gave it may change theirs
+        cells.flags.writeable = False
+        object.__setattr__(self, 'cells', cells)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> GridMap:
+        """
+        Read a map, as map_server does.
+
+        :param path: of the YAML file.
+        :raises ConfigError: with every problem, each with the file and, where there is one, the
+            line.
+        """
+        file = Path(path)
+        text = _bytes_of(file, _LONGEST_YAML)
+        try:
+            described = read_map_file(text.decode('utf-8-sig'), file)
+        except UnicodeDecodeError as error:
+            raise ConfigError([f'{file}: not UTF-8: byte 0x{text[error.start]:02x}']) from None
+        try:
+            grey, highest = read_pgm(_bytes_of(described.image, _LONGEST_PGM))
+        except ValueError as error:
+            if isinstance(error, ConfigError):
+                raise
+            raise ConfigError([f'{described.image}: {error}']) from None
+        return cls(np.flipud(_values_of(grey, highest, described)), described.resolution_m,
+                   described.origin, file)
+
+    def save(self, path: str | os.PathLike[str], mode: str = 'trinary') -> None:
+        """
+        Write the map as a YAML file and, beside it, a PGM file of the same name.
+
+        :param path: of the YAML file.
+        :param mode: ``trinary`` as map_saver writes it: values from 1 to 99 become unknown, unless
+            a threshold says what they are; ``raw`` keeps every value.
+        :raises ConfigError: no such mode to write; ``scale`` has no grey for what is unknown.
+        :raises OSError: a file cannot be written.
+        """
+        file = Path(path)
+        if mode not in MODES or mode == 'scale':
+            raise ConfigError([f'{file}: a map cannot be written with mode {mode!r}: use trinary '
+                               'or raw'])
+        image = file.with_suffix('.pgm')
+        described = MapFile(Path(image.name), self.resolution_m, self.origin, mode=mode)
+        image.write_bytes(write_pgm(np.flipud(_grey_of(self.cells, described))))
+        file.write_text(described.text())
+
+    # ---- size and place ----------------------------------------------------------------------
+
+    @property
+    def rows(self) -> int:
+        """Return how many cells it has along y."""
+        return int(self.cells.shape[0])
+
+    @property
+    def columns(self) -> int:
+        """Return how many cells it has along x."""
+        return int(self.cells.shape[1])
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Return its lengths along its own x and y."""
+        return self.columns * self.resolution_m, self.rows * self.resolution_m
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Return the lowest x, the lowest y, the highest x and the highest y of its corners."""
+        width, height = self.size_m
+        corners = [self.point(x, y) for x in (0.0, width) for y in (0.0, height)]
+        xs, ys = [x for x, _ in corners], [y for _, y in corners]
+        return min(xs), min(ys), max(xs), max(ys)
+
+    @cached_property
+    def _turn(self) -> tuple[float, float, float, float]:
+        x, y, yaw = self.origin
+        return x, y, math.cos(yaw), math.sin(yaw)
+
+    def point(self, along_m: float, across_m: float) -> tuple[float, float]:
+        """Return the point of the frame that is so far from the origin along rows and columns."""
+        x, y, cosine, sine = self._turn
+        return x + cosine * along_m - sine * across_m, y + sine * along_m + cosine * across_m
+
+    def centre(self, row: int, column: int) -> tuple[float, float]:
+        """Return the middle of a cell, in m; it need not be on the map."""
+        return self.point((column + 0.5) * self.resolution_m, (row + 0.5) * self.resolution_m)
+
+    # ---- single look-ups ---------------------------------------------------------------------
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """
+        Return row and column of the cell at a point; safe in the real-time loop.
+
+        :return: None when the point is not on the map, or is no number.
+        """
+        x0, y0, cosine, sine = self._turn
+        dx, dy = x - x0, y - y0
+        column = (cosine * dx + sine * dy) / self.resolution_m
+        row = (cosine * dy - sine * dx) / self.resolution_m
+        if not (0.0 <= column < self.columns and 0.0 <= row < self.rows):
+            return None
+        return int(row), int(column)
+
+    def value(self, x: float, y: float) -> int:
+        """Return the value at a point, -1 beyond the map; safe in the real-time loop."""
+        found = self.cell(x, y)
+        return UNKNOWN if found is None else self.cells.item(*found)
+
+    def occupied(self, x: float, y: float, least: int = 50) -> bool:
+        """
+        Return whether a point lies in something; not so beyond the map or where all is unknown.
+
+        Safe in the real-time loop.
+
+        :param least: the smallest value that counts as occupied.
+        """
+        return self.value(x, y) >= least
+
+    def free(self, x: float, y: float, most: int = 49) -> bool:
+        """
+        Return whether a point is known to be free; safe in the real-time loop.
+
+        :param most: the largest value that counts as free.
+        """
+        return FREE <= self.value(x, y) <= most
+
+    # ---- arrays ------------------------------------------------------------------------------
+
+    def occupied_mask(self, least: int = 50) -> Mask:
+        """Return which cells are occupied, of shape (rows, columns)."""
+        return np.asarray(self.cells >= least)
+
+    def unknown_mask(self) -> Mask:
+        """Return which cells nobody knows, of shape (rows, columns)."""
+        return np.asarray(self.cells == UNKNOWN)
+
+    def indices(self, x: Coordinates, y: Coordinates) -> tuple[Indices, Indices, Mask]:
+        """
+        Find the cells at many points.
+
+        :param x: in m, of any shape.
+        :param y: in m, of the same shape.
+        :return: rows, columns, and which points are on the map; the others have row and column 0.
+        """
+        x0, y0, cosine, sine = self._turn
+        dx, dy = np.asarray(x) - x0, np.asarray(y) - y0
+        with np.errstate(invalid='ignore', over='ignore'):  # such a point is on no map
+            across = (cosine * dx + sine * dy) / self.resolution_m
+            up = (cosine * dy - sine * dx) / self.resolution_m
+        inside = (across >= 0.0) & (across < self.columns) & (up >= 0.0) & (up < self.rows)
+        return (np.where(inside, up, 0.0).astype(np.intp),
+                np.where(inside, across, 0.0).astype(np.intp), inside)
+
+    def values(self, x: Coordinates, y: Coordinates) -> Cells:
+        """Return the values at many points, -1 beyond the map."""
+        rows, columns, inside = self.indices(x, y)
+        return np.where(inside, self.cells[rows, columns], np.int8(UNKNOWN))
+
+    def centres(self) -> tuple[Coordinates, Coordinates]:
+        """Return x and y of the middles of all cells, each of shape (rows, columns)."""
+        x0, y0, cosine, sine = self._turn
+        along = (np.arange(self.columns) + 0.5) * self.resolution_m
+        across = ((np.arange(self.rows) + 0.5) * self.resolution_m)[:, None]
+        return (x0 + cosine * along - sine * across, y0 + sine * along + cosine * across)
+
+
+def _bytes_of(path: Path, longest: int) -> bytes:
+    """
+    Read a file that may be anything.
+
+    :raises ConfigError: it is missing, no regular file, or absurdly long.
+    """
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode):  # a pipe would be waited for
+            raise ConfigError([f'{path}: is no file'])
+        if about.st_size > longest:
+            raise ConfigError([f'{path}: {about.st_size} bytes are more than {longest}'])
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError([f'{path}: cannot be read: {error.strerror}']) from None
+
+
+def _values_of(grey: Grey, highest: int, described: MapFile) -> Cells:
+    """Turn greys into values; one look-up a pixel, for there are few greys."""
+    shade = np.arange(highest + 1) / highest
+    if described.mode == 'raw':
+        raw = np.rint(shade * 255.0)
+        table = np.where(raw <= OCCUPIED, raw, UNKNOWN)
+    else:
+        black = shade if described.negate else 1.0 - shade
+        above, below = described.occupied_thresh, described.free_thresh
+        between: npt.NDArray[np.float64] = np.full(black.shape, float(UNKNOWN))
+        if described.mode == 'scale' and above > below:
+            between = np.rint((black - below) / (above - below) * OCCUPIED)
+        table = np.where(black > above, OCCUPIED, np.where(black < below, FREE, between))
+    return table.astype(np.int8)[grey]
+
+
+def _grey_of(cells: Cells, described: MapFile) -> npt.NDArray[np.uint8]:
+    if described.mode == 'raw':
+        grey = np.where(cells == UNKNOWN, _RAW_UNKNOWN, cells)
+    else:
+        share = cells / OCCUPIED
+        grey = np.where(share >= described.occupied_thresh, _GREY_OCCUPIED, np.where(
+            (cells >= FREE) & (share <= described.free_thresh), _GREY_FREE, _GREY_UNKNOWN))
+    return grey.astype(np.uint8)
