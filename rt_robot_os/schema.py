@@ -60,6 +60,7 @@ class Field:
     :ivar maximum: largest allowed value, in ``unit``.
     :ivar choices: the allowed values; empty allows all.
     :ivar live: whether it may be changed while the robot runs.
+    :ivar length: how many items a list has; 0 for any number.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Field:
     choices: tuple[Any, ...] = ()
     item: type = str
     live: bool = False
+    length: int = 0
 
     def problem(self, value: Any) -> str | None:
         """
@@ -80,8 +82,9 @@ class Field:
         :return: None when the value may be used, else what would be right.
         """
         if self.kind is list:
-            right = isinstance(value, list | tuple) and all(
-                self._fits(each, self.item) for each in value)
+            right = (isinstance(value, list | tuple)
+                     and self.length in (0, len(value))
+                     and all(self._fits(each, self.item) for each in value))
         else:
             right = self._fits(value, self.kind)
         return None if right else self.wanted()
@@ -98,7 +101,8 @@ class Field:
             names = ', '.join(str(choice) for choice in self.choices)
             text = f'a list of any of {names}' if self.kind is list else f'one of {names}'
         elif self.kind is list:
-            text = f'a list of {_PLURALS[self.item]}{self.limits()}'
+            count = f'{self.length} ' if self.length else ''
+            text = f'a list of {count}{_PLURALS[self.item]}{self.limits()}'
         else:
             text = f'{_NOUNS[self.kind]}{self.limits()}'
         return f'{text} ({self.unit})' if self.unit else text

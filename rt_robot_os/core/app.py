@@ -120,6 +120,8 @@ class Core:
         self._add_devices(ports)
         self._lifecycle = ModuleLifecycle(self.note)
         self._lifecycle.add(settings.modules, self.kernel, self.bus, self.logs.connect)
+        for module in self.modules:
+            module.mountings = settings.mountings
         self.sensors.connect()
         owners: dict[str, LiveSettings] = {
             each.name: each for each in (*(m.device for m in self.sensors.devices), *self.modules)}

@@ -38,8 +38,12 @@ from typing import ClassVar
 from typing import Protocol
 from typing import Union
 
+from rt_robot_os.devices.mounted import with_mounting
 from rt_robot_os.errors import TopicError
 from rt_robot_os.logger import Logger
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.mounting import mounting_of
+from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.topics.ports import PortOwner
 
@@ -181,6 +185,24 @@ class Device(PortOwner, ABC):
         self.clock_ns: Callable[[], int] = time.monotonic_ns
         self.tap: Tap | None = None
         self._publishers: tuple[SamplePublisher, ...] = ()
+
+    @classmethod
+    def fields(cls) -> tuple[Field, ...]:
+        """Return everything that can be set; where there is a frame, also where it is."""
+        return with_mounting(super().fields())
+
+    @classmethod
+    def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
+        """
+        Return where the frames of the device are, by name: that of its setting ``frame_id``.
+
+        One with several frames overrides it.
+
+        :param settings: checked already, each by itself.
+        :raises ConfigError: they do not fit together; the text names the setting.
+        """
+        frame_id = settings.get('frame_id', '')
+        return {frame_id: mounting_of(settings)} if frame_id else {}
 
     @abstractmethod
     def open(self) -> None:  # noqa: A003

@@ -32,6 +32,7 @@ in :meth:`Module.step`::
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
@@ -41,6 +42,7 @@ from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
 from rt_robot_os.logger import Logger
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics.ports import PortOwner
@@ -53,11 +55,14 @@ class Module(PortOwner):
     :param name: unique among tasks.
     :param settings: a value for each of :meth:`fields`, checked already.
     :cvar SETTINGS: what can be set, besides rate, priority and topics.
+    :ivar mountings: where the frames of all devices are, by name, from :meth:`configure` on; see
+        :func:`rt_robot_os.motion.mounting.in_base`.
     :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
     NOUN = 'module'
     CONNECTED_FROM = 'configure()'
+    mountings: Mapping[str, Mounting] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings)

@@ -16,12 +16,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 import math
+from typing import Any
+from typing import Final
 
+from rt_robot_os.motion.angles import roll_pitch_yaw_of
+from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
+
+BASE_FRAME: Final = 'base_link'
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class Mounting:
 
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    parent: str = 'base_link'
+    parent: str = BASE_FRAME
 
     @property
     def yaw_rad(self) -> float:
@@ -55,3 +62,48 @@ class Mounting:
         x, y, z = rotate(self.quaternion(), point_m)
         a, b, c = self.position_m
         return x + a, y + b, z + c
+
+    def seen_from(self, parent: Mounting) -> Mounting:
+        """
+        Return the pose in the parent's parent.
+
+        :param parent: where the parent frame itself is.
+        """
+        turned = multiply(parent.quaternion(), self.quaternion())
+        return Mounting(
+            parent.in_parent(self.position_m), roll_pitch_yaw_of(*turned), parent.parent)
+
+
+# From the axes of a body (x ahead, y to the left, z up) to those of a picture (z ahead, x to the
+# right, y down): REP 103.
+OPTICAL: Final = Mounting(rotation_rad=(-math.pi / 2, 0.0, -math.pi / 2))
+
+
+def mounting_of(settings: Mapping[str, Any], index: int = 0) -> Mounting:
+    """
+    Read the mounting from the settings of a device, as its driver and its twin have them.
+
+    :param index: of a device with several frames, which one; three numbers alone are of all.
+    """
+    def numbers(key: str) -> Vector:
+        given = settings.get(key, (0.0, 0.0, 0.0))
+        first = 3 * index if len(given) > 3 else 0
+        x, y, z = map(float, given[first:first + 3])
+        return x, y, z
+
+    return Mounting(numbers('mounting_m'), numbers('mounting_rad'),
+                    settings.get('parent_frame_id', BASE_FRAME))
+
+
+def in_base(mountings: Mapping[str, Mounting], frame_id: str) -> Mounting:
+    """
+    Return where a frame is on the robot, through all the frames that carry it.
+
+    :param mountings: by frame, without a circle.
+    :return: its ``parent`` is the first frame that nothing is known of, as a rule ``base_link``;
+        that frame itself is at its own origin.
+    """
+    found = mountings.get(frame_id, Mounting(parent=frame_id))
+    while found.parent in mountings:
+        found = found.seen_from(mountings[found.parent])
+    return found

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import Any
 from typing import Protocol
 
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import PartTopics
 
@@ -42,6 +43,11 @@ def no_check(name: str, values: Mapping[str, Any], device: Mapping[str, Any]) ->
     """Find nothing wrong."""
 
 
+def no_mountings(values: Mapping[str, Any]) -> Mapping[str, Mounting]:
+    """Have no frame."""
+    return {}
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """
@@ -51,6 +57,7 @@ class Kind:
     :ivar topics: its topics, from the name of its section and the checked settings.
     :ivar check: of a simulator, raises ConfigError when its settings do not fit together or do not
         fit those of the device.
+    :ivar mountings: of a device, where its frames are, from the checked settings.
     :ivar shares_port: several devices may be on one port (a bus).
     :ivar answers: it waits for answers, so it is read on interrupt.
     """
@@ -58,6 +65,7 @@ class Kind:
     fields: tuple[Field, ...] = ()
     topics: Callable[[str, Mapping[str, Any]], PartTopics] = no_topics
     check: Callable[[str, Mapping[str, Any], Mapping[str, Any]], None] = no_check
+    mountings: Callable[[Mapping[str, Any]], Mapping[str, Mounting]] = no_mountings
     shares_port: bool = False
     answers: bool = False
     has_safe_state: bool = False

@@ -81,8 +81,8 @@ def _driver_names() -> Sequence[str]:
 def _driver(name: str) -> Kind:
     from rt_robot_os.devices.registry import DRIVERS
     cls = DRIVERS.load(name)
-    return _with_ports(cls, shares_port=cls.SHARES_PORT, answers=cls.ANSWERS,
-                       has_safe_state=cls.has_safe_state())
+    return _with_ports(cls, mountings=cls.mountings, shares_port=cls.SHARES_PORT,
+                       answers=cls.ANSWERS, has_safe_state=cls.has_safe_state())
 
 
 def _module_names() -> Sequence[str]:

@@ -47,6 +47,8 @@ from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.server import COMMAND_PRIORITY
 from rt_robot_os.link.server import SERVICE_PRIORITY
 from rt_robot_os.logger import LEVELS
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.schema import declared
 from rt_robot_os.schema import hints_of
 from rt_robot_os.schema import inline
 from rt_robot_os.schema import REQUIRED
@@ -329,10 +331,24 @@ class MirrorSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MountedFrame:
+    """
+    Where a frame of a device is.
+
+    :ivar stated: the configuration says where; False for a device with the default mounting.
+    """
+
+    frame_id: str
+    mounting: Mounting
+    stated: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class RobotSettings:
     """
     The whole robot, checked.
 
+    :ivar frames: those of all devices, each once.
     :ivar files: real paths of the parameter files that it was read from.
     :ivar simulation_asked: somebody wanted the devices simulated; False when it is only for want
         of another configuration.
@@ -341,6 +357,10 @@ class RobotSettings:
     autostart: bool = setting(True, 'the node configures and activates itself')
     diagnostics_rate_hz: float = setting(
         1.0, 'how often /diagnostics is published', 'Hz', SLOWEST_HZ, 100.0)
+    static_transforms: str = setting(
+        'mounted', 'which frames of devices the node publishes on /tf_static: those that say '
+        'where they are mounted; all; or none, where a robot description does it',
+        choices=('mounted', 'all', 'none'))
     core: CoreSettings = CoreSettings()
     parameters_file: str = setting(
         '', 'where ~/save_parameters writes what was changed; when absent the name of the robot '
@@ -355,8 +375,14 @@ class RobotSettings:
         (), 'names of the mirrors to ROS, each with a section of that name')
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
+    frames: tuple[MountedFrame, ...] = ()
     files: tuple[str, ...] = field(default=(), compare=False)
     simulation_asked: bool = field(default=True, compare=False)
+
+    @property
+    def mountings(self) -> Mapping[str, Mounting]:
+        """Return where the frames of all devices are, by name."""
+        return MappingProxyType({each.frame_id: each.mounting for each in self.frames})
 
     @property
     def simulated(self) -> tuple[str, ...]:
@@ -367,11 +393,12 @@ class RobotSettings:
 def _nested() -> tuple[Mapping[str, type], Mapping[str, type]]:
     sections: dict[str, type] = {}
     lists: dict[str, type] = {}
+    written = {each.name for each in declared(RobotSettings)}
     for name, hint in hints_of(RobotSettings).items():
         item = next(iter(get_args(hint)), None)
         if isinstance(hint, type) and is_dataclass(hint):
             sections[name] = hint
-        elif isinstance(item, type) and is_dataclass(item):
+        elif name in written and isinstance(item, type) and is_dataclass(item):
             lists[name] = item
     return MappingProxyType(sections), MappingProxyType(lists)
 

@@ -33,6 +33,7 @@ from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SECTIONS
 from rt_robot_os.settings.model import TopicSettings
+from rt_robot_os.settings.mountings import check_mountings
 from rt_robot_os.settings.parts import build_part
 from rt_robot_os.settings.parts import Part
 from rt_robot_os.settings.parts import read_device
@@ -77,6 +78,7 @@ def read_robot(
     at_work = [part for part in devices if part.enabled]
     modules_at_work = [part for part in modules if part.enabled]
     check_ports(at_work, problems)
+    frames = check_mountings(at_work, problems)
     table = TopicTable(loose=named.loose, complete=not named.loose)
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
@@ -94,7 +96,8 @@ def read_robot(
                 *_silent_topics([*devices, *modules], topics, uses)),
         mirrors=tuple(made(MirrorSettings, section.values, name=section.name,
                            message=table.message(section.values['topic']))
-                      for section in mirrors))
+                      for section in mirrors),
+        frames=frames)
     return robot
 
 

@@ -26,6 +26,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.modules import Module
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
@@ -44,11 +45,13 @@ class ModuleBench:
 
     :ivar kernel: on the virtual clock.
     :ivar bus: its topics.
+    :ivar mountings: where frames of devices are, for the modules.
     """
 
     def __init__(self) -> None:
         self.kernel = Kernel(VirtualClock())
         self.bus = Bus(self.kernel)
+        self.mountings: dict[str, Mounting] = {}
         self._modules: list[Module] = []
         self._prepared = 0
         self._events = 0
@@ -73,6 +76,7 @@ class ModuleBench:
         :param settings: other than the defaults.
         """
         made = module(name, settings_of(module, **settings))
+        made.mountings = self.mountings
         made.declare(self.bus, rate_hz)
         made.bind(self.bus, self.kernel.add_task(
             name, made.job, priority=priority, rate_hz=rate_hz or None))

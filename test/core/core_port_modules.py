@@ -61,3 +61,14 @@ class Control(Module):
 
     def step(self) -> None:
         self.command.publish()
+
+
+class Mounted(Module):
+    """Need to know where the scanner is before it runs."""
+
+    def configure(self) -> None:
+        """Find it."""
+        self.found = self.mountings['laser_link']
+
+    def step(self) -> None:
+        """Do nothing."""

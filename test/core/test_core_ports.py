@@ -23,6 +23,7 @@ import pytest
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.mounting import Mounting
 
 S = 1_000_000_000
 MakeCore = Callable[[str], Core]
@@ -57,3 +58,11 @@ def test_a_module_publishes_messages_of_any_length(
     assert seen[:4] == [[0], [0, 1], [0, 1, 2], [0, 1, 2, 3]]
     assert reader.msg.header.frame_id == 'map'
     assert reader.msg.info.width == len(seen[-1])
+
+
+def test_a_module_knows_where_devices_are_before_it_runs(make_core: MakeCore) -> None:
+    core = make_core(
+        'devices: [laser]\nlaser: {type: hokuyo, port: sim, mounting_m: [0.1, 0.0, 0.3]}\n'
+        'modules: [it]\nit: {type: "core_port_modules:Mounted", rate_hz: 10.0}')
+    core.prepare_modules()
+    assert getattr(core.modules[0], 'found') == Mounting((0.1, 0.0, 0.3))

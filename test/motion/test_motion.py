@@ -31,6 +31,7 @@ from rt_robot_os.motion.differential import body_velocity
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import tick_difference
 from rt_robot_os.motion.differential import wheel_speeds
+from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 
 ANGLES = st.floats(-1.5, 1.5)
@@ -55,6 +56,25 @@ def test_the_quaternion_of_a_mounting_has_its_angles(roll: float, pitch: float, 
 def test_a_point_before_a_sensor_that_looks_left_lies_left_of_the_robot() -> None:
     sensor = Mounting((0.1, 0.0, 0.2), (0.0, 0.0, math.pi / 2))
     assert sensor.in_parent((1.0, 0.0, 0.0)) == pytest.approx((0.1, 1.0, 0.2))
+
+
+@given(st.lists(st.tuples(ANGLES, ANGLES, st.floats(-3.1, 3.1), SPEEDS, SPEEDS), min_size=1,
+                max_size=4))
+def test_a_chain_of_frames_puts_a_point_where_its_links_do(
+        links: list[tuple[float, float, float, float, float]]) -> None:
+    mountings = {}
+    point = expected = (0.3, -0.2, 0.1)
+    for index, (roll, pitch, yaw, x, y) in enumerate(links):
+        parent = f'{index + 1}' if index + 1 < len(links) else 'base_link'
+        mountings[str(index)] = Mounting((x, y, 0.5), (roll, pitch, yaw), parent)
+        expected = mountings[str(index)].in_parent(expected)
+    found = in_base(mountings, '0')
+    assert found.parent == 'base_link'
+    assert found.in_parent(point) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_frame_that_nobody_mounted_is_at_its_own_origin() -> None:
+    assert in_base({}, 'base_link') == Mounting(parent='base_link')
 
 
 @given(SPEEDS, SPEEDS, st.floats(0.05, 2.0))

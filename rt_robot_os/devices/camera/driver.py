@@ -23,6 +23,7 @@ picture, less ``latency_s``.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import os
 from typing import Any
 from typing import Final
@@ -32,8 +33,12 @@ from rt_robot_os.devices.camera.camera_info import uncalibrated
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.device import SamplePublisher
+from rt_robot_os.devices.mounted import mounting_settings
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.mounting import mounting_of
+from rt_robot_os.motion.mounting import OPTICAL
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import TopicSpec
@@ -68,6 +73,10 @@ class Camera(CaptureDevice):
               'package://; empty for an uncalibrated camera.'),
         Field('frame_id', str, 'camera_optical_frame', 'Coordinate frame: z ahead, x to the '
               'right, y down.'),
+        Field('body_frame_id', str, 'camera_link', 'Frame of its housing: x ahead, y to the left, '
+              'z up. It carries frame_id, turned as REP 103 says; empty: mounting_m and '
+              'mounting_rad are those of frame_id itself.'),
+        *mounting_settings(whose='body_frame_id', more='; 0, 0, 0 in mounting_rad looks ahead'),
         Field('depth', int, 4, 'Pictures that each topic keeps.', choices=(2, 4, 8, 16)),
         Field('loop', bool, True, 'Begin a file or folder anew at its end.'),
         Field('latency_s', float, 0.0, 'Time from exposure to arrival, taken off the stamp.', 's',
@@ -118,6 +127,15 @@ class Camera(CaptureDevice):
                 s['info_topic'], 'sensor_msgs/msg/CameraInfo', {**head, **self._info.fixed},
                 s['depth'], s['output_rate_hz']))
         return tuple(found)
+
+    @classmethod
+    def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
+        """Return where its housing is, and the frame of its pictures in that."""
+        body = settings.get('body_frame_id', '')
+        if not body or body == settings['frame_id']:
+            return super().mountings(settings)
+        return {body: mounting_of(settings),
+                settings['frame_id']: replace(OPTICAL, parent=body)}
 
     def bind(self, publishers: Any) -> None:
         """Take the publishers and write what never changes."""

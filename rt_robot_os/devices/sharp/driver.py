@@ -36,6 +36,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.devices.mounted import mounting_settings
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.ranging import INFRARED
@@ -47,6 +48,8 @@ from rt_robot_os.devices.sharp.wire import ADC_ADDRESS
 from rt_robot_os.devices.sharp.wire import SHARP_FITS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
 
@@ -69,6 +72,8 @@ class Sharp(SerialDevice[NmeaFrame]):
         Field('channels', list, (0,), 'Channels of the converter; of several each has its number '
               'behind topic and frame_id: range_0, infrared_link_0.', item=int, minimum=0,
               maximum=63),
+        *mounting_settings(length=0, more='; of several channels 3 numbers for all, or 3 for '
+                           'each, in their order'),
         Field('model', str, 'gp2y0a21', 'Whose fit is used: gp2y0a21 (0.1 to 0.8 m), gp2y0a02 '
               '(0.2 to 1.5 m), or custom.', choices=(*SHARP_FITS, CUSTOM)),
         Field('coefficient_m', float, 0.27728, 'Fit for model custom: distance at 1 V.', 'm',
@@ -103,11 +108,26 @@ class Sharp(SerialDevice[NmeaFrame]):
     def publications(self) -> tuple[TopicSpec, ...]:
         """Return what is published: a Range for each channel."""
         s = self.settings
-        tails = [f'_{c}' for c in self._places] if len(self._places) > 1 else ['']
         return tuple(TopicSpec(
             s['topic'] + tail, 'sensor_msgs/msg/Range',
             {'header.frame_id': s['frame_id'] + tail}, s['depth'], s['output_rate_hz'])
-            for tail in tails)
+            for tail in _tails(s))
+
+    @classmethod
+    def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
+        """
+        Return where the sensor of each channel is.
+
+        :raises ConfigError: there are neither three numbers nor three for each.
+        """
+        tails = _tails(settings)
+        for key in ('mounting_m', 'mounting_rad'):
+            count = len(settings.get(key, ())) or 3
+            if count not in (3, 3 * len(tails)):
+                raise ConfigError([f'{key} has {count} numbers: give 3 for all channels'
+                                   f', or {3 * len(tails)}: 3 for each'])
+        return {settings['frame_id'] + tail: mounting_of(settings, place)
+                for place, tail in enumerate(tails)}
 
     def restart(self) -> None:
         """Forget the readings before."""
@@ -165,6 +185,11 @@ class Sharp(SerialDevice[NmeaFrame]):
             return math.inf
         distance: float = self._coefficient_m * (millivolts / 1000) ** self._exponent
         return distance
+
+
+def _tails(settings: Mapping[str, Any]) -> list[str]:
+    channels = settings['channels']
+    return [f'_{channel}' for channel in channels] if len(channels) > 1 else ['']
 
 
 def _reading(frame: NmeaFrame) -> tuple[int, int] | None:
