@@ -92,6 +92,8 @@ class DeviceStatistics:
     :ivar lost_samples: samples not published because a frame of theirs is missing.
     :ivar contradicted_samples: samples in which the device contradicted itself.
     :ivar dropped_write_bytes: bytes for the device that found no room.
+    :ivar more: what only this device counts, by name. A text ``warning`` that is not empty makes
+        its ``/diagnostics`` a warning that says it.
     :ivar deferred_bytes: bytes that waited for a later job, since one job handles only so many.
     """
 

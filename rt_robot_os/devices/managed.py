@@ -314,8 +314,9 @@ class ManagedDevice:
         if self._receives:
             counters = replace(counters, more={**counters.more, **self.device.input_counters()})
         last_ns = counters.last_frame_ns
+        reason = self.reason or str(counters.more.get('warning', ''))
         return SensorStatistics(
-            self.device.name, self.state, self.reason, self.faults, self.opened,
+            self.device.name, self.state, reason, self.faults, self.opened,
             self._kernel.now_ns() - last_ns if last_ns else -1, counters)
 
     def _fault(self, reason: str) -> None:

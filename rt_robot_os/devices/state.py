@@ -48,8 +48,9 @@ class SensorStatistics:
     """
     A device and how it fares.
 
-    :ivar reason: why it is in FAULT, or was before it was opened again; of an active one, what to
-        do where its frames are valid but give no sample. Empty once it delivers.
+    :ivar reason: why it is in FAULT, or was before it was opened again; of an active one, its own
+        warning, or what to do where its frames are valid but give no sample. Empty once it
+        delivers.
     :ivar faults: times that it went to FAULT.
     :ivar opened: times that its port was opened.
     :ivar age_ns: since the last valid frame; -1 when there was none.

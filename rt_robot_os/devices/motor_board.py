@@ -1,0 +1,390 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The motor board: two driven wheels on a serial port, as a differential drive.
+
+A ``geometry_msgs/msg/Twist`` becomes the speeds of two wheels; what their encoders count becomes
+``sensor_msgs/msg/JointState`` with angles that never wrap or jump. A driver says how its board is
+told and what it answers::
+
+    class MyBoard(MotorBoard[Reply]):
+        SETTINGS = motor_settings(baud=115200, rate_hz=50.0)
+
+        def __init__(self, name, settings):
+            super().__init__(name, settings, ReplyDecoder())
+
+        def drive(self, left_rad_s, right_rad_s):   # of the board's own channels
+            self.send(speeds(left_rad_s, right_rad_s))
+
+        def halt(self):                             # at once, whatever the state of the dialogue
+            self.send(STOP)
+
+        def write(self, now_ns):                    # each poll
+            self.send(ASK_FOR_COUNTS)
+
+        def handle(self, frame, arrival_ns):
+            return self.take_counts(frame.left, frame.right, arrival_ns)
+
+It calls :meth:`MotorBoard.take_counts`, :meth:`MotorBoard.take_battery` and
+:meth:`MotorBoard.take_faults` when it has something, :meth:`MotorBoard.line_failed` when bytes
+were lost, and ``super()`` where it overrides ``restart``, ``idle`` or ``statistics``. Swapped and
+inverted wheels, limits, wrong commands, jumps of the counters, wheels that do not obey and the
+latch that follows are dealt with here.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+import math
+from typing import Any
+from typing import ClassVar
+from typing import Final
+
+from rt_robot_os.devices.actuator import Actuator
+from rt_robot_os.devices.battery import battery_settings
+from rt_robot_os.devices.battery import BatteryFiller
+from rt_robot_os.devices.battery import UNKNOWN
+from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.devices.device import Value
+from rt_robot_os.devices.motor_faults import MotorFault
+from rt_robot_os.devices.motor_faults import MotorFaults
+from rt_robot_os.devices.serial.device import Decoder
+from rt_robot_os.devices.serial.device import FrameT
+from rt_robot_os.devices.serial.device import serial_settings
+from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.motion.differential import wheel_speeds
+from rt_robot_os.motion.wheel_counters import Reading
+from rt_robot_os.motion.wheel_counters import WheelCounters
+from rt_robot_os.motion.wheel_watch import WheelState
+from rt_robot_os.motion.wheel_watch import WheelWatch
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import TopicSpec
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+# No robot is told to go faster, in m/s or rad/s, by somebody who means it.
+_BEYOND_REASON: Final = 1000.0
+_MISSING_NS: Final = 400 * NS_PER_MS
+_FAULTS_EVERY_NS: Final = NS_PER_S
+# What an encoder may show of a wheel that stands still, in counts.
+_NOISE_COUNTS: Final = 2.5
+_SIDES: Final = ('left', 'right')
+_STILL: Final = (0.0, 0.0)
+
+
+def motor_settings(
+    *, baud: int, rate_hz: float, wheel_radius_m: Any = REQUIRED,
+    wheel_separation_m: Any = REQUIRED, ticks_per_revolution: Any = REQUIRED,
+    maximum_wheel_speed_m_s: float = 1.0, empty_v: float = 0.0, full_v: float = 0.0,
+) -> tuple[Field, ...]:
+    """
+    Declare the settings that every motor board has, with the defaults of one board.
+
+    :param rate_hz: default of the rate at which the counters are read.
+    :param ticks_per_revolution: default, of the wheel; None leaves the setting out.
+    """
+    serial = tuple(each for each in serial_settings(
+        baud=baud, frame_id='base_link', topic='', rate_hz=rate_hz)
+        if each.name not in ('topic', 'depth'))
+    ticks = () if ticks_per_revolution is None else (
+        Field('ticks_per_revolution', float, ticks_per_revolution, 'Counts of the encoder for one '
+              'turn of the wheel, gear and all four edges included. Measure it: turn the wheel '
+              'ten times.', '', 1.0, 1e7),)
+    return serial + (
+        Field('wheel_radius_m', float, wheel_radius_m, 'Radius of the wheels.', 'm', 0.001, 2.0),
+        Field('wheel_separation_m', float, wheel_separation_m, 'Distance of the wheels, from '
+              'the middle of one to that of the other.', 'm', 0.01, 5.0),
+    ) + ticks + (
+        Field('inverted_left', bool, False, 'The left wheel turns backwards when the board says '
+              'forwards, its encoder too.'),
+        Field('inverted_right', bool, False, 'As inverted_left, of the right wheel.'),
+        Field('swapped', bool, False, "The right wheel is on the board's left channel, and the "
+              'other way round.'),
+        Field('maximum_wheel_speed_m_s', float, maximum_wheel_speed_m_s, 'A command is scaled '
+              'down to it, both wheels alike, so that the robot stays on its curve.', 'm/s', 0.01,
+              20.0),
+        Field('maximum_jump', float, 0.0, 'Counts between two readings that are believed; 0: as '
+              'many as maximum_wheel_speed_m_s allows, and half as many again.', '', 0.0, 1e7),
+        Field('standstill_s', float, 0.4, 'A wheel that stands still so long although it is '
+              'commanded to turn stops the robot: its encoder, its motor or the wheel is stuck.',
+              's', 0.1, 10.0),
+        Field('standstill_from_m_s', float, 0.03, 'Slowest command at which that is watched; '
+              'below it friction may hold the wheel.', 'm/s', 0.001, 20.0),
+        Field('left_joint', str, 'left_wheel_joint', 'Name in joint_states, as in the URDF.'),
+        Field('right_joint', str, 'right_wheel_joint', 'Name in joint_states, as in the URDF.'),
+    ) + battery_settings(empty_v=empty_v, full_v=full_v)
+
+
+class MotorBoard(Actuator, SerialDevice[FrameT]):
+    """
+    A board that drives two wheels.
+
+    :cvar COUNTER_BITS: width of its counters, after which they wrap; 0 for numbers that do not.
+    :cvar COUNTS_SURVIVE: opening the port resets neither the board nor its counters, so what they
+        counted meanwhile is believed, for a second's worth.
+    """
+
+    COUNTER_BITS: ClassVar[int] = 32
+    COUNTS_SURVIVE: ClassVar[bool] = False
+
+    command = Input('cmd_vel_safe', wake=True, message='geometry_msgs/msg/Twist')
+    joint_states = Output('joint_states', 'sensor_msgs/msg/JointState',
+                          {'position': 2, 'velocity': 2})
+    battery = Output('battery', 'sensor_msgs/msg/BatteryState', rate_hz=1.0)
+    motor_faults = Output('motor_faults', 'std_msgs/msg/UInt32', rate_hz=1.0)
+
+    def __init__(self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT]) -> None:
+        """
+        Keep settings and decoder; nothing is opened.
+
+        :raises ConfigError: the port is neither a path nor an address.
+        """
+        super().__init__(name, settings, decoder)
+        self._radius_m: float = settings['wheel_radius_m']
+        self._separation_m: float = settings['wheel_separation_m']
+        self._signs = (-1.0 if settings['inverted_left'] else 1.0,
+                       -1.0 if settings['inverted_right'] else 1.0)
+        self._swapped: bool = settings['swapped']
+        unit_rad = math.tau / self.counts_per_revolution()
+        self.counters = WheelCounters(
+            self._signs[0] * unit_rad, self._signs[1] * unit_rad, bits=self.COUNTER_BITS,
+            fastest_rad_s=settings['maximum_wheel_speed_m_s'] / self._radius_m,
+            most=settings['maximum_jump'])
+        self._watches = tuple(WheelWatch(
+            patience_s=settings['standstill_s'],
+            slowest_rad_s=settings['standstill_from_m_s'] / self._radius_m,
+            noise_rad=_NOISE_COUNTS * unit_rad) for _ in _SIDES)
+        self._battery = BatteryFiller(settings)
+        self.faults = MotorFaults()
+        self._wheels_rad_s: tuple[float, float] = _STILL
+        self._driven_ns = 0
+        self._told_bits = -1
+        self._told_ns = 0
+        self._wrong_commands = self._limited_commands = self._refused_commands = 0
+        self._standstills = self._wrong_ways = self._lost_replies = 0
+
+    # --- what a driver brings --------------------------------------------------------------------
+
+    @abstractmethod
+    def drive(self, left_rad_s: float, right_rad_s: float) -> None:
+        """
+        Tell the board the speeds of its wheels, without blocking.
+
+        Called with each command and with each poll while it is in force.
+
+        :param left_rad_s: of the board's left channel, in the direction in which that counts up;
+            swapped and inverted wheels have been dealt with.
+        :raises DeviceError: the device is gone.
+        """
+
+    @abstractmethod
+    def halt(self) -> None:
+        """
+        Tell the board to stop, without blocking, whatever the state of the dialogue with it.
+
+        :raises DeviceError: the device is gone.
+        """
+
+    def counts_per_revolution(self) -> float:
+        """Return what :meth:`take_counts` counts in one turn of a wheel."""
+        return float(self.settings['ticks_per_revolution'])
+
+    # --- what it tells ---------------------------------------------------------------------------
+
+    def take_counts(self, left: float, right: float, arrival_ns: int) -> int:
+        """
+        Publish what the encoders count.
+
+        :param left: of the board's left channel; ticks, or any other number that goes with
+            :meth:`counts_per_revolution`.
+        :return: number of samples published.
+        :raises DeviceError: a wheel does not obey, and the board could not be stopped.
+        """
+        if self._swapped:
+            left, right = right, left
+        counters = self.counters
+        reading = counters.take(left, right, arrival_ns)
+        if reading is Reading.REJECTED:
+            return 0
+        if reading is Reading.REBASED:
+            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
+            self.log.warn('its counters started anew (reset, or another board): brought to rest',
+                          throttle_s=1.0)
+            self.rest()
+        self._watch(arrival_ns)
+        message = self.joint_states.msg
+        message.position[:] = counters.position_rad
+        message.velocity[:] = counters.velocity_rad_s
+        self.joint_states.publish(arrival_ns)
+        return 1
+
+    def take_battery(self, voltage_v: float, arrival_ns: int, current_a: float = math.nan,
+                     status: int = UNKNOWN) -> int:
+        """
+        Publish the state of the battery.
+
+        :param current_a: negative when it is discharged.
+        :param status: ``power_supply_status`` of the message.
+        :return: number of samples published.
+        """
+        self._battery.fill(self.battery.msg, voltage_v, current_a, status)
+        self.battery.publish(arrival_ns)
+        self.faults.keep(MotorFault.BATTERY_LOW, self._battery.is_low(voltage_v))
+        return 1
+
+    def take_faults(self, bits: int) -> None:
+        """
+        Take what the board reports of itself; it is told from bit 16 on.
+
+        :param bits: at most 16 of them, 0 = none; what they mean is on the page of the board.
+        """
+        self.faults.of_board(bits)
+
+    def line_failed(self, now_ns: int) -> None:
+        """Count that an answer was lost or wrong; it is told for a second."""
+        self._lost_replies += 1
+        self.faults.show(MotorFault.LINE, now_ns)
+
+    # --- commands --------------------------------------------------------------------------------
+
+    def actuate(self, now_ns: int) -> None:
+        """Carry out the command in force, within the limits; one that is no number is refused."""
+        twist = self.command.msg
+        linear_m_s, angular_rad_s = twist.linear.x, twist.angular.z
+        if not (abs(linear_m_s) <= _BEYOND_REASON and abs(angular_rad_s) <= _BEYOND_REASON):
+            self._wrong_commands += 1
+            self.faults.show(MotorFault.COMMAND_REFUSED, now_ns)
+            self.log.warn('a command of %s m/s and %s rad/s is refused: brought to rest',
+                          linear_m_s, angular_rad_s, throttle_s=1.0)
+            super().rest()  # it is nobody's word that what holds the robot has been noticed
+            return
+        if not self.is_set_up():
+            self._refused_commands += 1
+            return
+        left, right = self._limited(*wheel_speeds(linear_m_s, angular_rad_s, self._separation_m))
+        if self.faults.is_latched:
+            if left or right:
+                self._refused_commands += 1
+                return
+            self.faults.release()
+        if not self.is_driving:
+            self._driven_ns = now_ns
+        self._wheels_rad_s = left, right
+        left, right = left * self._signs[0], right * self._signs[1]
+        if self._swapped:
+            left, right = right, left
+        self.drive(left, right)
+
+    @property
+    def is_driving(self) -> bool:
+        """Return whether a wheel is told to turn."""
+        return self._wheels_rad_s != _STILL
+
+    def _limited(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
+        """Return the speeds of the wheels in rad/s, scaled alike down to the limit."""
+        limit_m_s: float = self.settings['maximum_wheel_speed_m_s']
+        fastest_m_s = max(abs(left_m_s), abs(right_m_s))
+        scale = 1.0 / self._radius_m
+        if fastest_m_s > limit_m_s:
+            self._limited_commands += 1
+            scale *= limit_m_s / fastest_m_s
+        return left_m_s * scale, right_m_s * scale
+
+    def safe_state(self) -> None:
+        """Stop the wheels."""
+        self._wheels_rad_s = _STILL
+        self.halt()
+
+    def rest(self) -> None:
+        """Stop the wheels and what a fault holds; only a new command moves them again."""
+        self.faults.release()
+        super().rest()
+
+    def restart(self) -> None:
+        """Begin anew: the port has just been opened."""
+        self._wheels_rad_s = _STILL
+        self.faults.clear()
+        if self.COUNTS_SURVIVE:
+            self.counters.doubt()
+        else:
+            self.counters.forget()
+
+    # --- what is watched -------------------------------------------------------------------------
+
+    def idle(self, now_ns: int) -> int:
+        """Look after counts that stay away, and publish the faults."""
+        if self.is_driving:
+            since_ns = max(self._driven_ns, self.counters.stamp_ns)
+            if now_ns - since_ns > _MISSING_NS:
+                self._latch(MotorFault.COUNTS_MISSING, 'no counts of its encoders come although '
+                            'it is commanded to drive: check the line to the board')
+        bits = self.faults.bits(now_ns)
+        if bits != self._told_bits or now_ns - self._told_ns >= _FAULTS_EVERY_NS:
+            self._told_bits, self._told_ns = bits, now_ns
+            self.motor_faults.msg.data = bits
+            self.motor_faults.publish(now_ns)
+        return 0
+
+    def _watch(self, now_ns: int) -> None:
+        for side, watch, command_rad_s, position_rad in zip(
+                (0, 1), self._watches, self._wheels_rad_s, self.counters.position_rad):
+            state = watch.look(command_rad_s, position_rad, now_ns)
+            if state is WheelState.STANDSTILL:
+                self._standstills += 1
+                self._latch(MotorFault(MotorFault.LEFT_STANDSTILL << side), (
+                    f'the {_SIDES[side]} wheel stands still although it is commanded to turn: '
+                    "check its encoder's wires, its motor and what may block it"))
+            elif state is WheelState.WRONG_WAY:
+                self._wrong_ways += 1
+                self._latch(MotorFault(MotorFault.LEFT_WRONG_WAY << side), (
+                    f'the {_SIDES[side]} wheel turns against its command: swap the wires of its '
+                    'motor, or the two channels of its encoder'))
+
+    def _latch(self, fault: MotorFault, text: str) -> None:
+        """Stop, until a command to stand, or no command, says that somebody noticed."""
+        self.log.error('%s; brought to rest', text, throttle_s=1.0)
+        super().rest()
+        self.faults.latch(fault, text)
+
+    # --- declarations ----------------------------------------------------------------------------
+
+    def publications(self) -> tuple[TopicSpec, ...]:
+        """Return what is published, with frames and joints as they are set."""
+        header = {'header.frame_id': self.settings['frame_id']}
+        joints = {'name': [self.settings['left_joint'], self.settings['right_joint']]}
+        fixed = {'joint_states': {**header, **joints}, 'battery': header}
+        return tuple(
+            replace(spec, fixed={**spec.fixed, **fixed.get(attribute, {})})
+            for attribute, spec in zip(self.used(Output), super().publications()))
+
+    def statistics(self) -> DeviceStatistics:
+        """Return the counters as they are now; contradictions are readings held back."""
+        return self._counters(contradicted=self.counters.rejected, more=self.motor_counters())
+
+    def motor_counters(self) -> dict[str, Value]:
+        """Return what ``/diagnostics`` shows; ``warning`` is what holds the robot."""
+        left_rad, right_rad = self.counters.position_rad
+        return {
+            'warning': self.faults.text, 'motor_faults': max(self._told_bits, 0),
+            'left_rad': left_rad, 'right_rad': right_rad, 'counter_resets': self.counters.resets,
+            'standstills': self._standstills, 'wrong_ways': self._wrong_ways,
+            'lost_replies': self._lost_replies, 'wrong_commands': self._wrong_commands,
+            'limited_commands': self._limited_commands,
+            'refused_commands': self._refused_commands}

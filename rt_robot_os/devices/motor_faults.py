@@ -1,0 +1,115 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The faults of a motor board, as bits of ``motor_faults``, and the words for people."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from typing import Final
+
+from rt_robot_os.units import NS_PER_S
+
+# How long what happened in a moment is shown.
+SHOWN_NS: Final = NS_PER_S
+BOARD_BITS: Final = 16
+
+
+class MotorFault(IntFlag):
+    """
+    The bits that all boards share; those from 16 on are the board's own.
+
+    :cvar COUNTS_NEW: the counters started anew: the board was reset, or another one is there. What
+        the wheels turned meanwhile is not known.
+    :cvar COUNTS_MISSING: a command is in force and no counts came for 0.4 s.
+    :cvar COMMAND_REFUSED: the last command was not a number, or beyond all reason.
+    :cvar LINE: bytes were lost between the board and here.
+    """
+
+    LEFT_STANDSTILL = 1
+    RIGHT_STANDSTILL = 2
+    LEFT_WRONG_WAY = 4
+    RIGHT_WRONG_WAY = 8
+    COUNTS_NEW = 16
+    COUNTS_MISSING = 32
+    COMMAND_REFUSED = 64
+    LINE = 128
+    BATTERY_LOW = 256
+
+
+# Those that stop the robot, until it is commanded to stand or not commanded at all.
+LATCHED: Final = (MotorFault.LEFT_STANDSTILL | MotorFault.RIGHT_STANDSTILL
+                  | MotorFault.LEFT_WRONG_WAY | MotorFault.RIGHT_WRONG_WAY
+                  | MotorFault.COUNTS_MISSING)
+
+
+class MotorFaults:
+    """
+    What is wrong with a board now; safe in the real-time loop.
+
+    :ivar text: what to do about what stopped the robot; empty while nothing did.
+    """
+
+    def __init__(self) -> None:
+        self.text = ''
+        self._latched = 0
+        self._lasting = 0
+        self._board = 0
+        self._until_ns: dict[MotorFault, int] = {}
+
+    def latch(self, fault: MotorFault, text: str) -> None:
+        """Keep a fault that stopped the robot until :meth:`release`."""
+        self._latched |= fault
+        self.text = text
+
+    @property
+    def is_latched(self) -> bool:
+        """Return whether a fault holds the robot."""
+        return self._latched != 0
+
+    def release(self) -> None:
+        """Let the robot move again."""
+        self._latched = 0
+        self.text = ''
+
+    def clear(self) -> None:
+        """Forget everything: the port was opened anew."""
+        self.release()
+        self._lasting = self._board = 0
+        self._until_ns.clear()
+
+    def show(self, fault: MotorFault, now_ns: int) -> None:
+        """Show what happened for a second."""
+        self._until_ns[fault] = now_ns + SHOWN_NS
+
+    def keep(self, fault: MotorFault, is_there: bool) -> None:
+        """Show a fault as long as it is there."""
+        self._lasting = self._lasting | fault if is_there else self._lasting & ~fault
+
+    def of_board(self, bits: int) -> None:
+        """Take what the board reports, at most 16 bits."""
+        self._board = (bits & 0xFFFF) << BOARD_BITS
+
+    @property
+    def board_bits(self) -> int:
+        """Return what the board reported last."""
+        return self._board >> BOARD_BITS
+
+    def bits(self, now_ns: int) -> int:
+        """Return all of them."""
+        bits = self._latched | self._lasting | self._board
+        for fault, until_ns in self._until_ns.items():
+            if now_ns < until_ns:
+                bits |= fault
+        return bits
