@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import replace
+from types import MappingProxyType
 from typing import ClassVar
 from typing import Final
 from typing import overload
@@ -97,10 +98,12 @@ class PortOwner(LiveSettings):
 
     :cvar NOUN: which of the two, for messages.
     :cvar CONNECTED_FROM: the first of its methods in which its ports can be used.
+    :ivar listed: what is read besides the inputs declared at class level: :meth:`listed_inputs`.
     """
 
     NOUN: ClassVar[str]
     CONNECTED_FROM: ClassVar[str]
+    listed: Mapping[str, Subscription] = MappingProxyType({})
 
     @classmethod
     def ports(cls) -> dict[str, Input | Output]:
@@ -138,6 +141,15 @@ class PortOwner(LiveSettings):
         """Return whether a port is used; one that the settings make needless is left alone."""
         return True
 
+    def listed_inputs(self) -> Mapping[str, Input]:
+        """
+        Return the inputs that the settings list, however many, by a key each.
+
+        They are subscribed to like those of the class, and found in :attr:`listed` by that key;
+        with ``wake`` a publication releases the task.
+        """
+        return {}
+
     def output_rate_hz(self) -> float:
         """Return how often an output that does not say so is written; 0 when unknown."""
         return 0.0
@@ -151,8 +163,9 @@ class PortOwner(LiveSettings):
 
     def reads(self) -> tuple[TopicRead, ...]:
         """Return what is read: each input that is used, with its topic as it is set."""
-        return tuple(replace(port, topic=self.topic_of(attribute))
-                     for attribute, port in self.used(Input).items())
+        return (*(replace(port, topic=self.topic_of(attribute))
+                  for attribute, port in self.used(Input).items()),
+                *self.listed_inputs().values())
 
     def subscriptions(self) -> tuple[str, ...]:
         """Return the names of the topics that are read."""
@@ -174,6 +187,10 @@ class PortOwner(LiveSettings):
         self.__dict__.update(connect(self, bus, task, released or task, {
             attribute: port for attribute, port in self.ports().items()
             if self.connected(attribute) and attribute not in self.__dict__}))
+        if not self.listed:
+            self.listed = {
+                key: _subscribe(self, bus, task, released or task, port, port.topic)
+                for key, port in self.listed_inputs().items()}
 
     def _not_connected(self, port: str) -> TopicError:
         return TopicError(f'{self.NOUN} {self.name!r}: the {port} can be used from '
