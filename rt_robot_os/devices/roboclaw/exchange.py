@@ -1,0 +1,158 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The dialogue with a RoboClaw: one request in flight, the others wait for their turn.
+
+It never waits: whoever owns it asks what is to be sent, and tells what came. A request without an
+answer is sent again, and given up after a few times. Before anything follows a failure the line is
+left alone for longer than the unit remembers half a request, so that what comes late is not taken
+for the next answer.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from rt_robot_os.devices.roboclaw.wire import GAP_S
+from rt_robot_os.devices.roboclaw.wire import Request
+from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
+from rt_robot_os.units import NS_PER_S
+
+TRIES: Final = 3
+# Several are made for each turn; more than that waits only for a unit that answers nothing.
+MOST_WAITING: Final = 16
+
+# When a request was sent that did not know the time.
+_NOW: Final = -1
+_QUIET_NS: Final = round(1.5 * GAP_S * NS_PER_S)
+
+Make = Callable[[], Request]
+
+
+class Exchange:
+    """
+    The requests for one unit; safe in the real-time loop.
+
+    :ivar timeouts: requests that nothing, or too little, came upon in time.
+    :ivar retries: requests that were sent again, for a time-out or a wrong answer.
+    :ivar given_up: requests that were given up.
+    """
+
+    def __init__(self, decoder: RoboClawDecoder, answer_ns: int) -> None:
+        """
+        Begin with nothing to send.
+
+        :param answer_ns: how long an answer may take to be complete.
+        """
+        self.timeouts = self.retries = self.given_up = 0
+        self._decoder = decoder
+        self._answer_ns = answer_ns
+        self._waiting: deque[Make] = deque()
+        self._current: Make | None = None
+        self._flying = False
+        self._tries = 0
+        self._sent_ns = 0
+        self._quiet_ns = 0
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether nothing waits and nothing is in flight."""
+        return self._current is None and not self._waiting
+
+    def clear(self) -> None:
+        """Forget everything: the port has just been opened."""
+        self._decoder.reset()
+        self._waiting.clear()
+        self._current = None
+        self._flying = False
+        self._quiet_ns = 0
+
+    def add(self, make: Make) -> None:
+        """
+        Let a request wait for its turn.
+
+        :param make: makes it when it is sent, each time anew.
+        """
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append(make)
+        else:
+            self.given_up += 1
+
+    def put_first(self, make: Make) -> None:
+        """Let a request be the next one; if it waits already, it moves ahead."""
+        if make in self._waiting:
+            self._waiting.remove(make)
+        self._waiting.appendleft(make)
+
+    def interrupt(self, make: Make) -> bytes:
+        """
+        Return a request that cannot wait: it is sent at once, whatever is in flight.
+
+        What was in flight is sent again behind it, and so is this, should its answer be mistaken.
+        Its time begins with the next :meth:`due`.
+        """
+        if self._current is not None and self._current != make:
+            self._waiting.appendleft(self._current)
+        self._current = make
+        self._tries = 0
+        return self._send(_NOW)
+
+    def due(self, now_ns: int) -> bytes:
+        """Return what is to be sent now, as a rule nothing."""
+        if self._flying:
+            if self._sent_ns == _NOW:
+                self._sent_ns = now_ns
+            if not self._decoder.failed:
+                if now_ns - self._sent_ns < self._answer_ns:
+                    return b''
+                self.timeouts += 1
+                self._decoder.learn()
+            self._fail(now_ns)
+        if now_ns < self._quiet_ns:
+            return b''
+        if self._current is None:
+            if not self._waiting:
+                return b''
+            self._current = self._waiting.popleft()
+            self._tries = 0
+        else:
+            self.retries += 1
+        return self._send(now_ns)
+
+    def answered(self) -> None:
+        """Take note that the answer to the request in flight came."""
+        self._current = None
+        self._flying = False
+
+    def _send(self, now_ns: int) -> bytes:
+        current = self._current
+        if current is None:  # somebody of a higher priority was here
+            return b''
+        request = current()
+        self._decoder.expect(request)
+        self._flying = True
+        self._tries += 1
+        self._sent_ns = now_ns
+        return request.data
+
+    def _fail(self, now_ns: int) -> None:
+        self._decoder.abandon()
+        self._flying = False
+        self._quiet_ns = now_ns + _QUIET_NS
+        if self._tries >= TRIES:
+            self._current = None
+            self.given_up += 1

@@ -1,0 +1,326 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+RoboClaw packet serial: requests ``address command data CRC``, each answered on its own.
+
+The CRC is CRC-16/XMODEM, big-endian as all numbers are. A request that sets something carries one
+and is answered by one byte, 0xFF; a request that asks for something carries none, and the answer
+has one over address, command and data. Nothing in an answer tells what it answers, so the decoder
+has to be told what has been asked; the CRC then tells an answer to something else.
+
+The unit drops a request whose bytes come more than 10 ms apart. Answers of simulated units and of
+tests are made here as well.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+import struct
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.devices.framing import StreamDecoder
+
+FIRST_ADDRESS: Final = 0x80
+LAST_ADDRESS: Final = 0x87
+ACKNOWLEDGED: Final = b'\xff'
+# A unit forgets what it has of a request after such a gap.
+GAP_S: Final = 0.01
+
+SET_TIMEOUT: Final = 14
+READ_TIMEOUT: Final = 15
+VERSION: Final = 21
+SET_ENCODER_1: Final = 22
+SET_ENCODER_2: Final = 23
+MAIN_BATTERY: Final = 24
+SET_PID_1: Final = 28
+SET_PID_2: Final = 29
+DUTY: Final = 34
+SPEED: Final = 37
+SPEED_ACCEL: Final = 40
+CURRENTS: Final = 49
+ENCODERS: Final = 78
+TEMPERATURE: Final = 82
+STATUS: Final = 90
+
+# What the bits of the status mean.
+STATUS_WORDS: Final = {
+    0x1: 'emergency stop', 0x2: 'temperature error', 0x4: 'temperature 2 error',
+    0x8: 'main voltage too high', 0x10: 'logic voltage too high', 0x20: 'logic voltage too low',
+    0x40: 'driver fault of M1', 0x80: 'driver fault of M2', 0x100: 'speed error of M1',
+    0x200: 'speed error of M2', 0x400: 'position error of M1', 0x800: 'position error of M2',
+    0x1000: 'current error of M1', 0x2000: 'current error of M2', 0x1_0000: 'overcurrent of M1',
+    0x2_0000: 'overcurrent of M2', 0x4_0000: 'main voltage high', 0x8_0000: 'main voltage low',
+    0x10_0000: 'temperature high', 0x20_0000: 'temperature 2 high',
+    0x40_0000: 'S4 triggered', 0x80_0000: 'S5 triggered', 0x100_0000: 'speed error limit',
+    0x200_0000: 'position error limit'}
+
+# Of PID gains.
+GAIN_ONE: Final = 65536
+BATTERY_V: Final = 0.1
+CURRENT_A: Final = 0.01
+TEMPERATURE_C: Final = 0.1
+FULL_DUTY: Final = 32767
+MAX_SPEED: Final = 2**31 - 1
+
+_CRC: Final = 2
+# Of a version, its NUL included.
+_LONGEST_TEXT: Final = 48
+_SIZES: Final = {READ_TIMEOUT: 1, MAIN_BATTERY: 2, CURRENTS: 4, ENCODERS: 8, TEMPERATURE: 2}
+_STATUS: Final = 4
+_OLD_STATUS: Final = 2
+# Bits of the status of old firmware, in the order of theirs, as they are in the new one.
+_OLD_BITS: Final = (0x10000, 0x20000, 0x1, 0x2, 0x4, 0x8, 0x10, 0x20, 0x40, 0x80, 0x40000, 0x80000,
+                    0x100000, 0x200000, 0, 0)
+
+
+class Request(NamedTuple):
+    """
+    What is sent to a unit.
+
+    :ivar data: its bytes.
+    """
+
+    data: bytes
+
+    @property
+    def command(self) -> int:
+        """Return the number of the command."""
+        return self.data[1]
+
+    @property
+    def asks(self) -> bool:
+        """Return whether the answer has data; otherwise it is an acknowledgement."""
+        return len(self.data) == 2
+
+
+class Reply(NamedTuple):
+    """
+    The answer to a request.
+
+    :ivar request: what was asked.
+    :ivar data: without the CRC; of an acknowledgement nothing.
+    :ivar size: bytes on the line.
+    :ivar end: index just after its last byte in the chunk that completed it.
+    """
+
+    request: Request
+    data: bytes
+    size: int
+    end: int
+
+
+class RoboClawDecoder(StreamDecoder[Reply]):
+    """
+    Find the answer to the request that was sent last; safe in the loop, keeps at most 50 bytes.
+
+    An answer begins with the first byte after the request: what else comes is rejected, up to the
+    next request. Of what has a wrong CRC nothing is used.
+
+    :ivar failed: the bytes that came were no answer to the request; it is to be sent again.
+    :ivar status_bytes: size of a status: 4, of old firmware 2.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.failed = False
+        self.status_bytes = _STATUS
+        self._request: Request | None = None
+
+    def expect(self, request: Request) -> None:
+        """Wait for the answer to a request; what is pending is rejected."""
+        super().reset()
+        self.failed = False
+        self._request = request
+
+    def abandon(self) -> None:
+        """Expect nothing any more; what comes is rejected."""
+        super().reset()
+        self.failed = False
+        self._request = None
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew, perhaps that of another unit."""
+        self.abandon()
+        self.status_bytes = _STATUS
+
+    def feed(self, data: bytes) -> list[Reply]:
+        """
+        Take the next bytes of the stream; never raises.
+
+        :return: the answer, when they complete it; the same however the stream is cut.
+        """
+        request = self._request
+        if request is None:
+            self.rejected_bytes += len(data)
+            return []
+        held = len(self._pending)
+        buffer = self._pending + data
+        size = self._size(request, buffer)
+        if size == 0:
+            self._pending = buffer
+            return []
+        self._pending = b''
+        self._request = None
+        if size < 0:
+            self.failed = True
+            self.rejected_frames += 1
+            self.rejected_bytes += len(buffer)
+            return []
+        self.frames += 1
+        self.rejected_bytes += len(buffer) - size
+        content = buffer[:size - _CRC] if request.asks else b''
+        return [Reply(request, content, size, size - held)]
+
+    def learn(self) -> bool:
+        """
+        Look whether what is pending is the shorter status of old firmware; the next is read so.
+
+        To be asked when nothing more has come for a while: only then is it known to be all.
+        """
+        request, pending = self._request, self._pending
+        if request is None or request.command != STATUS or self.status_bytes == _OLD_STATUS:
+            return False
+        if len(pending) != _OLD_STATUS + _CRC or crc(request.data + pending):
+            return False
+        self.status_bytes = _OLD_STATUS
+        return True
+
+    def _size(self, request: Request, buffer: bytes) -> int:
+        """Return the bytes of the answer in a buffer; 0 = not all there, -1 = it is none."""
+        if not request.asks:
+            return 0 if not buffer else 1 if buffer[:1] == ACKNOWLEDGED else -1
+        if request.command == VERSION:
+            end = buffer.find(b'\x00', 0, _LONGEST_TEXT) + 1
+            if not end:
+                return -1 if len(buffer) >= _LONGEST_TEXT else 0
+            size = end + _CRC
+        else:
+            size = _SIZES.get(request.command, self.status_bytes) + _CRC
+        if len(buffer) < size:
+            return 0
+        return size if crc(request.data + buffer[:size]) == 0 else -1
+
+
+def crc(data: bytes) -> int:
+    """Return the CRC-16/XMODEM; 0 of bytes with their own CRC behind them."""
+    return crc_hqx(data, 0)
+
+
+# ---- requests -----------------------------------------------------------------------------------
+
+def ask(address: int, command: int) -> Request:
+    """Make a request for data."""
+    return Request(bytes((address, command)))
+
+
+def order(address: int, command: int, data: bytes) -> Request:
+    """Make a request that sets something."""
+    content = bytes((address, command)) + data
+    return Request(content + crc(content).to_bytes(_CRC, 'big'))
+
+
+def speeds(address: int, first: int, second: int, acceleration: int = 0) -> Request:
+    """
+    Make the command of both speeds.
+
+    :param first: of motor M1, in quadrature pulses a second; limited to 32 bits.
+    :param acceleration: in quadrature pulses a second squared; 0 goes there at once.
+    """
+    both = _limited(first), _limited(second)
+    if acceleration:
+        return order(address, SPEED_ACCEL, struct.pack('>Iii', acceleration, *both))
+    return order(address, SPEED, struct.pack('>ii', *both))
+
+
+def duty(address: int, first: int, second: int) -> Request:
+    """Make the command of both duty cycles, full at 32767; it leaves speed control."""
+    return order(address, DUTY, struct.pack('>hh', first, second))
+
+
+def serial_timeout(address: int, seconds: float) -> Request:
+    """Make the command of the unit's own watchdog: in steps of 0.1 s, 0 = none."""
+    return order(address, SET_TIMEOUT, bytes((min(max(round(seconds * 10), 0), 255),)))
+
+
+def encoder(address: int, command: int, count: int) -> Request:
+    """
+    Make the command that sets the counter of an encoder; it is lost with the power.
+
+    :param command: ``SET_ENCODER_1`` or ``SET_ENCODER_2``.
+    """
+    return order(address, command, (count & 0xFFFFFFFF).to_bytes(4, 'big'))
+
+
+def gains(address: int, command: int, p: float, i: float, d: float, qpps: int) -> Request:
+    """
+    Make the command of the velocity control of a motor; it is lost with the power.
+
+    :param command: ``SET_PID_1`` (M1) or ``SET_PID_2`` (M2).
+    :param qpps: speed of the motor at full duty.
+    """
+    return order(address, command, struct.pack(
+        '>IIII', round(d * GAIN_ONE), round(p * GAIN_ONE), round(i * GAIN_ONE), qpps))
+
+
+def _limited(speed: int) -> int:
+    return min(max(speed, -MAX_SPEED), MAX_SPEED)
+
+
+# ---- answers ------------------------------------------------------------------------------------
+
+def answer(address: int, command: int, data: bytes) -> bytes:
+    """Make the answer to a request for data."""
+    return data + crc(bytes((address, command)) + data).to_bytes(_CRC, 'big')
+
+
+def old_status(bits: int) -> bytes:
+    """Make the data of the status of old firmware, of the bits of a new one."""
+    return sum(1 << place for place, bit in enumerate(_OLD_BITS) if bits & bit).to_bytes(2, 'big')
+
+
+def encoder_counts(data: bytes) -> tuple[int, int]:
+    """Read the answer to ``ENCODERS``: counts of M1 and M2, 32 bits that wrap."""
+    first, second = struct.unpack('>II', data)
+    return first, second
+
+
+def unsigned(data: bytes) -> int:
+    """Read the answer to ``MAIN_BATTERY``, ``TEMPERATURE`` or ``READ_TIMEOUT``."""
+    return int.from_bytes(data, 'big')
+
+
+def status_bits(data: bytes) -> int:
+    """Read the answer to ``STATUS``; that of old firmware becomes the bits of the new one."""
+    bits = int.from_bytes(data, 'big')
+    if len(data) > _OLD_STATUS:
+        return bits
+    return sum(bit for place, bit in enumerate(_OLD_BITS) if bits >> place & 1)
+
+
+def status_text(bits: int) -> str:
+    """Return a status in words; empty when all is well."""
+    return ', '.join(words for bit, words in STATUS_WORDS.items() if bits & bit)
+
+
+def currents_a(data: bytes) -> tuple[float, float]:
+    """Read the answer to ``CURRENTS``: of M1 and M2."""
+    first, second = struct.unpack('>hh', data)
+    return first * CURRENT_A, second * CURRENT_A
+
+
+def version_text(data: bytes) -> str:
+    """Read the answer to ``VERSION``, such as ``USB Roboclaw 2x15a v4.2.4``."""
+    return ''.join(chr(c) for c in data if 0x20 <= c < 0x7F).strip()
