@@ -37,6 +37,7 @@ from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import I2C_FAULTS
+from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.sim.paths import hold_paths
 from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
@@ -48,7 +49,8 @@ from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
 
-_FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}'
+_MORE: Final = ', '.join(fault for fault in MOTOR_FAULTS if fault not in FAULTS)
+_FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_MORE}'
 _PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
 _BAUD: Final = 9600
 _SCAN_BAUD: Final = 500000

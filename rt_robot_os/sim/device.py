@@ -71,16 +71,18 @@ class SimulatedStatistics:
     bytes_dropped: int
 
 
-def common_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
+def common_settings(rate_hz: float, maximum_hz: float,
+                    known: Mapping[str, str] = FAULTS) -> tuple[Field, ...]:
     """
     Declare the settings that every simulated device has.
 
     :param rate_hz: default of the rate.
+    :param known: the faults that there are, its ``KNOWN_FAULTS``.
     """
     return (
         Field('rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.01,
               maximum=maximum_hz),
-        *fault_settings(FAULTS),
+        *fault_settings(known),
     )
 
 
@@ -90,12 +92,14 @@ class SimulatedDevice(Simulated):
 
     :cvar SETTINGS: the settings that it has.
     :cvar BAUD: the usual speed of the device.
+    :cvar KNOWN_FAULTS: what can befall it, and what that does.
     :ivar name: for errors.
     :ivar port: where it is plugged in.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
     BAUD: ClassVar[int] = 9600
+    KNOWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
     port: PtyPort
 
     def __init__(
@@ -111,7 +115,7 @@ class SimulatedDevice(Simulated):
         self.name = name
         self.port = port
         self.settings = complete(self.SETTINGS, settings, name)
-        self._plan = plan_of(name, self.settings['faults'], FAULTS)
+        self._plan = plan_of(name, self.settings['faults'], self.KNOWN_FAULTS)
         self.rate_hz: float = self.settings['rate_hz']
         self.random = random.Random(self.settings['seed'])
         self._line_random = random.Random(self.settings['seed'] + 1)
@@ -232,8 +236,12 @@ class SimulatedDevice(Simulated):
 
         :raises ConfigError: no such fault, or no such duration.
         """
-        check(fault, duration_s)
+        check(fault, duration_s, self.KNOWN_FAULTS)
         self._injected.append((fault, duration_s))
+
+    def befallen(self, fault: str) -> bool:
+        """Return whether a fault is active at the time of the last ``pump``."""
+        return fault in self._plan.active(self._now_ns)
 
     def set_rate(self, rate_hz: float) -> None:
         """Change the rate; the grid begins anew with the time of the last ``pump``."""

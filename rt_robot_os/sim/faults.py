@@ -57,6 +57,16 @@ I2C_FAULTS: Final = {
     'vanish': 'the whole bus goes away, as a USB adapter does, and comes back under its path',
 }
 
+# What befalls boards that drive motors, besides what befalls every serial device.
+MOTOR_FAULTS: Final = {
+    **FAULTS,
+    'reset': 'has no power: its counters and what was set begin anew',
+    'loss': 'single bytes are lost on the line, both ways',
+    'left_encoder': 'the counter of the left wheel stands still',
+    'right_encoder': 'the counter of the right wheel stands still',
+    'overcurrent': 'reports that a motor draws too much',
+}
+
 _MAX_S: Final = 1e6
 _MAX_EVENTS: Final = 256
 _EVENT: Final = re.compile(r'(\S+)\s+at\s+(\S+)\s+for\s+(\S+)').fullmatch

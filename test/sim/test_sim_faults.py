@@ -23,6 +23,8 @@ import pytest
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.faults import FaultEvent
 from rt_robot_os.sim.faults import FaultPlan
+from rt_robot_os.sim.faults import FAULTS
+from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.sim.faults import parse_schedule
 
 S = 1_000_000_000
@@ -83,3 +85,11 @@ def test_faults_may_be_asked_for_while_it_runs() -> None:
     assert plan.active(2 * S) == frozenset()
     with pytest.raises(ConfigError, match='no fault'):
         plan.inject('lightning', 1.0, 0)
+
+
+def test_a_device_may_have_faults_of_its_own() -> None:
+    events = parse_schedule(['reset at 1 for 2'], MOTOR_FAULTS)
+    assert [(e.fault, e.start_ns) for e in events] == [('reset', 10**9)]
+    with pytest.raises(ConfigError, match='no fault .reset.: use one of silent'):
+        parse_schedule(['reset at 1 for 2'])
+    assert set(FAULTS) < set(MOTOR_FAULTS)

@@ -15,9 +15,9 @@
 """
 Packets of the Kobuki base: ``AA 55 LEN payload CS``, of 115200 baud, both ways.
 
-CS is the XOR of LEN and the payload. The payload is a chain of parts ``id, length, data`` that ends
-where the payload ends; numbers are little-endian. The base sends one packet each 20 ms, with its
-core data in it and whatever else it has.
+CS is the XOR of LEN and the payload. The payload is a chain of parts ``id, length, data`` that
+ends where the payload ends; numbers are little-endian. The base sends one packet each 20 ms, with
+its core data in it and whatever else it has.
 
 Commands, and packets of simulated bases and of tests, are made here as well.
 """
@@ -108,7 +108,7 @@ class Core(NamedTuple):
     :ivar left: ticks, 16 bits that wrap, as ``right``.
     :ivar left_duty: -127 to 127, as ``right_duty``.
     :ivar buttons: 1, 2, 4.
-    :ivar charger: 0 discharging, 2 charged, 6 charging; 16 more at the adapter instead of the dock.
+    :ivar charger: 0 discharging, 2 charged, 6 charging; 16 more at the adapter, not in the dock.
     :ivar battery: in 0.1 V.
     :ivar overcurrent: 1 left, 2 right.
     """
@@ -258,7 +258,7 @@ def request_extra() -> bytes:
 
 
 def outputs(flags: int) -> bytes:
-    """Make the packet that sets outputs (0x00F), powers (0x0F0) and lights (0xF00)."""
+    """Make the packet for what can be switched: pins 0x00F, powers 0x0F0, lights 0xF00."""
     return packet([(OUTPUTS, struct.pack('<H', flags & 0xFFFF))])
 
 

@@ -23,7 +23,7 @@ velocity control is left as it was tuned with the maker's program unless the set
 
 In each turn, at ``output_rate_hz``, it is told its speeds (or to stand, when no command is in
 force), asked for its counters, and asked for one more thing in turn. One request is in flight at a
-time; one that gets no good answer is repeated and counted, and a command to stop waits for nothing.
+time; one that gets no good answer is repeated and counted, and a stop waits for nothing.
 
 The counters are set far from zero. A unit that lost its power counts from zero again, and is known
 by that at once, wherever it had been: it is set up anew, and costs no wrong odometry.
