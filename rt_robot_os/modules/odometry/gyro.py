@@ -1,0 +1,86 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The turn of a robot about the vertical, from the samples of an inertial sensor on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+import math
+from typing import Any
+
+from rt_robot_os.motion.gyro_turn import GyroTurn
+from rt_robot_os.motion.mounting import in_base
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.quaternion import conjugate
+from rt_robot_os.motion.quaternion import rotate
+from rt_robot_os.topics import Subscription
+
+
+class VerticalGyro:
+    """
+    Read ``sensor_msgs/msg/Imu`` up to a moment; safe in the real-time loop.
+
+    :param imu: the samples.
+    :param mountings: where the frames of the devices are; a frame that is not there is taken to
+        lie as the robot does.
+    :param gap_s: longest pause to integrate over.
+    :ivar uncovered: times that there was no sample near the moment that was asked for.
+    :ivar without_rate: samples that say of themselves that they have no angular velocity.
+    """
+
+    def __init__(self, imu: Subscription, mountings: Mapping[str, Mounting], gap_s: float) -> None:
+        self.turn = GyroTurn(gap_s)
+        self.uncovered = self.without_rate = 0
+        self.covered = False
+        self._imu = imu
+        mounted = in_base(mountings, imu.msg.header.frame_id)
+        # Of the axes of the sensor, how much each points up.
+        self._up = rotate(conjugate(mounted.quaternion()), (0.0, 0.0, 1.0))
+        self._unpack = imu.topic.layout.packer('angular_velocity').unpack
+        self._rate_covariance = imu.msg.angular_velocity_covariance
+
+    def until(self, stamp_ns: int) -> float:
+        """
+        Return how far the robot has turned since the moment of the last call, in rad.
+
+        :return: NaN when samples are missing.
+        """
+        turn, imu = self.turn, self._imu
+        # One sample beyond the moment, to interpolate; the rest waits for the next call.
+        while turn.stamp_ns < stamp_ns and imu.take():
+            self._add(imu)
+        angle = turn.until(stamp_ns)
+        self.covered = angle == angle
+        if not self.covered:
+            self.uncovered += 1
+            # Of another clock, or far behind: the newest is where to go on.
+            if imu.latest():
+                self._add(imu)
+        return angle
+
+    def _add(self, imu: Subscription) -> None:
+        if self._rate_covariance[0] == -1.0:
+            self.without_rate += 1
+            return
+        x, y, z = self._unpack(imu.buffer)
+        a, b, c = self._up
+        rate = a * x + b * y + c * z
+        self.turn.add(imu.stamp_ns, rate if math.isfinite(rate) else math.nan)
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Return the counters."""
+        return {**{f'gyro_{name}': value for name, value in asdict(self.turn.counters).items()},
+                'gyro_uncovered': self.uncovered, 'gyro_without_rate': self.without_rate}

@@ -1,0 +1,114 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A robot on two wheels that a test drives, and what its sensors say; a plant of a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+import math
+import random
+
+from rt_robot_os.motion.differential import moved
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.differential import wheel_speeds
+
+DT_S = 0.02
+RADIUS_M = 0.05
+SEPARATION_M = 0.30
+# Of a motor that turns: 2 pi over the ticks of a revolution.
+TICK_RAD = math.tau / 4096
+
+
+@dataclass
+class Robot:
+    """
+    A robot that does what it is told.
+
+    :ivar drive: speed in m/s and turning rate in rad/s, by time.
+    :ivar left_error: part by which the left wheel is larger than it is said to be.
+    :ivar right_error: the same of the right one.
+    :ivar gyro_bias: in rad/s.
+    :ivar gyro_stddev: of a sample, in rad/s.
+    """
+
+    drive: Callable[[float], tuple[float, float]]
+    pose: Pose = (0.0, 0.0, 0.0)
+    left_error: float = 0.0
+    right_error: float = 0.0
+    gyro_bias: float = 0.0
+    gyro_stddev: float = 0.0
+    seed: int = 1
+    time_s: float = 0.0
+    left_rad: float = 0.0
+    right_rad: float = 0.0
+    rate_rad_s: float = 0.0
+    _random: random.Random = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._random = random.Random(self.seed)
+
+    def step(self, dt_s: float = DT_S) -> None:
+        """Drive on for a step."""
+        speed, rate = self.drive(self.time_s)
+        self.time_s += dt_s
+        left, right = wheel_speeds(speed, rate, SEPARATION_M)
+        self.left_rad += left * dt_s / (RADIUS_M * (1 + self.left_error))
+        self.right_rad += right * dt_s / (RADIUS_M * (1 + self.right_error))
+        self.pose = moved(self.pose, speed * dt_s, rate * dt_s)
+        self.rate_rad_s = rate
+
+    @property
+    def angles(self) -> tuple[float, float]:
+        """Return the angles of the wheels in whole ticks."""
+        return (math.floor(self.left_rad / TICK_RAD) * TICK_RAD,
+                math.floor(self.right_rad / TICK_RAD) * TICK_RAD)
+
+    def gyro(self) -> float:
+        """Read the gyroscope, in rad/s."""
+        return self.rate_rad_s + self.gyro_bias + self._random.gauss(0.0, self.gyro_stddev)
+
+    def seen(self, stddev_m: float, stddev_rad: float) -> Pose:
+        """Look at a landmark: the pose with noise."""
+        x, y, heading = self.pose
+        return (x + self._random.gauss(0.0, stddev_m), y + self._random.gauss(0.0, stddev_m),
+                math.remainder(heading + self._random.gauss(0.0, stddev_rad), math.tau))
+
+    def chance(self, part: float) -> bool:
+        """Draw lots."""
+        return self._random.random() < part
+
+    def anywhere(self) -> Pose:
+        """Give a pose that has nothing to do with this one."""
+        return (self._random.uniform(-5.0, 5.0), self._random.uniform(-5.0, 5.0),
+                self._random.uniform(-math.pi, math.pi))
+
+
+def off(one: Pose, other: Pose) -> float:
+    """Return the distance of two poses in m."""
+    return math.hypot(one[0] - other[0], one[1] - other[1])
+
+
+def turned(one: Pose, other: Pose) -> float:
+    """Return the angle between the headings of two poses in rad."""
+    return abs(math.remainder(one[2] - other[2], math.tau))
+
+
+def eight(time_s: float) -> tuple[float, float]:
+    """Stand for two seconds, then drive an eight at 0.3 m/s."""
+    if time_s < 2.0:
+        return 0.0, 0.0
+    return 0.3, 0.5 * (1 if int((time_s - 2.0) / (math.tau / 0.5)) % 2 == 0 else -1)
