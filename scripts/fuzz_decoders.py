@@ -44,6 +44,7 @@ from rt_robot_os.devices.nmea import wire as nmea
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.sharp import wire as sharp
+from rt_robot_os.devices.stargazer import wire as stargazer
 from rt_robot_os.devices.ublox import wire as ubx
 from rt_robot_os.devices.witmotion import wire as witmotion
 from rt_robot_os.devices.xsens import wire as xbus
@@ -172,6 +173,18 @@ def sharp_piece(chance: random.Random) -> bytes:
     return sharp.adc(chance.choice((0, 0, 1)), chance.choice((0, 400, 3000, 9999)))
 
 
+def stargazer_piece(chance: random.Random) -> bytes:
+    """Make a sentence of each form, of marks that agree and that do not."""
+    marks = [stargazer.Mark(chance.choice((1, 2, 24706)), chance.uniform(-180, 180),
+                            chance.uniform(-200, 200), chance.uniform(-200, 200), 220.0)
+             for _ in range(chance.randrange(1, 5))]
+    return chance.choice((
+        stargazer.multi(marks), stargazer.single(marks[0], chance.choice('IFZ')),
+        stargazer.old(marks[0]), stargazer.sentence('*', 'DeadZone'),
+        stargazer.sentence(chance.choice('#@!$^*'), chance.choice((
+            'CalcStop', 'ParameterUpdate', 'I+1|2', '0', '9|1', 'I1|1|1|1|1|1')))))
+
+
 def hokuyo_piece(chance: random.Random) -> bytes:
     """Make an answer to the set-up, or a scan."""
     echo = scip.scan_command(44, 725)
@@ -189,7 +202,8 @@ def hokuyo_piece(chance: random.Random) -> bytes:
 
 PIECES: dict[str, Callable[[random.Random], bytes]] = {
     'bno055': bno055_piece, 'hokuyo': hokuyo_piece, 'maxbotix': maxbotix_piece, 'nmea': gps_piece,
-    'sharp': sharp_piece, 'ublox': ublox_piece, 'witmotion': imu_piece, 'xsens': xsens_piece}
+    'sharp': sharp_piece, 'stargazer': stargazer_piece, 'ublox': ublox_piece,
+    'witmotion': imu_piece, 'xsens': xsens_piece}
 
 # What answers the set-up, so that samples are published at all.
 BEGINNINGS = {

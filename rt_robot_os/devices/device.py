@@ -323,6 +323,10 @@ class Device(PortOwner, ABC):
         """Return how often :meth:`receive` asks for a round at most; 0 when it does not."""
         return 0.0
 
+    def opening_s(self) -> float:
+        """Return how long it may be silent after it was opened, if more than ``timeout_s``."""
+        return self.OPENING_S
+
     def output_rate_hz(self) -> float:
         """Return the setting ``output_rate_hz``, if it has that."""
         return float(self.settings.get('output_rate_hz', 0.0))

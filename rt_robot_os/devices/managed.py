@@ -219,7 +219,7 @@ class ManagedDevice:
             self._note(Severity.WARN, self.reason)
 
     def _patience_ns(self) -> int:
-        opening_s = self.device.OPENING_S if self.state is DeviceState.OPENING else 0.0
+        opening_s = self.device.opening_s() if self.state is DeviceState.OPENING else 0.0
         return max(self._recovery.timeout_ns, round(opening_s * NS_PER_S))
 
     def recover(self) -> None:

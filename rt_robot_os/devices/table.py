@@ -61,6 +61,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'witmotion',
     'maxbotix',
     'sharp',
+    'stargazer',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.

@@ -32,9 +32,8 @@ from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
-import csv
-import io
 import math
+import re
 from typing import Any
 from typing import Final
 from typing import NamedTuple
@@ -46,6 +45,7 @@ HIGHEST_NUMBER: Final = 999_999
 # No building is larger; a slip of the unit is noticed.
 FARTHEST_M: Final = 100_000.0
 
+_SEPARATOR: Final = re.compile('[,;\t]')
 _LENGTHS: Final = {'': 1.0, '_m': 1.0, '_cm': 0.01, '_mm': 0.001}
 _ANGLES: Final = {'': 1.0, '_rad': 1.0, '_deg': math.pi / 180}
 _UNITS: Final = {'x': _LENGTHS, 'y': _LENGTHS, 'yaw': _ANGLES}
@@ -95,18 +95,23 @@ def read_landmarks(text: str, name: str) -> dict[int, Landmark]:
 
 
 def _rows_of_csv(text: str, name: str) -> Iterator[tuple[str, Sequence[Any]]]:
-    lines = csv.reader(line for line in io.StringIO(text) if not line.startswith('#'))
-    header = [column.strip().lower() for column in next(lines, [])]
-    if 'id' not in header:
+    header: list[str] | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.startswith('#'):
+            continue
+        where = f'{name}: line {number}'
+        row = [cell.strip(' \t"') for cell in _SEPARATOR.split(line)]
+        if header is None:
+            header = [cell.lower() for cell in row]
+            if 'id' not in header:
+                break
+        elif len(row) > len(header):
+            yield where, row
+        else:
+            yield where, _in_order(dict(zip(header, row)), where)
+    if header is None or 'id' not in header:
         raise ConfigError([f'{name}: the first line must name the columns, such as id,x,y,yaw or '
-                           f'id,x_cm,y_cm,yaw_deg; it is {",".join(header)[:80]!r}'])
-    for row in lines:
-        if any(cell.strip() for cell in row):
-            where = f'{name}: line {lines.line_num}'
-            if len(row) > len(header):
-                yield where, row
-            else:
-                yield where, _in_order(dict(zip(header, row)), where)
+                           f'id,x_cm,y_cm,yaw_deg; it is {",".join(header or ())[:80]!r}'])
 
 
 def _rows_of_yaml(text: str, name: str) -> Iterator[tuple[str, Sequence[Any]]]:

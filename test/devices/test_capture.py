@@ -36,7 +36,6 @@ import numpy as np
 import pytest
 
 from rt_robot_os.devices.camera.camera_info import load_calibration
-from rt_robot_os.devices.camera.camera_info import path_of
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.camera import open_camera
 from rt_robot_os.devices.capture.device import CaptureDevice
@@ -49,6 +48,7 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.linux.file_urls import path_of
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('sensor_msgs.msg', reason='the ROS 2 messages are not installed')
@@ -359,11 +359,11 @@ def test_no_calibration_raises_anything_else(content: Any) -> None:
 
 
 def test_urls_of_calibrations() -> None:
-    assert path_of('file:///a/b%20c.yaml') == Path('/a/b c.yaml')
+    assert path_of('file:///a/b%20c.yaml', 'camera_info') == Path('/a/b c.yaml')
     with pytest.raises(ConfigError, match="package 'no_such_package' is not found"):
-        path_of('package://no_such_package/camera.yaml')
+        path_of('package://no_such_package/camera.yaml', 'camera_info')
     with pytest.raises(ConfigError, match='give a path, file:// or package://'):
-        path_of('https://example.org/a.yaml')
+        path_of('https://example.org/a.yaml', 'camera_info')
 
 
 # ---- the device with real processes ----------------------------------------------------------

@@ -35,6 +35,7 @@ from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial import device as serial_device
 from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.devices.stargazer import wire as stargazer
 from rt_robot_os.devices.ublox import wire as ubx
 from rt_robot_os.devices.witmotion import wire as witmotion
 from rt_robot_os.devices.xsens import wire as xbus
@@ -48,6 +49,7 @@ STREAMS = {
     'xsens': xbus.mtdata2([(0x4020, xbus.reals((0, 0, 9.8)))]) * 2,
     'witmotion': witmotion.acceleration_frame(0, 0, 9.8) * 4,
     'maxbotix': reading(1234) * 5,
+    'stargazer': stargazer.multi([stargazer.Mark(48, 1.0, 2.0, 3.0, 200.0)]) * 4,
     'hokuyo': scip.scan(scip.scan_command(44, 725), 0, range(1000, 1682))[300:812],
 }
 

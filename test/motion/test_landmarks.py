@@ -73,7 +73,7 @@ def test_the_marks_of_a_real_room() -> None:
     ('a.csv', 'x,y\n1,2\n', 'a.csv: the first line must name the columns'),
     ('a.csv', '', 'a.csv: the first line must name the columns'),
     ('a.csv', 'id,x,y\n1,2,3\n1,3,4\n', 'a.csv: line 3: landmark 1 is there twice: delete one'),
-    ('a.csv', 'id,x,y\n1,2,near\n', 'a.csv: line 2: must be a number from 0'),
+    ('a.csv', 'id,x,y\n#\n1,2,near\n', 'a.csv: line 3: must be a number from 0'),
     ('a.csv', 'id,x,y\n1,2,3,4,5\n', 'a.csv: line 2: must be a number from 0'),
     ('a.csv', 'id,x_inch,y\n1,2,3\n', "a.csv: line 2: 'x_inch' is unknown"),
     ('a.yaml', 'landmarks: 5\n', 'a.yaml holds no landmarks'),

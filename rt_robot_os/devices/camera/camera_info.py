@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from typing import Final
-from urllib.parse import unquote
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.linux.file_urls import path_of
 from rt_robot_os.linux.folders import read_file
 
 _REMEDY: Final = 'use a file of camera_calibration, or delete camera_info'
@@ -68,27 +68,6 @@ def uncalibrated(width: int, height: int) -> CameraCalibration:
     return CameraCalibration(width, height, '', (), (0.0,) * 9, (0.0,) * 9, (0.0,) * 12)
 
 
-def path_of(url: str) -> Path:
-    """
-    Find the file of a camera_info_url: a path, ``file://``, or ``package://package/path``.
-
-    :raises ConfigError: it is another kind of URL, or the package is not installed.
-    """
-    if url.startswith('file://'):
-        return Path(unquote(url.removeprefix('file://')))
-    if url.startswith('package://'):
-        package, _, rest = unquote(url.removeprefix('package://')).partition('/')
-        try:
-            from ament_index_python.packages import get_package_share_directory
-            return Path(get_package_share_directory(package)) / rest
-        except Exception as error:  # PackageNotFoundError is a KeyError; the module may be missing
-            raise ConfigError([f'camera_info = {url!r}: package {package!r} is not found: source '
-                               'its workspace, or give a path']) from error
-    if '://' in url:
-        raise ConfigError([f'camera_info = {url!r}: give a path, file:// or package://'])
-    return Path(url).expanduser()
-
-
 def load_calibration(url: str, width: int, height: int) -> CameraCalibration:
     """
     Read a calibration; not for the real-time loop.
@@ -97,7 +76,7 @@ def load_calibration(url: str, width: int, height: int) -> CameraCalibration:
     :raises ConfigError: the file is missing, damaged, or for pictures of another size.
     """
     import yaml
-    path = path_of(url)
+    path = path_of(url, 'camera_info')
     try:
         content = yaml.safe_load(read_file(path).decode('utf-8'))
     except OSError as error:

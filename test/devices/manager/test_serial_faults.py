@@ -44,6 +44,7 @@ class Case:
     :ivar wrong: what the diagnosis says when another device is in its place.
     :ivar silent: what it says when nothing comes.
     :ivar baud: what it says when the speed is wrong.
+    :ivar recovery_s: how long it takes until it works again, its set-up included.
     """
 
     topic_hz: float
@@ -53,6 +54,7 @@ class Case:
     wrong: str = 'these are NMEA 0183 sentences at .* baud: set type: nmea, or swap the ports'
     silent: str = 'silent for 1 s: check its power, its wiring'
     baud: str = 'no valid frame for 1 s: check the baud rate'
+    recovery_s: float = 1.1
 
 
 CASES = {
@@ -66,6 +68,9 @@ CASES = {
                               silent='silent for 1 s: check its power .it needs up to'),
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
     'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
+    'stargazer': Case(20, topic='stargazer/pose'),
+    'stargazer configured': Case(20, {'configure': True}, topic='stargazer/pose',
+                                 recovery_s=5.0),
     'ublox': Case(5, {'output_rate_hz': 5.0}, {'rate_hz': 5.0}, 'gps/fix',
                   'these are WitMotion frames at .* baud: set type: witmotion'),
     'ublox configured': Case(
@@ -129,7 +134,7 @@ def inject(bench: SerialBench, fault: str, seconds: float = 2.5) -> str:
 
 
 def recovers(bench: SerialBench, case: Case) -> None:
-    bench.run(1.1)
+    bench.run(case.recovery_s)
     for topic in bench.readers:
         bench.take(topic)
     bench.run(1)

@@ -1,0 +1,33 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Find where a StarGazer sits on a robot, from the poses of a turn on the spot.
+
+    ros2 topic echo --csv /stargazer/pose > turn.csv        # while the robot turns on the spot
+    python3 -m rt_robot_os.devices.stargazer.turn_program turn.csv
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Final
+
+from rt_robot_os.programs import Program
+
+main: Final = Program('turn', 'rt_robot_os.devices.stargazer.turn_command:run')
+
+
+if __name__ == '__main__':
+    sys.exit(main())
