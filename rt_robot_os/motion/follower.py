@@ -1,0 +1,382 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From a goal or a path to velocities, step by step: turn, drive, turn, and say how it went.
+
+It knows no topics and no clock: a module, a test, a thread or a timer calls it once a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+import math
+from typing import Final
+
+from rt_robot_os.motion.angles import wrapped
+from rt_robot_os.motion.controllers.base import Controller
+from rt_robot_os.motion.controllers.base import Velocity
+from rt_robot_os.motion.controllers.turning import turning_rate
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference_path import checked
+from rt_robot_os.motion.reference_path import legs
+from rt_robot_os.motion.reference_path import Path
+from rt_robot_os.motion.reference_path import PathError
+from rt_robot_os.motion.reference_path import SAME_M
+from rt_robot_os.motion.reference_path import straight
+from rt_robot_os.motion.velocity_limits import VelocityLimits
+from rt_robot_os.motion.velocity_limits import within_reach
+from rt_robot_os.motion.velocity_limits import within_speeds
+from rt_robot_os.schema import setting
+
+# A robot that drove on while its path was planned is at most so far along it.
+_JOIN_WITHIN_M: Final = 2.0
+# A robot that points farther aside while it drives stops and turns.
+_ASTRAY_RAD: Final = 1.2
+_TURNED_RAD: Final = 0.035
+# After the time law is over the rest of the way is driven so long, and the robot rests so long
+# before it is seen whether it is there.
+_CREEP_S: Final = 2.0
+_REST_S: Final = 0.3
+# Progress that counts, to tell a robot that is held from one that is slow.
+_PROGRESS_M: Final = 0.01
+_PROGRESS_RAD: Final = 0.02
+# A velocity in force that the robot does not reach is not built up further than this time allows.
+_BEHIND_S: Final = 0.5
+_AT_REST_M_S: Final = 0.02
+_STANDSTILL: Final = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FollowerTuning:
+    """What a follower takes for arrived, astray or stuck."""
+
+    path_shape: str = setting(
+        'spline', 'Way through the poses of a path: a smooth curve, or straight lines with a turn '
+        'in place at each pose', choices=('spline', 'line'), live=True)
+    turn_above_rad: float = setting(
+        0.35, 'Turn in place before driving when the path begins farther aside', 'rad', 0.02, 3.2,
+        live=True)
+    corner_rad: float = setting(
+        0.8, 'A sharper bend in a path is a corner: stop and turn in place', 'rad', 0.02, 3.2,
+        live=True)
+    goal_tolerance_m: float = setting(
+        0.03, 'Distance to the goal that is near enough', 'm', 0.001, 10.0, live=True)
+    goal_tolerance_rad: float = setting(
+        0.02, 'The same of the heading; above 3.2 any heading will do', 'rad', 0.001, 7.0,
+        live=True)
+    attempts: int = setting(
+        2, 'How often a goal that was missed is tried again, before that is said', '', 0, 20,
+        live=True)
+    off_path_max_m: float = setting(
+        0.5, 'Stop when the robot is farther from its path', 'm', 0.01, 100.0, live=True)
+    blocked_after_s: float = setting(
+        5.0, 'Stop when the robot has made no progress for so long', 's', 0.5, 3600.0, live=True)
+
+
+class Phase(Enum):
+    """What a follower does."""
+
+    REST = 'rest'
+    BRAKE = 'brake'
+    TURN = 'turn'
+    DRIVE = 'drive'
+    SETTLE = 'settle'
+
+
+class Follower:
+    """
+    Follow goals and paths with a tracking law.
+
+    :param controller: the law.
+    :ivar state: ``idle``, ``turning``, ``driving``, ``done`` or ``stopped: WHY``.
+    :ivar progress: from 0 to 1, never back.
+    :ivar error: how far the reference is ahead of the robot and to the left in m, and its heading
+        to the left in rad; a turn in place has only the last.
+    :ivar command: linear and angular velocity that were given last.
+    :ivar reference: what is followed; None without.
+    """
+
+    def __init__(self, controller: Controller, limits: VelocityLimits = VelocityLimits(),
+                 tuning: FollowerTuning = FollowerTuning()) -> None:
+        self.controller = controller
+        self.limits = limits
+        self.tuning = tuning
+        self.state = 'idle'
+        self.progress = 0.0
+        self.error = (0.0, 0.0, 0.0)
+        self.command: Velocity = _STANDSTILL
+        self.reference: Reference | None = None
+        self.phase = Phase.REST
+        self._then: Callable[[Pose], None] | None = None
+        self._poses: list[Pose] = []
+        self._goal: Pose = (0.0, 0.0, 0.0)
+        self._legs: list[Path] = []
+        self._start_m = self._driven_m = self._whole_m = 0.0
+        self._heading = 0.0
+        self._time_s = self._best = self._stuck_s = 0.0
+        self._attempts = 0
+
+    # ---- what is wanted ----------------------------------------------------------------------
+
+    def go(self, poses: Sequence[Pose], pose: Pose) -> None:
+        """
+        Follow a path, or drive straight to a goal, instead of what was done before.
+
+        A robot that drives goes over without a stop when the new way begins ahead of it. Not for
+        the hot path: a thousand poses take some milliseconds.
+
+        :param poses: in m and rad; a single one is a goal. The heading of the last one counts.
+        :param pose: of the robot.
+        :raises PathError: it cannot be followed; the text says why. The robot brakes.
+        """
+        try:
+            self._poses = checked(poses)
+            self._goal = self._poses[-1]
+            self._attempts = self.tuning.attempts
+            self.progress = 0.0
+            if self.phase is Phase.REST or self.command == _STANDSTILL:
+                self._begin(pose)
+            else:
+                self._lay(pose)
+                if abs(self._aside(pose)) <= self.tuning.turn_above_rad and self._legs:
+                    self._drive(max(0.0, self.command[0]))
+                else:
+                    self._brake('driving', self._begin)
+        except PathError as error:
+            self.stop(str(error))
+            raise
+
+    def stop(self, why: str) -> None:
+        """Brake and rest, and say why; a new goal ends it."""
+        self._brake(f'stopped: {why}', None)
+
+    # ---- one step ----------------------------------------------------------------------------
+
+    def step(self, pose: Pose, period_s: float, velocity: Velocity | None = None
+             ) -> Velocity | None:
+        """
+        Return the velocity for the period that begins now; safe in the real-time loop.
+
+        :param pose: where the robot is when the command takes effect.
+        :param velocity: as measured; None when that is not known.
+        :return: None when there is nothing to do: others may steer.
+        """
+        if self.phase is Phase.REST:
+            return None
+        wanted = _STANDSTILL
+        self._time_s += period_s
+        if self.phase is Phase.DRIVE:
+            wanted = self._driving(pose, period_s, velocity)
+        if self.phase is Phase.TURN:
+            wanted = self._turning(pose, period_s)
+        if self.phase is Phase.SETTLE:
+            wanted = _STANDSTILL
+            if self._time_s >= max(_REST_S, period_s):
+                self._settled(pose)
+        if self.phase is Phase.BRAKE:
+            wanted = _STANDSTILL
+        self._limit(wanted, velocity, period_s)
+        if self.phase is Phase.BRAKE and self.command == _STANDSTILL:
+            self._braked(pose, velocity)
+        return self.command
+
+    def _limit(self, wanted: Velocity, velocity: Velocity | None, period_s: float) -> None:
+        """Let the command go towards what is wanted as far as the limits allow."""
+        linear, angular = self.command
+        if velocity is not None:
+            most = abs(velocity[0]) + self.limits.acceleration_m_s2 * max(_BEHIND_S, 2 * period_s)
+            linear = max(-most, min(most, linear))
+        self.command = within_reach(*within_speeds(*wanted, self.limits), (linear, angular),
+                                    self.limits, period_s)
+
+    # ---- phases ------------------------------------------------------------------------------
+
+    def _driving(self, pose: Pose, period_s: float, velocity: Velocity | None) -> Velocity:
+        reference = self.reference
+        assert reference is not None
+        linear, angular = self.controller.step(pose, reference, period_s, velocity)
+        self.error = self.controller.error
+        left, turned = reference.locate(pose)
+        done_m = reference.nearest_m
+        self.progress = max(self.progress, min(1.0, (
+            self._driven_m + done_m - self._start_m) / max(self._whole_m, SAME_M)))
+        if abs(left) > self.tuning.off_path_max_m:
+            self.stop(f'off the path by {abs(left):.2f} m, at most '
+                      f'{self.tuning.off_path_max_m:g}')
+        elif abs(wrapped(turned)) > _ASTRAY_RAD:
+            self._brake('driving', self._again)
+        elif self._stuck(done_m, _PROGRESS_M, period_s):
+            self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s')
+        elif self._at_end(reference, pose, period_s):
+            self._arrived(pose)
+        elif self.controller.TIMED and not reference.finished:
+            linear = max(0.0, linear)
+        return linear, angular
+
+    def _at_end(self, reference: Reference, pose: Pose, period_s: float) -> bool:
+        path = reference.path
+        heading = path.heading[-1]
+        ahead = (math.cos(heading) * (path.x[-1] - pose[0])
+                 + math.sin(heading) * (path.y[-1] - pose[1]))
+        near = self.tuning.goal_tolerance_m / 4
+        if not self.controller.TIMED:
+            return reference.nearest_m >= path.length_m - self.tuning.goal_tolerance_m and (
+                ahead <= near)
+        if not reference.finished:
+            self._time_s = 0.0
+            return False
+        return abs(ahead) <= near or self._time_s > _CREEP_S
+
+    def _turning(self, pose: Pose, period_s: float) -> Velocity:
+        angle = wrapped(self._heading - pose[2])
+        self.error = (0.0, 0.0, angle)
+        last = not self._legs
+        enough = min(self.tuning.goal_tolerance_rad, math.pi) if last else _TURNED_RAD
+        if abs(angle) <= enough:
+            if last:
+                self._enter(Phase.SETTLE)
+            elif self.command == _STANDSTILL:
+                self._drive(0.0)
+            return _STANDSTILL
+        if self._stuck(-abs(angle), _PROGRESS_RAD, period_s):
+            self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s of turning')
+            return _STANDSTILL
+        return 0.0, turning_rate(angle, self.limits, period_s)
+
+    def _settled(self, pose: Pose) -> None:
+        """See whether the robot is where it should be."""
+        tuning, goal = self.tuning, self._goal
+        distance = math.hypot(goal[0] - pose[0], goal[1] - pose[1])
+        turn = abs(wrapped(goal[2] - pose[2]))
+        # It was within the tolerance when it stopped; noise must not send it back.
+        near, aligned = (distance <= 1.5 * tuning.goal_tolerance_m,
+                         turn <= 1.5 * tuning.goal_tolerance_rad)
+        if near and aligned:
+            self.state, self.progress = 'done', 1.0
+            self._rest()
+        elif self._attempts == 0:
+            self.stop(f'missed the goal by {distance:.3f} m and {math.degrees(turn):.1f} deg')
+        else:
+            self._attempts -= 1
+            self._poses = [goal]
+            self._begin(pose)
+
+    # ---- transitions -------------------------------------------------------------------------
+
+    def _begin(self, pose: Pose) -> None:
+        """Start from a standstill, with a turn when the way begins aside."""
+        self._lay(pose)
+        aside = self._aside(pose)
+        if not self._legs:
+            self._turn_to(self._goal[2])
+        elif abs(aside) > self.tuning.turn_above_rad:
+            self._turn_to(pose[2] - aside)
+        else:
+            self._drive(max(0.0, self.command[0]))
+
+    def _lay(self, pose: Pose) -> None:
+        """Make the legs, and find out where on them the robot is."""
+        self._driven_m = self._start_m = 0.0
+        if len(self._poses) == 1:
+            distance = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
+            near = distance <= max(SAME_M, self.tuning.goal_tolerance_m)
+            self._legs = [] if near else [straight(pose[:2], self._goal[:2])]
+            self._whole_m = distance
+            return
+        found = legs(self._poses, self.tuning.corner_rad, self.tuning.path_shape)
+        least, before_m, best = math.inf, 0.0, 0
+        for i, leg in enumerate(found):
+            if before_m > _JOIN_WITHIN_M:
+                break
+            along = leg.joined(pose[0], pose[1], _JOIN_WITHIN_M - before_m)
+            x, y = leg.at(along)[:2]
+            distance = math.hypot(x - pose[0], y - pose[1])
+            if distance < least - SAME_M:
+                least, best, self._start_m = distance, i, along
+            before_m += leg.length_m
+        if least > self.tuning.off_path_max_m:
+            raise PathError(f'off the path: it begins {least:.2f} m from the robot, at most '
+                            f'{self.tuning.off_path_max_m:g}')
+        self._legs = found[best:]
+        self._whole_m = sum(leg.length_m for leg in self._legs) - self._start_m
+
+    def _aside(self, pose: Pose) -> float:
+        """Return how far the robot points to the left of the way that begins."""
+        heading = self._legs[0].at(self._start_m)[2] if self._legs else self._goal[2]
+        return wrapped(pose[2] - heading)
+
+    def _turn_to(self, heading_rad: float) -> None:
+        self.state = 'turning'
+        self._heading = heading_rad
+        self._enter(Phase.TURN)
+
+    def _drive(self, speed_m_s: float) -> None:
+        self.state = 'driving'
+        self.reference = Reference(self._legs[0], self.limits, self._start_m, speed_m_s)
+        self.controller.restart()
+        self._enter(Phase.DRIVE)
+
+    def _arrived(self, pose: Pose) -> None:
+        """Go on with the next leg, or with the heading of the goal."""
+        leg = self._legs.pop(0)
+        self._driven_m += leg.length_m - self._start_m
+        self._start_m = 0.0
+        self.reference = None
+        self._turn_to(self._legs[0].heading[0] if self._legs else self._goal[2])
+
+    def _again(self, pose: Pose) -> None:
+        """Take up the leg on which the robot went astray."""
+        if self.reference is not None:
+            self._driven_m += self.reference.nearest_m - self._start_m
+            self._start_m = self.reference.nearest_m
+        self._turn_to(pose[2] - self._aside(pose))
+
+    def _brake(self, state: str, then: Callable[[Pose], None] | None) -> None:
+        self.state = state
+        self._then = then
+        self._enter(Phase.BRAKE)
+
+    def _braked(self, pose: Pose, velocity: Velocity | None) -> None:
+        """Do what the robot braked for, once it stands."""
+        if self._then is None:
+            self._rest()
+        elif velocity is None or abs(velocity[0]) < _AT_REST_M_S or self._time_s > _CREEP_S:
+            then, self._then = self._then, None
+            try:
+                then(pose)
+            except PathError as error:
+                self.stop(str(error))
+
+    def _rest(self) -> None:
+        self.reference = None
+        self._legs = []
+        self.error = (0.0, 0.0, 0.0)
+        self._enter(Phase.REST)
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase = phase
+        self._time_s = self._stuck_s = 0.0
+        self._best = -math.inf
+
+    def _stuck(self, reached: float, progress: float, period_s: float) -> bool:
+        if reached > self._best + progress:
+            self._best, self._stuck_s = reached, 0.0
+        else:
+            self._stuck_s += period_s
+        return self._stuck_s > self.tuning.blocked_after_s
