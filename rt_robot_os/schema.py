@@ -28,6 +28,7 @@ import dataclasses
 from dataclasses import dataclass
 from dataclasses import field
 import functools
+import keyword
 import math
 import sys
 from typing import Any
@@ -208,6 +209,8 @@ def setting(
     """
     Declare a setting as a field of a dataclass: name and type are those of the field.
 
+    A key that is a word of Python, such as ``as``, is a field with an underscore: ``as_``.
+
     A tuple of texts is a list in YAML; so is a tuple of dataclasses: a list of their names. A
     setting that is a ``ClassVar`` is read and checked, and no object holds it.
     """
@@ -220,6 +223,11 @@ def setting(
 def inline(default: Any) -> Any:
     """Declare that the settings of another dataclass stand among those of this one."""
     return dataclasses.field(default=default, metadata={_INLINE: True})
+
+
+def attribute_of(key: str) -> str:
+    """Return the name of the field that holds a setting."""
+    return f'{key}_' if keyword.iskeyword(key) else key
 
 
 @functools.cache
@@ -238,7 +246,8 @@ def declared(cls: type) -> tuple[Field, ...]:
         if _INLINE in each.metadata:
             found += declared(hints[name])
         elif _SETTING in each.metadata:
-            found.append(_field(name, hints[name], each.metadata[_SETTING]))
+            key = name.removesuffix('_')
+            found.append(_field(key, hints[name], each.metadata[_SETTING]))
     return tuple(found)
 
 
@@ -254,8 +263,8 @@ def made(cls: type, values: Mapping[str, Any], **others: Any) -> Any:
     for each in dataclasses.fields(cls):
         if _INLINE in each.metadata:
             given[each.name] = made(hints[each.name], values)
-        elif _SETTING in each.metadata and each.name in values:
-            given[each.name] = values[each.name]
+        elif _SETTING in each.metadata and (key := each.name.removesuffix('_')) in values:
+            given[each.name] = values[key]
     return cls(**{**given, **others})
 
 

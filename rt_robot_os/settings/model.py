@@ -42,6 +42,8 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.kernel.spec import TaskSpec
+from rt_robot_os.link.conversions import PATH
+from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.server import COMMAND_PRIORITY
@@ -66,6 +68,7 @@ SIM_PORT: Final = 'sim'
 SLOWEST_HZ: Final = 0.1
 FASTEST_HZ: Final = 10_000.0
 
+_TRANSFORMS_DEPTH: Final = 100  # as tf2_ros has it
 _LONGEST_US: Final = 1e9  # a period, a deadline, a budget
 
 
@@ -292,6 +295,7 @@ class MirrorSettings:
 
     :ivar name: its section.
     :ivar message: the type of the topic in the core.
+    :ivar core_frame_id: the frame that all messages of the topic in the core are in.
     :ivar ros_topic: as the user wrote it; relative names follow the node's namespace.
     :ivar reliability: never ``auto``: that is decided when it is made.
     """
@@ -299,6 +303,7 @@ class MirrorSettings:
     name: str
     topic: str = setting(REQUIRED, 'the topic in the core')
     message: str
+    core_frame_id: str = ''
     direction: str = setting(
         'out', 'where it goes: out to ROS or in from it', choices=('out', 'in'))
     ros_topic: str = setting('', 'the topic in ROS; the same name when absent')
@@ -321,10 +326,19 @@ class MirrorSettings:
     stamped: bool = setting(
         False, 'the ROS topic has the type with a header, such as TwistStamped where the core has '
         'Twist; inward its age counts as that of the sample')
-    frame_id: str = setting('', 'in the header of what goes out, with stamped: true')
+    as_: str = setting(
+        '', 'the type that the ROS topic has in place of that in the core: '
+        f'{TRANSFORMS} (several on one topic, /tf when ros_topic is absent), {PATH}')
+    frame_id: str = setting(
+        '', 'in the header of what goes out, with stamped: true; of a path, map when absent: with '
+        'another one it is refused')
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'ros_topic', self.ros_topic or self.topic)
+        object.__setattr__(self, 'ros_topic', self.ros_topic or (
+            '/tf' if self.as_ == TRANSFORMS else self.topic))
+        if self.as_ == TRANSFORMS:
+            # Several share the queue.
+            object.__setattr__(self, 'depth', max(self.depth, _TRANSFORMS_DEPTH))
         if self.reliability == 'auto':
             hears_all = self.direction == 'in' and self.durability == 'volatile'
             object.__setattr__(self, 'reliability', 'best_effort' if hears_all else 'reliable')

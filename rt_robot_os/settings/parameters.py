@@ -29,6 +29,7 @@ from dataclasses import replace
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.schema import attribute_of
 from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
@@ -223,7 +224,7 @@ def _entry(name: str, value: Any, field: Field) -> ParameterDescription:
 def _attributes(section: str, holder: Any) -> Iterator[ParameterDescription]:
     cls: type = type(holder)
     for field in declared(cls):
-        value = getattr(holder, field.name)
+        value = getattr(holder, attribute_of(field.name))
         yield _entry(f'{section}.{field.name}', field.default if value is None else value, field)
 
 

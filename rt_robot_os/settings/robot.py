@@ -94,11 +94,17 @@ def read_robot(
         topics=(*(made(TopicSettings, section.values, name=section.name,
                        fixed=frozen(section.values['fixed'])) for section in topics),
                 *_silent_topics([*devices, *modules], topics, uses)),
-        mirrors=tuple(made(MirrorSettings, section.values, name=section.name,
-                           message=table.message(section.values['topic']))
-                      for section in mirrors),
+        mirrors=tuple(_mirror(section, table) for section in mirrors),
         frames=frames)
     return robot
+
+
+def _mirror(section: Section, table: TopicTable) -> MirrorSettings:
+    topic: str = section.values['topic']
+    mirror: MirrorSettings = made(
+        MirrorSettings, section.values, name=section.name, message=table.message(topic),
+        core_frame_id=table.frame_id(topic))
+    return mirror
 
 
 def _read_named_section(tree: Branch, name: str, kind: type, problems: Problems) -> Section:

@@ -25,6 +25,10 @@ from dataclasses import field
 import os
 
 from rt_robot_os.errors import LayoutError
+from rt_robot_os.link.conversions import find as find_conversion
+from rt_robot_os.link.conversions import PATH
+from rt_robot_os.link.conversions import possible
+from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.stamped_messages import FRAME_ID_BYTES_MAXIMUM
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
 from rt_robot_os.schema import PartTopics
@@ -81,6 +85,10 @@ class TopicTable:
     def message(self, topic: str) -> str:
         """Return the type of a declared topic."""
         return self.declared[topic].spec.message
+
+    def frame_id(self, topic: str) -> str:
+        """Return the frame that all messages of a declared topic are in; empty without one."""
+        return str(self.declared[topic].spec.fixed.get('header.frame_id', ''))
 
     def add_uses(
         self, section: Section, noun: str, uses: PartTopics | None,
@@ -233,6 +241,7 @@ def check_mirrors(
         if topic is None or not _check_core_topic(mirror, topic, table, problems):
             continue
         _check_stamped(mirror, topic, table, problems)
+        joined = _check_conversion(mirror, topic, table, problems) == TRANSFORMS
         ros_topic = values.get('ros_topic')
         if ros_topic is None or direction is None:
             continue
@@ -241,10 +250,10 @@ def check_mirrors(
         if wrong:
             mirror.reject('ros_topic', wrong, problems)
             continue
-        full = full_topic(ros_topic or topic, namespace, node)
+        full = full_topic(ros_topic or ('/tf' if joined else topic), namespace, node)
         label, origin = f'{mirror.name}.{key}', mirror.where(key)
         same = taken.setdefault((full, direction), mirror)
-        if same is not mirror:
+        if same is not mirror and not (joined and same.values.get('as') == TRANSFORMS):
             problems.value(origin, label, ros_topic or topic,
                            f'mirror {same.name} ({same.origin}) has {full} {direction} already: '
                            'give each its own')
@@ -263,11 +272,30 @@ def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Pro
         return
     message = table.message(topic)
     if not mirror.values.get('stamped'):
-        if frame_id:
-            mirror.reject('frame_id', 'is used with stamped: true only', problems)
+        if frame_id and mirror.values.get('as') != PATH:
+            mirror.reject('frame_id', f'is used with stamped: true, or as: {PATH}, only', problems)
     elif message not in STAMPED_BYTES:
         mirror.reject('stamped', f'{topic!r} is a {message}: only these can be had with a header: '
                       f'{", ".join(STAMPED_BYTES)}', problems)
+
+
+def _check_conversion(
+    mirror: Section, topic: str, table: TopicTable, problems: Problems,
+) -> str:
+    """Find pairs of types that cannot be converted; return the type in ROS that is asked for."""
+    wanted = str(mirror.values.get('as', ''))
+    direction = mirror.values.get('direction')
+    if not wanted or direction is None or topic not in table.declared:
+        return wanted
+    message = table.message(topic)
+    conversion = find_conversion(message, wanted)
+    if conversion is None or conversion.way(direction) is None:
+        mirror.reject('as', f'{topic!r} is a {message}: what can be had {direction} is '
+                      f'{possible(direction)}', problems)
+    elif direction == 'in' and table.declared[topic].spec.fixed:
+        mirror.reject('as', f'{topic!r} is declared with fixed fields: what is converted from ROS '
+                      'has none, take them out', problems)
+    return wanted
 
 
 def _check_core_topic(

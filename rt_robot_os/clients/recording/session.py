@@ -143,7 +143,8 @@ def ros_names(settings: str, robot: str) -> dict[str, list[tuple[str, Mapping[st
     """
     *namespace, node = robot.split('.')
     found: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}
-    mirrors = json.loads(settings).get('mirrors', ())
+    # A topic that ROS has in another type is recorded as the core has it, under its own name.
+    mirrors = [each for each in json.loads(settings).get('mirrors', ()) if not each.get('as_')]
     for mirror in sorted(mirrors, key=lambda each: each['direction'] != 'out'):
         known = found.setdefault(mirror['topic'], [])
         if mirror['direction'] == 'out' or not known:

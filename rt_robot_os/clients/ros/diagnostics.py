@@ -165,10 +165,14 @@ class Diagnostics:
             *(self._module(m) for m in now.modules if m['values']),
             *(self._topic(t, now, before) for t in now.topics),
             *(self._client(c) for c in now.clients),
-            *(_status(f'{self._name}: mirror {what}', OK, 'carried', values)
-              for what, values in mirrors),
+            *(self._mirror(what, values) for what, values in mirrors),
             *([self._log(log)] if log else []), self._clock(mapper),
         ]
+
+    def _mirror(self, what: str, values: dict[str, Any]) -> DiagnosticStatus:
+        warning = values.pop('warning', '')
+        return _status(f'{self._name}: mirror {what}', WARN if warning else OK,
+                       warning or 'carried', values)
 
     def silent(self, reason: str) -> list[DiagnosticStatus]:
         """Say that there is no core to ask."""

@@ -29,19 +29,22 @@ from rclpy.qos import QoSHistoryPolicy
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
 
+from rt_robot_os.clients.ros.conversions import inward
+from rt_robot_os.clients.ros.conversions import is_lacking
+from rt_robot_os.clients.ros.conversions import outward
+from rt_robot_os.clients.ros.conversions import Refusals
+from rt_robot_os.clients.ros.conversions import ros_class
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
+from rt_robot_os.link.conversions import Inward
 from rt_robot_os.link.fetch_clock import SHORTEST_NS
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.stamp_mapper import StampMapper
-from rt_robot_os.link.stamped_messages import Header as StampedHeader
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
-from rt_robot_os.link.stamped_messages import stamped_type
 from rt_robot_os.link.stamped_messages import take_off
 from rt_robot_os.settings import MirrorSettings
-from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -49,6 +52,7 @@ from rt_robot_os.units import NS_PER_S
 CORE_SHARE = 0.5
 
 _STAMP = struct.Struct('<iI')
+Tell = Callable[[str], object]
 
 
 def qos_of(mirror: MirrorSettings) -> QoSProfile:
@@ -61,28 +65,32 @@ def qos_of(mirror: MirrorSettings) -> QoSProfile:
                     if mirror.durability == 'transient_local' else QoSDurabilityPolicy.VOLATILE))
 
 
-def _ros_class(mirror: MirrorSettings) -> Any:
-    return message_class(stamped_type(mirror.message) if mirror.stamped else mirror.message)
-
-
 class OutwardMirror:
     """
     One topic from the core to ROS 2.
 
+    :param shared: publishers by ROS topic, where several mirrors may have one; its own is added.
+    :param tell: takes a line of what goes wrong.
     :ivar published: samples given to ROS 2.
     :ivar missed: samples that this client did not get from the core, since the last connection.
+    :ivar refused: samples that cannot be converted.
     """
 
-    def __init__(self, node: Node, settings: MirrorSettings, mapper: StampMapper) -> None:
+    def __init__(self, node: Node, settings: MirrorSettings, mapper: StampMapper,
+                 shared: dict[str, Any] | None = None, tell: Tell = print) -> None:
         self.settings = settings
         self.published = 0
+        self.refused = Refusals(f'{settings.topic} -> {settings.ros_topic}', tell)
         self.missed = 0
         self._line = mapper.line()
         self._stamp_offset: int | None = None
         self._large = False
-        self._header = StampedHeader(settings.frame_id) if settings.stamped else None
-        self.publisher = node.create_publisher(
-            _ros_class(settings), settings.ros_topic, qos_of(settings))
+        self._convert = outward(settings)
+        known = {} if shared is None else shared
+        if settings.ros_topic not in known:
+            known[settings.ros_topic] = node.create_publisher(
+                ros_class(settings), settings.ros_topic, qos_of(settings))
+        self.publisher = known[settings.ros_topic]
         # As rclpy's publish() does for bytes, which enters and leaves the handle for each.
         self._publish: Callable[[bytes], None] = self.publisher.handle.publish_raw
 
@@ -105,8 +113,8 @@ class OutwardMirror:
         :param missed: samples of the topic that this client did not get so far.
         :param cdr: may be written to; it is copied once, into the bytes that rclpy takes.
         """
-        header = self._header
-        if header is None:
+        convert = self._convert
+        if convert is None:
             offset = self._stamp_offset
             if offset is not None:
                 wall_ns = self._line.wall_ns(stamp_ns)
@@ -114,7 +122,11 @@ class OutwardMirror:
                 _STAMP.pack_into(cdr, offset, seconds, wall_ns - seconds * NS_PER_S)
             data = cdr.tobytes()
         else:
-            data = header.put_on(cdr, self._line.wall_ns(stamp_ns))
+            try:
+                data = convert(cdr, self._line.wall_ns(stamp_ns))
+            except ValueError as error:
+                self.refused.add(str(error))
+                return
         self._publish(data)
         self.missed = missed
         self.published += 1
@@ -127,20 +139,25 @@ class InwardMirror:
     :ivar received: samples that ROS 2 delivered.
     :ivar dropped: samples that came while there was no core, or that it did not take, or that
         were no message of their type.
+    :ivar refused: samples that cannot be converted, or must not pass.
     :ivar stamp_age_ms: of the last sample with a header, how long ago its stamp was; negative when
         the sender's clock is ahead.
     """
 
-    def __init__(self, node: Node, settings: MirrorSettings) -> None:
+    def __init__(self, node: Node, settings: MirrorSettings, tell: Tell) -> None:
         self.settings = settings
         self.received = self.dropped = 0
+        self.refused = Refusals(f'{settings.ros_topic} -> {settings.topic}', tell)
         self.stamp_age_ms = 0.0
         self._now_ns: Callable[[], int] = lambda: node.get_clock().now().nanoseconds
         self._client: LinkClient | None = None
         self._channel = 0
+        self._conversion = inward(settings)
+        self._convert: Inward = bytes
+        carry = self._carry if self._conversion is None else self._carry_converted
         self.subscription = node.create_subscription(
-            _ros_class(settings), settings.ros_topic,
-            self._carry_stamped if settings.stamped else self._carry, qos_of(settings), raw=True)
+            ros_class(settings), settings.ros_topic,
+            self._carry_stamped if settings.stamped else carry, qos_of(settings), raw=True)
 
     def connect(self, client: LinkClient | None) -> None:
         """
@@ -150,6 +167,8 @@ class InwardMirror:
         """
         if client is not None:
             self._channel = client.advertise(self.settings.topic)
+            if self._conversion is not None:
+                self._convert = self._conversion(client.topics[self.settings.topic].max_size)
         self._client = client
 
     def _carry_stamped(self, cdr: bytes) -> None:
@@ -164,6 +183,16 @@ class InwardMirror:
         self.stamp_age_ms = round(age_ns / NS_PER_MS, 1)
         # A stamp in the future counts as its arrival.
         self._carry(body, max(1, time.monotonic_ns() - max(0, age_ns)))
+
+    def _carry_converted(self, cdr: bytes) -> None:
+        if self._client is not None:
+            try:
+                cdr = self._convert(cdr)
+            except ValueError as error:
+                self.received += 1
+                self.refused.add(str(error))
+                return
+        self._carry(cdr)
 
     def _carry(self, cdr: bytes, stamp_ns: int = 0) -> None:
         self.received += 1
@@ -181,6 +210,8 @@ class InwardMirror:
         counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
         if self.settings.stamped:
             counted['stamp_age_ms'] = self.stamp_age_ms
+        if self._conversion is not None:
+            counted |= self.refused.counters()
         return counted
 
 
@@ -196,16 +227,22 @@ class Mirrors:
     """
     All mirrored topics of a node; the entities exist as long as the node is configured.
 
+    :param tell: takes a line of what goes wrong.
     :ivar active: whether samples are carried outward.
+    :ivar lacking: those whose type ROS does not have here; they carry nothing.
     """
 
-    def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper
-                 ) -> None:
+    def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper,
+                 tell: Tell = print) -> None:
         self.active = False
         self._node = node
         self._client: LinkClient | None = None
-        self.outward = [OutwardMirror(node, m, mapper) for m in settings if m.direction == 'out']
-        self.inward = [InwardMirror(node, m) for m in settings if m.direction == 'in']
+        self.lacking = [m for m in settings if m.as_ and is_lacking(m.as_)]
+        there = [m for m in settings if m not in self.lacking]
+        shared: dict[str, Any] = {}
+        self.outward = [
+            OutwardMirror(node, m, mapper, shared, tell) for m in there if m.direction == 'out']
+        self.inward = [InwardMirror(node, m, tell) for m in there if m.direction == 'in']
 
     def connect(self, client: LinkClient) -> None:
         """
@@ -288,8 +325,8 @@ class Mirrors:
     def destroy(self) -> None:
         """Remove the publishers and subscriptions from the node."""
         self.disconnect()
-        for out in self.outward:
-            self._node.destroy_publisher(out.publisher)
+        for publisher in dict.fromkeys(out.publisher for out in self.outward):
+            self._node.destroy_publisher(publisher)
         for mirror in self.inward:
             self._node.destroy_subscription(mirror.subscription)
 
@@ -298,7 +335,11 @@ class Mirrors:
         rows: list[tuple[str, dict[str, Any]]] = [
             (f'{m.settings.topic} -> {m.settings.ros_topic}',
              {'published': m.published, 'missed': m.missed,
-              'delay_ms': m.delay_ms}) for m in self.outward]
+              'delay_ms': m.delay_ms, **(m.refused.counters() if m.settings.as_ else {})})
+            for m in self.outward]
+        rows += [(f'{m.topic} -> {m.ros_topic}',
+                  {'warning': f'ROS has no package {m.as_.partition("/")[0]} here'})
+                 for m in self.lacking]
         rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
                   m.counters()) for m in self.inward]
         return rows

@@ -40,12 +40,16 @@ from rt_robot_os.clients.ros.log_relay import LogRelay
 from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.clients.ros.parameters import NodeParameters
 from rt_robot_os.clients.ros.ros_time import RosTime
+from rt_robot_os.clients.ros.static_transforms import published_frames
+from rt_robot_os.clients.ros.static_transforms import StaticTransforms
+from rt_robot_os.clients.ros.static_transforms import TOPIC
 from rt_robot_os.clients.ros.supervisor import Supervisor
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import socket_path
+from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity
@@ -93,6 +97,7 @@ class RobotNode(LifecycleNode):
         self._log = LogRelay(self, self._mapper, settings.log, self.robot, console)
         self.held_up = False
         self._mirrors: Mirrors | None = None
+        self._static: StaticTransforms | None = None
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
         self.create_service(Trigger, '~/save_parameters', self._on_save)
@@ -116,7 +121,9 @@ class RobotNode(LifecycleNode):
         """Start the core and wait for it."""
         process = CoreProcess(self._for_core(self.settings), self.path) if (
             self.settings.core.spawn) else None
-        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper)
+        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn)
+        self._static = StaticTransforms(self, published_frames(self.settings))
+        self._tell_what_is_lacking()
         self._supervisor = Supervisor(
             self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
             on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
@@ -141,6 +148,8 @@ class RobotNode(LifecycleNode):
         try:
             if self._mirrors is not None:
                 self._mirrors.activate()
+            if self._static is not None:
+                self._static.publish(self._time.now_ns())
         except LinkError as error:
             self._log.note(int(Severity.ERROR), str(error))
             return TransitionCallbackReturn.FAILURE
@@ -193,6 +202,26 @@ class RobotNode(LifecycleNode):
         if self._mirrors is not None:
             self._mirrors.destroy()
             self._mirrors = None
+        if self._static is not None:
+            self._static.destroy()
+            self._static = None
+
+    def _warn(self, text: str) -> None:
+        self._log.note(int(Severity.WARN), text)
+
+    def _tell_what_is_lacking(self) -> None:
+        """Say in one line which topics there are not, for want of their type."""
+        mirrors, static = self._mirrors, self._static
+        topics: dict[str, list[str]] = {}
+        for mirror in mirrors.lacking if mirrors is not None else ():
+            topics.setdefault(mirror.as_, []).append(mirror.ros_topic)
+        if static is not None and static.lacking:
+            topics.setdefault(TRANSFORMS, []).append(TOPIC)
+        for message, names in topics.items():
+            package = message.partition('/')[0]
+            self._warn(f'no {" and ".join(dict.fromkeys(names))}: ROS has no package {package} '
+                       f'here (sudo apt install ros-jazzy-{package.replace("_", "-")}); '
+                       'everything else runs')
 
     def _on_rearm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Let every task that is held run again."""
@@ -236,8 +265,10 @@ class RobotNode(LifecycleNode):
         if digest != self._digest:
             self._adopt()
             self._digest = digest
-        return self._diagnostics.judge(statistics, self._mapper, mirrors.counters(),
-                                       self._log.statistics(), supervisor.starved)
+        static = self._static.counters() if self._static is not None else []
+        return self._diagnostics.judge(
+            statistics, self._mapper, [*mirrors.counters(), *static], self._log.statistics(),
+            supervisor.starved)
 
     # ---- parameters --------------------------------------------------------------------------
 

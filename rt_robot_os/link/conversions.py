@@ -1,0 +1,251 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages that ROS has in another type than the core, converted as CDR bytes.
+
+Topics of the core hold messages of fixed shape: a way is a row of numbers there, and each
+transform is a topic of its own. ROS has a ``Path``, whose poses each name their frame, and
+``/tf``, on which all transforms go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+import struct
+from typing import Final
+from typing import TypeAlias
+
+from rt_robot_os.link.cdr import CdrReader
+from rt_robot_os.link.cdr import ENCAPSULATION
+from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.link.cdr import padding
+from rt_robot_os.link.cdr import text_bytes
+from rt_robot_os.motion.angles import yaw_of
+from rt_robot_os.units import NS_PER_S
+
+TRANSFORM: Final = 'geometry_msgs/msg/TransformStamped'
+TRANSFORMS: Final = 'tf2_msgs/msg/TFMessage'
+NUMBERS: Final = 'std_msgs/msg/Float64MultiArray'
+PATH: Final = 'nav_msgs/msg/Path'
+GOAL: Final = 'geometry_msgs/msg/PoseStamped'
+
+#: From the message of a sample and its time since 1970 in ns to the message in ROS.
+Outward: TypeAlias = Callable[[memoryview, int], bytes]
+#: From the message in ROS to that of the core; raises ValueError with what is wrong.
+Inward: TypeAlias = Callable[[bytes], bytes]
+
+_DOUBLE: Final = 8
+_STAMP: Final = struct.Struct('<iI')
+_COUNT: Final = struct.Struct('<I')
+_TRIPLET: Final = struct.Struct('<3d')
+_POSE: Final = struct.Struct('<7d')
+# Of a Float64MultiArray without dimensions: their number, data_offset, the number of the numbers.
+_NUMBERS_HEAD: Final = struct.Struct('<III4x')
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """
+    A pair of types.
+
+    :ivar core: the type of the topic in the core.
+    :ivar ros: the type of the topic in ROS.
+    :ivar frame_id: the frame of the ROS message unless the mirror says another.
+    :ivar outward: makes what converts to ROS, from the frame; None when it cannot be.
+    :ivar inward: makes what converts from ROS, from the frame and the longest message of the core
+        in bytes; None when it cannot be.
+    """
+
+    core: str
+    ros: str
+    frame_id: str = ''
+    outward: Callable[[str], Outward] | None = None
+    inward: Callable[[str, int], Inward] | None = None
+
+    def way(self, direction: str) -> Callable[..., Outward | Inward] | None:
+        """Return what makes the one for a direction, ``out`` or ``in``."""
+        return self.outward if direction == 'out' else self.inward
+
+
+# ---- transforms ------------------------------------------------------------------------------
+
+def to_transforms(frame_id: str = '') -> Outward:
+    """Make what turns the message of one transform into that of a list with only this one."""
+    return _to_transforms
+
+
+def _to_transforms(cdr: memoryview, wall_ns: int) -> bytes:
+    return transforms_of([_STAMP.pack(*divmod(wall_ns, NS_PER_S)) + bytes(
+        cdr[ENCAPSULATION + _STAMP.size:])])
+
+
+def transforms_of(transforms: Sequence[bytes]) -> bytes:
+    """
+    Join transforms to a ``tf2_msgs/msg/TFMessage``.
+
+    :param transforms: each a ``TransformStamped`` as CDR, little-endian, without encapsulation.
+    """
+    body = bytearray(_COUNT.pack(len(transforms)))
+    for each in transforms:
+        texts = _end_of_texts(each)
+        body += bytes(padding(len(body), _COUNT.size)) + each[:texts]
+        start = texts + padding(texts, _DOUBLE)
+        body += bytes(padding(len(body), _DOUBLE)) + each[start:start + _POSE.size]
+    return LITTLE_ENDIAN + bytes(body)
+
+
+def _end_of_texts(transform: bytes) -> int:
+    """Find where frame_id and child_frame_id end."""
+    end = _STAMP.size
+    for _ in range(2):
+        end += padding(end, _COUNT.size)
+        end += _COUNT.size + _COUNT.unpack_from(transform, end)[0]
+    return end
+
+
+def transform(frame_id: str, child_frame_id: str, pose: Sequence[float], wall_ns: int) -> bytes:
+    """
+    Write a ``TransformStamped``, without encapsulation.
+
+    :param pose: x, y, z in m, then the quaternion x, y, z, w.
+    """
+    body = _STAMP.pack(*divmod(wall_ns, NS_PER_S)) + text_bytes(frame_id)
+    body += bytes(padding(len(body), _COUNT.size)) + text_bytes(child_frame_id)
+    return body + bytes(padding(len(body), _DOUBLE)) + _POSE.pack(*pose)
+
+
+# ---- paths -----------------------------------------------------------------------------------
+
+def to_path(frame_id: str) -> Outward:
+    """Make what turns triplets x, y, yaw (m, rad) into a path."""
+    frame = text_bytes(frame_id)
+
+    def convert(cdr: memoryview, wall_ns: int) -> bytes:
+        header = _STAMP.pack(*divmod(wall_ns, NS_PER_S)) + frame
+        numbers = _numbers(cdr)
+        body = bytearray(header)
+        body += bytes(padding(len(body), _COUNT.size)) + _COUNT.pack(len(numbers) // 3)
+        for x, y, yaw in zip(*[iter(numbers)] * 3):
+            body += bytes(padding(len(body), _COUNT.size)) + header
+            body += bytes(padding(len(body), _DOUBLE)) + _POSE.pack(
+                x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        return LITTLE_ENDIAN + bytes(body)
+
+    return convert
+
+
+def _numbers(cdr: memoryview) -> tuple[float, ...]:
+    reader = CdrReader(bytes(cdr))
+    for _ in range(reader.count()):  # the dimensions
+        reader.text()
+        reader.skip(4, 8)
+    reader.skip(4, 4)
+    return reader.doubles(reader.count())
+
+
+def from_path(frame_id: str, maximum_bytes: int) -> Inward:
+    """
+    Make what turns a path into triplets x, y, yaw.
+
+    :param frame_id: of the path; poses may leave theirs empty.
+    :param maximum_bytes: of a message of the core.
+    """
+    maximum = (maximum_bytes - ENCAPSULATION - _NUMBERS_HEAD.size) // _TRIPLET.size
+
+    def convert(cdr: bytes) -> bytes:
+        reader = CdrReader(cdr)
+        reader.skip(4, 8)
+        _check_frame(reader.text(), frame_id)
+        count = reader.count()
+        if count > maximum:
+            raise ValueError(f'{count} poses, and the topic of the core has room for {maximum}: '
+                             'give it a larger tail, three numbers for each')
+        found = bytearray(LITTLE_ENDIAN + _NUMBERS_HEAD.pack(0, 0, 3 * count))
+        for index in range(count):
+            reader.skip(4, 8)
+            own = reader.text()
+            if own:
+                _check_frame(own, frame_id, f'pose {index} ')
+            found += _TRIPLET.pack(*_in_plane(reader.doubles(7), f'pose {index}'))
+        return bytes(found) if count else bytes(found[:-4])
+
+    return convert
+
+
+def _in_plane(pose: Sequence[float], what: str) -> tuple[float, float, float]:
+    x, y, z, *quaternion = pose
+    _unit(pose, what)
+    a, b, c, d = quaternion
+    return x, y, yaw_of(a, b, c, d)
+
+
+def _unit(pose: Sequence[float], what: str) -> tuple[float, ...]:
+    """
+    Return the quaternion of a pose with length 1.
+
+    :raises ValueError: a number is not finite, or the quaternion has no direction.
+    """
+    if not all(map(math.isfinite, pose)):
+        raise ValueError(f'{what} has a number that is not finite')
+    length = math.hypot(*pose[3:])
+    if not 1e-6 < length < 1e6:
+        raise ValueError(f'{what} has a quaternion of length {length:g}: it must be 1 '
+                         '(no turn: x 0, y 0, z 0, w 1)')
+    return tuple(each / length for each in pose[3:])
+
+
+def _check_frame(found: str, wanted: str, what: str = '') -> None:
+    if found != wanted:
+        raise ValueError(f'{what}frame_id {found[:60]!r}: it must be {wanted!r}; transform it '
+                         'there before')
+
+
+# ---- goals -----------------------------------------------------------------------------------
+
+def check_goal(frame_id: str, maximum_bytes: int) -> Inward:
+    """Make what lets poses with this frame pass, with a quaternion of length 1."""
+    def convert(cdr: bytes) -> bytes:
+        reader = CdrReader(cdr)
+        reader.skip(4, 8)
+        _check_frame(reader.text(), frame_id)
+        pose = reader.doubles(7)
+        return bytes(cdr[:reader.at - _POSE.size]) + _POSE.pack(*pose[:3], *_unit(pose, 'it'))
+
+    return convert
+
+
+# ---- which there are -------------------------------------------------------------------------
+
+CONVERSIONS: Final = (
+    Conversion(TRANSFORM, TRANSFORMS, '', to_transforms),
+    Conversion(NUMBERS, PATH, 'map', to_path, from_path),
+)
+#: What is checked on its way from ROS though its type stays.
+CHECKED: Final = {GOAL: check_goal}
+
+
+def find(core: str, ros: str) -> Conversion | None:
+    """Return the conversion of a pair of types, None when there is none."""
+    return next((each for each in CONVERSIONS if (each.core, each.ros) == (core, ros)), None)
+
+
+def possible(direction: str) -> str:
+    """Name the pairs that can be converted in a direction, ``out`` or ``in``."""
+    return ', '.join(
+        f'{each.core} as {each.ros}' for each in CONVERSIONS
+        if each.way(direction) is not None)
