@@ -50,8 +50,8 @@ if 'PYTEST_XDIST_WORKER' in os.environ:
 else:
     os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# Not through shared memory: a participant that shares it with a process that was killed crashes at
-# times in its own end (Fast DDS, seen with rclpy alone), and each killed process leaves files there.
+# Not through shared memory: who shares it with a process that was killed crashes at
+# times in its own end (Fast DDS, seen with rclpy alone); and killed processes leave files there.
 os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
 # Hundreds of processes are started here, and compiling the package anew is a third of their time.
 COMPILED = ''
