@@ -31,15 +31,19 @@ from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.server import SimServer
+from rt_robot_os.sim.world.world import World
+from rt_robot_os.sim.world_settings import WorldSettings
 
 
-def build(devices: dict[str, Any], folder: Path) -> SimServer:
+def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = None
+          ) -> SimServer:
     """
-    Make the simulated devices, with their ports as ``folder/name``.
+    Make the simulated devices, with their ports as ``folder/name``, and the world they look at.
 
+    :param world: its settings; None when each device is by itself.
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
-    place = Place(folder)
+    place = Place(folder, None if world is None else World(WorldSettings(**world)))
     made = [SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
             for name, d in devices.items()]
     for device in made:
@@ -61,7 +65,8 @@ def main(arguments: Sequence[str]) -> int:
     folder = Path(arguments[0])
     folder.mkdir(mode=0o700, exist_ok=True)
     try:
-        server = build(json.load(sys.stdin), folder)
+        given = json.load(sys.stdin)
+        server = build(given['devices'], folder, given['world'])
         with ended_by_signals(lambda _: server.stop()):
             server.run()
     except RtRobotError as error:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict
 import json
 import os
 from pathlib import Path
@@ -65,13 +66,14 @@ class Simulators:
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
+        world = asdict(settings.world) if settings.world.map else None
         clear(folder)
         if not devices:
             return {}
         self._folder = folder
         self._process = start_child(
             'rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
-            given=json.dumps(devices, default=_plain).encode())
+            given=json.dumps({'devices': devices, 'world': world}, default=_plain).encode())
         if self._process.stdout is not None:
             os.set_blocking(self._process.stdout.fileno(), False)
         ports = {name: folder / name for name in devices}

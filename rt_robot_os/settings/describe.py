@@ -44,6 +44,7 @@ from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.model import WatchdogSettings
 from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.tree import show
+from rt_robot_os.sim.world_settings import WorldSettings
 
 _HEAD: Final = """\
 # Configuration
@@ -123,6 +124,11 @@ _WATCHDOG_TEXT: Final = """\
 It watches the tasks with `critical: true`; see `docs/watchdog.md`.
 """
 
+_WORLD_TEXT: Final = """\
+What the simulated devices look at; see `docs/world.md`. A relative path counts from the folder of
+the file that has it, then from the `config` folder of this package.
+"""
+
 _TOPIC_TEXT: Final = """\
 Topics that no device and no module declares, such as inputs from ROS. A section `fixed` gives the
 texts and the lengths of sequences that the message is laid out with, by dotted field name:
@@ -135,6 +141,7 @@ _SECTIONS: Final = (
     ('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
      WatchdogSettings),
     ('`log`: the file of the log', _LOG_TEXT, LogSettings),
+    ('`world`: the simulated world', _WORLD_TEXT, WorldSettings),
     ('Devices', _DEVICE_TEXT, DeviceSettings),
     ('Modules', _MODULE_TEXT, ModuleSettings),
     ('Tasks', _TASK_TEXT, TaskSettings),

@@ -67,6 +67,24 @@ def default_path(name: str = 'robot.yaml') -> Path:
                        + ', '.join(dict.fromkeys(tried))])
 
 
+def path_near(name: str, file: str) -> Path:
+    """
+    Find a file that another one names: beside that one, then among those of this package.
+
+    :param name: a path; absolute ones are taken as they are.
+    :param file: that has the name; the working folder counts for the command line.
+    :return: an absolute path; nothing may be there.
+    """
+    folder = Path() if file == COMMAND_LINE else Path(file).parent
+    path = (folder / name).absolute()
+    if not os.path.lexists(path):
+        try:
+            return default_path(name).absolute()
+        except ConfigError:
+            pass  # whoever opens it says that it is missing
+    return path
+
+
 def _folders() -> Iterator[Path]:
     here = Path(__file__).resolve()
     root = here.parents[2]
@@ -95,7 +113,7 @@ def read_files(
     broken = False
     for path in paths:
         try:
-            root = parse(_text(path), str(path))
+            root = parse(read_text(path), str(path))
         except YamlProblem as problem:
             problems.add(Origin(str(path), problem.line), str(problem))
             broken = True
@@ -140,7 +158,7 @@ def _misspelt(node: str, sections: Sequence[str]) -> str | None:
     return nearest(node, {last for last in lasts if letters(last) != letters(node)})
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """
     Read a file as text, never more than is sensible, never from what could block.
 

@@ -56,6 +56,7 @@ from rt_robot_os.schema import inline
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import setting
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.topics.topic import DEPTH_MAXIMUM
 from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
@@ -390,6 +391,7 @@ class RobotSettings:
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
     frames: tuple[MountedFrame, ...] = ()
+    world: WorldSettings = WorldSettings()
     files: tuple[str, ...] = field(default=(), compare=False)
     simulation_asked: bool = field(default=True, compare=False)
 

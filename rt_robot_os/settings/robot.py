@@ -52,6 +52,8 @@ from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.wiring import check_mirrors
 from rt_robot_os.settings.wiring import check_ports
 from rt_robot_os.settings.wiring import TopicTable
+from rt_robot_os.settings.world import check_world
+from rt_robot_os.settings.world import with_world_file
 from rt_robot_os.topics.topic import is_depth
 
 
@@ -63,6 +65,7 @@ def read_robot(
 
     :raises ConfigError: with every problem, also those noted before.
     """
+    tree = with_world_file(tree, problems)
     named = find_sections(tree, catalogue, problems)
     top = read_section(tree, '', declared(RobotSettings), problems, set(tree.children) | ROS_OWN)
     sections = {name: _read_named_section(tree, name, kind, problems)
@@ -75,6 +78,7 @@ def read_robot(
               for name, branch in named.listed['topics'].items()]
     mirrors = [read_section(branch, name, declared(MirrorSettings), problems)
                for name, branch in named.listed['mirrors'].items()]
+    check_world(tree, sections['world'], problems)
     at_work = [part for part in devices if part.enabled]
     modules_at_work = [part for part in modules if part.enabled]
     check_ports(at_work, problems)
@@ -88,7 +92,7 @@ def read_robot(
     problems.raise_any()
     robot: RobotSettings = made(
         RobotSettings, top.values,
-        **{name: made(kind, sections[name].values) for name, kind in SECTIONS.items()},
+        **{name: made(kind, frozen(sections[name].values)) for name, kind in SECTIONS.items()},
         devices=tuple(build_part(DeviceSettings, part) for part in at_work),
         modules=tuple(build_part(ModuleSettings, part) for part in modules_at_work),
         topics=(*(made(TopicSettings, section.values, name=section.name,

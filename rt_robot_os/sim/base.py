@@ -20,17 +20,24 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Mapping
 from collections.abc import Sequence
+import dataclasses
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from typing import ClassVar
 from typing import Final
 from typing import Protocol
+from typing import TYPE_CHECKING
 
 from rt_robot_os.devices.table import DeviceRegistry
 from rt_robot_os.devices.table import OLD_TWINS
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.i2c_port import I2cPort
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
 
 
 class Plug(Protocol):
@@ -53,17 +60,51 @@ class Plug(Protocol):
         """Take it away."""
 
 
+@dataclass(frozen=True)
+class Site:
+    """
+    Where a simulated device is.
+
+    :ivar world: that it looks at; None when it is by itself.
+    :ivar device: the settings of its driver, as far as they are known.
+    """
+
+    world: World | None = None
+    device: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def mounting(self) -> Mounting:
+        """Return where the device sits on the robot."""
+        x, y, z = self.device.get('mounting_m', (0.0, 0.0, 0.0))
+        roll, pitch, yaw = self.device.get('mounting_rad', (0.0, 0.0, 0.0))
+        return Mounting((x, y, z), (roll, pitch, yaw),
+                        self.device.get('parent_frame_id', Mounting.parent))
+
+
+NOWHERE: Final = Site()
+
+
 class Place:
     """
-    Where the simulated devices of one robot are plugged in.
+    Where the simulated devices of one robot are plugged in, and what they look at.
 
     :ivar folder: of the paths.
+    :ivar world: the one world; None when each device is by itself.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, world: World | None = None) -> None:
         """Keep the folder; nothing is opened."""
         self.folder = folder
+        self.world = world
         self._i2c: I2cPort | None = None
+
+    def site(self, device: Mapping[str, Any]) -> Site:
+        """
+        Return where a device is.
+
+        :param device: the settings of its driver.
+        """
+        return Site(self.world, device)
 
     def i2c(self) -> I2cPort:
         """Return the one I2C bus that all chips of the robot are on."""

@@ -31,6 +31,8 @@ from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
+from rt_robot_os.settings.world import load_world
+from rt_robot_os.settings.world import SECTION as WORLD
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import SIMULATORS
@@ -48,6 +50,8 @@ from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
+from rt_robot_os.sim.world.scene import HAPPENINGS
+from rt_robot_os.sim.world.world import World
 
 _MORE: Final = ', '.join(fault for fault in MOTOR_FAULTS if fault not in FAULTS)
 _FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_MORE}'
@@ -65,7 +69,8 @@ def simulator(argv: Sequence[str]) -> int:
     """
     arguments = _simulator_parser().parse_args(argv)
     try:
-        devices = build_devices(arguments)
+        world = World(load_world(Path(arguments.world))) if arguments.world else None
+        devices = build_devices(arguments, world)
     except ConfigError as error:
         return _fail(error)
     server = SimServer(tuple(devices.values()), report=_complain)
@@ -78,7 +83,7 @@ def simulator(argv: Sequence[str]) -> int:
             for name, device in devices.items():
                 where = device.port.url if isinstance(device.port, TcpPlug) else device.path
                 print(f'{name} {where}', flush=True)
-            server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line))
+            server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line, world))
             _run(server, arguments.keep_running)
     except DeviceError as error:
         return _fail(error)
@@ -120,10 +125,12 @@ def player(argv: Sequence[str]) -> int:
     return OK
 
 
-def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
+def build_devices(arguments: argparse.Namespace, world: World | None = None
+                  ) -> dict[str, Simulated]:
     """
     Make the simulated devices that the arguments ask for; nothing is plugged in.
 
+    :param world: that they look at.
     :raises ConfigError: with every problem found.
     """
     problems: list[str] = []
@@ -141,7 +148,7 @@ def build_devices(arguments: argparse.Namespace) -> dict[str, Simulated]:
     numbers = _per_device(arguments.tcp, types, '--tcp', problems)
     faults = _faults(arguments.fault, types, problems)
     folder = _folder(arguments.dir, problems)
-    place = Place(folder)
+    place = Place(folder, world)
     devices: dict[str, Simulated] = {}
     for name, kind in types.items():
         settings: dict[str, Any] = {'faults': faults[name], 'seed': arguments.seed}
@@ -176,7 +183,8 @@ def _simulator_parser() -> argparse.ArgumentParser:
         prog='simulator', description='Simulated devices, with faults on demand: serial ones '
         'on ptys, chips on an emulated I2C bus.',
         epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
-        f'seconds. Faults: {_FAULT_HELP}.')
+        f'seconds. Faults: {_FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
+        f'stand there, and so on: {HAPPENINGS}.')
     parser.add_argument('devices', nargs='+', metavar='NAME:TYPE',
                         help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
     parser.add_argument('--dir', help='folder of the paths, '
@@ -189,6 +197,8 @@ def _simulator_parser() -> argparse.ArgumentParser:
                         help='such as "imu: unplug at 5 for 2", seconds after the start')
     parser.add_argument('--tcp', action='append', default=[], metavar='NAME=PORT',
                         help='serve a serial device at tcp://127.0.0.1:PORT instead of a pty')
+    parser.add_argument('--world', metavar='FILE', help='what the devices look at: a YAML file '
+                        'with a map, people, marks and so on; see docs/world.md')
     parser.add_argument('--seed', type=int, default=1, help='of noise and faults')
     _add_keep_running(parser)
     return parser
@@ -263,12 +273,15 @@ def _folder(given: str | None, problems: list[str]) -> Path:
     return Path(runtime or '.') / 'rt_robot_os'
 
 
-def _inject(devices: dict[str, Simulated], line: str) -> None:
-    """Obey a line of the standard input such as ``imu silent 3``."""
+def _inject(devices: dict[str, Simulated], line: str, world: World | None) -> None:
+    """Obey a line such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
     if not line:
         return
     words = line.split()
     try:
+        if words[0] == WORLD and world is not None:
+            world.inject(words[1:])
+            return
         name, fault, duration = words
         devices[name].inject(fault, float(duration))
     except ConfigError as error:

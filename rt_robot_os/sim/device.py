@@ -35,8 +35,10 @@ from rt_robot_os.devices.nmea.wire import sentence
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import complete
+from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import check
 from rt_robot_os.sim.faults import corrupted
 from rt_robot_os.sim.faults import fault_settings
@@ -95,6 +97,10 @@ class SimulatedDevice(Simulated):
     :cvar KNOWN_FAULTS: what can befall it, and what that does.
     :ivar name: for errors.
     :ivar port: where it is plugged in.
+    :ivar world: that it looks at, brought up to the time with each ``pump``; None when it is by
+        itself.
+    :ivar mounting: where it sits on the robot.
+    :ivar device: the settings of its driver, as far as they are known.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
@@ -104,16 +110,19 @@ class SimulatedDevice(Simulated):
 
     def __init__(
         self, name: str, settings: Mapping[str, Any], port: PtyPort, baud: int | None = None,
+        site: Site = NOWHERE,
     ) -> None:
         """
         Check the settings; nothing is plugged in yet.
 
         :param settings: some of ``SETTINGS``; the others have their default.
         :param baud: speed of the line, None is the usual one, 0 sends at once.
+        :param site: where it is.
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
         self.name = name
         self.port = port
+        self.world, self.mounting, self.device = site.world, site.mounting, site.device
         self.settings = complete(self.SETTINGS, settings, name)
         self._plan = plan_of(name, self.settings['faults'], self.KNOWN_FAULTS)
         self.rate_hz: float = self.settings['rate_hz']
@@ -141,7 +150,8 @@ class SimulatedDevice(Simulated):
 
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
-        return cls(name, settings, PtyPort(place.folder / name), device.get('baud'))
+        return cls(name, settings, PtyPort(place.folder / name), device.get('baud'),
+                   place.site(device))
 
     @property
     def path(self) -> Path:
@@ -205,6 +215,8 @@ class SimulatedDevice(Simulated):
         if not self._started:
             self.start(now_ns)
         self._now_ns = now_ns
+        if self.world is not None:
+            self.world.advance(now_ns)
         while self._injected:
             self._plan.inject(*self._injected.pop(0), now_ns)
         active = self._plan.active(now_ns)

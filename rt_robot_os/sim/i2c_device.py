@@ -32,8 +32,10 @@ from typing import Final
 
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import complete
+from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import check
 from rt_robot_os.sim.faults import corrupted
 from rt_robot_os.sim.faults import fault_settings
@@ -65,6 +67,10 @@ class SimulatedChip(Simulated):
     :ivar clock_hz: clock of the transfers with it.
     :ivar random: for noise.
     :ivar measuring: False while the fault silent is on.
+    :ivar world: that it looks at, brought up to the time of each transfer; None when it is by
+        itself.
+    :ivar mounting: where it sits on the robot.
+    :ivar device: the settings of its driver, as far as they are known.
     """
 
     ADDRESS: ClassVar[int] = 0x76
@@ -72,15 +78,17 @@ class SimulatedChip(Simulated):
     port: I2cPort
 
     def __init__(self, name: str, settings: Mapping[str, Any], port: I2cPort,
-                 address: int | None = None) -> None:
+                 address: int | None = None, site: Site = NOWHERE) -> None:
         """
         Check the settings and put the chip on the bus.
 
         :param address: None is the usual one.
+        :param site: where it is.
         :raises ConfigError: a setting is wrong, or the address is taken.
         """
         self.name = name
         self.port = port
+        self.world, self.mounting, self.device = site.world, site.mounting, site.device
         self.address = self.ADDRESS if address is None else address
         self.settings = complete(self.SETTINGS, settings, name)
         self._plan = plan_of(name, self.settings['faults'], I2C_FAULTS)
@@ -107,7 +115,7 @@ class SimulatedChip(Simulated):
 
         :raises ConfigError: a setting is wrong, or the address is taken.
         """
-        return cls(name, settings, place.i2c(), device.get('address'))
+        return cls(name, settings, place.i2c(), device.get('address'), place.site(device))
 
     # ---- what a chip brings ------------------------------------------------------------------
 
@@ -175,6 +183,8 @@ class SimulatedChip(Simulated):
         if not self._started:
             self.start(now_ns)
         self._now_ns = now_ns
+        if self.world is not None:
+            self.world.advance(now_ns)
         while self._injected:
             self._plan.inject(*self._injected.pop(0), now_ns)
         active = self._plan.active(now_ns)

@@ -89,7 +89,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('autostart: true', '"a\\nb": 1',
      'robot.yaml:3: a\\nb = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, devices, '
      'diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, parameters_file, '
-     'static_transforms, topics, watchdog'),
+     'static_transforms, topics, watchdog, world'),
     # names and sections
     ('devices: [imu, gps]', 'devices: [imu, gps, imu]',
      "robot.yaml:5: devices = 'imu': is twice in this list: delete one"),

@@ -1,0 +1,249 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The body of the robot: two driven wheels with motors, and what stops it.
+
+Source: the equations of the differential drive; each wheel follows its motor with a lag of first
+order and a limit of its acceleration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import auto
+from enum import Enum
+import math
+import random
+from typing import Final
+from typing import TypeAlias
+
+from rt_robot_os.motion.angles import wrapped
+from rt_robot_os.motion.differential import body_velocity
+from rt_robot_os.motion.differential import moved
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.sim.world_settings import WorldSettings
+
+# All simulation is done on this grid of time.
+STEP_NS: Final = 2_000_000
+STEP_S: Final = STEP_NS / 1e9
+
+Pair: TypeAlias = tuple[float, float]
+# Finds the points of whatever stands within a distance of a place.
+Obstacles: TypeAlias = Callable[[float, float, float], list[Pair]]
+
+_SLIP_STEPS: Final = 50
+_CONTACT_STEPS: Final = 10
+_TOUCH_M: Final = 1e-3
+# An accelerometer on a real body feels no single step of 2 ms.
+_SMOOTH: Final = 0.1
+_WHEEL_RADIUS_M: Final = 0.05
+_SEPARATION_M: Final = 0.3
+
+
+class Motor(Enum):
+    """What a motor is told."""
+
+    SPEED = auto()
+    DUTY = auto()
+    COAST = auto()
+
+
+def nothing_near(x: float, y: float, reach_m: float) -> list[Pair]:
+    """Find nothing: the floor is empty."""
+    return []
+
+
+class DriveBase:
+    """
+    A robot on two wheels.
+
+    A motor board's twin tells it what to do and reads its wheels. The angles and speeds of wheels
+    are rad and rad/s, left before right, positive ahead.
+
+    :ivar wheel_radius_m: as configured; the true wheels differ by ``wheel_radius_error``.
+    :ivar wheel_separation_m: between the wheels.
+    :ivar radius_m: of the robot.
+    :ivar wheel_angles: true angles; they never wrap.
+    :ivar wheel_speeds: true speeds.
+    :ivar velocity: of ``base_link``: ahead in m/s, turning in rad/s.
+    :ivar acceleration: of ``base_link``: ahead and to the left, in m/s^2.
+    :ivar contact_rad: direction from the robot of what it pushes against; None when there is
+        nothing.
+    :ivar slip: share of the way of the wheels that is lost.
+    :ivar standing: wheels, left before right, that a fault blocks.
+    """
+
+    def __init__(
+        self, settings: WorldSettings | None = None, *, wheel_radius_m: float = _WHEEL_RADIUS_M,
+        wheel_separation_m: float = _SEPARATION_M, obstacles: Obstacles = nothing_near,
+    ) -> None:
+        """
+        Put the robot at its start.
+
+        :param settings: those of the world; without them the floor is open and the wheels true.
+        :param obstacles: finds what is near.
+        """
+        self._settings = s = settings or WorldSettings()
+        self._obstacles = obstacles
+        self._chance = random.Random(s.seed)
+        self.radius_m = s.robot_radius_m
+        self.fit(wheel_radius_m, wheel_separation_m)
+        self.slip = s.slip
+        self.wheel_angles: Pair = (0.0, 0.0)
+        self.wheel_speeds: Pair = (0.0, 0.0)
+        self.standing: tuple[bool, bool] = (False, False)
+        self._mode = Motor.COAST
+        self._target: Pair = (0.0, 0.0)
+        self._lag = 1.0 - math.exp(-STEP_S / s.motor_lag_s)
+        self._coast = 1.0 - math.exp(-STEP_S / s.coast_s)
+        self._most = s.motor_acceleration_rad_s2 * STEP_S
+        self._extra_slip: Pair = (0.0, 0.0)
+        self._steps = 0
+        self._start_ns: int | None = None
+        self.teleport(*s.start)
+
+    def fit(self, wheel_radius_m: float, wheel_separation_m: float) -> None:
+        """Fit other wheels; the board's twin does it with the settings of its device."""
+        left, right = self._settings.wheel_radius_error
+        self.wheel_radius_m, self.wheel_separation_m = wheel_radius_m, wheel_separation_m
+        self._true_radius = (wheel_radius_m * (1.0 + left), wheel_radius_m * (1.0 + right))
+
+    # ---- what the motors are told --------------------------------------------------------------
+
+    def set_wheel_speeds(self, left_rad_s: float, right_rad_s: float) -> None:
+        """Have the board hold speeds, as far as the motors can; NaN counts as 0."""
+        most = self._settings.motor_speed_rad_s
+        self._mode = Motor.SPEED
+        self._target = (_within(left_rad_s, most), _within(right_rad_s, most))
+
+    def set_duty(self, left: float, right: float) -> None:
+        """Give the motors a share of the full voltage, from -1 to 1; NaN counts as 0."""
+        most = self._settings.motor_speed_rad_s
+        self._mode = Motor.DUTY
+        self._target = (_within(left, 1.0) * most, _within(right, 1.0) * most)
+
+    def coast(self) -> None:
+        """Take the voltage away: the robot runs down."""
+        self._mode = Motor.COAST
+        self._target = (0.0, 0.0)
+
+    # ---- where it is ---------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> Pose:
+        """Return x, y and yaw (from -pi to pi) of ``base_link`` in the map."""
+        return self._x, self._y, wrapped(self._yaw)
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Lift it and put it down elsewhere; its wheels notice nothing."""
+        self._x, self._y, self._yaw = x, y, yaw
+        self.velocity: Pair = (0.0, 0.0)
+        self.acceleration: Pair = (0.0, 0.0)
+        self.contact_rad: float | None = None
+
+    def advance(self, now_ns: int) -> None:
+        """
+        Go on to a time when it has no world that does it; the first call sets the start.
+
+        :param now_ns: absolute.
+        """
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        while self._start_ns + self._steps * STEP_NS < now_ns - STEP_NS + 1:
+            self.step()
+
+    def step(self) -> None:
+        """Go on by ``STEP_NS``."""
+        if self._steps % _SLIP_STEPS == 0 and self._settings.slip_noise:
+            noise, gauss = self._settings.slip_noise, self._chance.gauss
+            self._extra_slip = (gauss(0.0, noise), gauss(0.0, noise))
+        self._steps += 1
+        before_left, before_right = self.wheel_speeds
+        left, right = self._driven(before_left, 0), self._driven(before_right, 1)
+        if not (left or right or before_left or before_right):
+            # It stands: the usual case, and the cheap one.
+            self._settle((0.0, 0.0))
+            if self.contact_rad is not None and self._steps % _CONTACT_STEPS == 0:
+                self._look_for_contact()
+            return
+        self.wheel_speeds = (left, right)
+        turn_left, turn_right = (before_left + left) / 2, (before_right + right) / 2
+        self.wheel_angles = (self.wheel_angles[0] + turn_left * STEP_S,
+                             self.wheel_angles[1] + turn_right * STEP_S)
+        kept = 1.0 - self.slip
+        self._move(*body_velocity(
+            turn_left * self._true_radius[0] * (kept - self._extra_slip[0]),
+            turn_right * self._true_radius[1] * (kept - self._extra_slip[1]),
+            self.wheel_separation_m))
+
+    def _driven(self, speed: float, side: int) -> float:
+        """Return the speed of a wheel after a step."""
+        if self.standing[side]:
+            return 0.0
+        if self._mode is Motor.COAST:
+            speed -= self._coast * speed
+            return speed if abs(speed) > 1e-3 else 0.0
+        target = self._target[side]
+        change = self._lag * (target - speed)
+        change = max(-self._most, min(self._most, change))
+        return speed + change if abs(target - speed) > 1e-6 else target
+
+    def _move(self, linear: float, angular: float) -> None:
+        x, y, yaw = moved((self._x, self._y, self._yaw), linear * STEP_S, angular * STEP_S)
+        dx, dy = self._allowed(x - self._x, y - self._y)
+        self._x += dx
+        self._y += dy
+        self._yaw = yaw
+        if self.contact_rad is not None:
+            # The wheels turn in place as far as a wall takes their way.
+            linear = (dx * math.cos(yaw) + dy * math.sin(yaw)) / STEP_S
+        self._settle((linear, angular))
+
+    def _settle(self, velocity: Pair) -> None:
+        ahead, aside = self.acceleration
+        linear, angular = velocity
+        self.acceleration = (
+            ahead + _SMOOTH * ((linear - self.velocity[0]) / STEP_S - ahead),
+            aside + _SMOOTH * (linear * angular - aside))
+        self.velocity = velocity
+
+    def _look_for_contact(self) -> None:
+        """Notice that what it stood against has gone."""
+        if not any(math.hypot(self._x - x, self._y - y) < self.radius_m + _TOUCH_M
+                   for x, y in self._obstacles(self._x, self._y, self.radius_m)):
+            self.contact_rad = None
+
+    def _allowed(self, dx: float, dy: float) -> Pair:
+        """Take away what leads into a wall; what leads along it stays."""
+        self.contact_rad = None
+        if not (dx or dy):
+            return 0.0, 0.0
+        points = self._obstacles(self._x, self._y, self.radius_m)
+        for _ in range(2):  # in a corner each wall has a say after the other
+            for px, py in points:
+                nx, ny = self._x - px, self._y - py
+                before = math.hypot(nx, ny)
+                if not 0.0 < before < self.radius_m + abs(dx) + abs(dy):
+                    continue
+                into = -(dx * nx + dy * ny) / before
+                if into > 0.0 and math.hypot(nx + dx, ny + dy) < self.radius_m:
+                    dx += into * nx / before
+                    dy += into * ny / before
+                    self.contact_rad = wrapped(math.atan2(-ny, -nx) - self._yaw)
+        return dx, dy
+
+
+def _within(value: float, most: float) -> float:
+    return max(-most, min(most, value)) if value == value else 0.0

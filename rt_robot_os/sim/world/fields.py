@@ -1,0 +1,46 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Light and warmth, by place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from rt_robot_os.sim.world.scene import Heat
+from rt_robot_os.sim.world.scene import Lamp
+
+
+def light_lux(lamps: Sequence[Lamp], x: float, y: float, height_m: float) -> float:
+    """
+    Return what lamps add on the floor; walls cast no shadow.
+
+    Source: the cosine law of a lamp that shines alike in all directions.
+
+    :param height_m: of the lamps above the floor.
+    """
+    total = 0.0
+    for lamp in lamps:
+        # The inverse square of the distance, times the slant of the light and that of the floor.
+        share = height_m ** 2 / (height_m ** 2 + (x - lamp.x) ** 2 + (y - lamp.y) ** 2)
+        total += lamp.lux * share ** 1.5
+    return total
+
+
+def warmth_c(places: Sequence[Heat], x: float, y: float) -> float:
+    """Return what warm and cold places add; it falls like a bell with the distance."""
+    return sum(place.degrees * math.exp(
+        -((x - place.x) ** 2 + (y - place.y) ** 2) / (2.0 * place.radius_m ** 2))
+        for place in places)
