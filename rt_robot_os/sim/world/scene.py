@@ -117,6 +117,11 @@ HAPPENINGS: Final = '; '.join(
     for kind, (named, numbers) in _HAPPENINGS.items())
 
 
+def _words(text: str) -> list[str]:
+    """Take a text apart; colons and commas may stand between, as in the driver's landmarks."""
+    return text.replace(',', ' ').replace(':', ' ').split()
+
+
 def way(text: str) -> Way:
     """Read such as ``anna 0.8 1.0 2.0 4.0 2.0``; raises ValueError, as do all of these."""
     name, *numbers = _name(text), *_numbers(text, 1)
@@ -138,7 +143,7 @@ def landmark(text: str) -> Landmark:
 def node(text: str) -> Node:
     """Read such as ``hall 3.0 1.5 2.2``; the name may be a number."""
     numbers = _exactly(text, 1, 'name x y height')
-    return Node(text.split()[0], *numbers)
+    return Node(_words(text)[0], *numbers)
 
 
 def lamp(text: str) -> Lamp:
@@ -159,7 +164,7 @@ def event(text: str) -> Happening:
     match = _TIMES.fullmatch(text.strip())
     if match is None:
         raise ValueError('must end with "at SECONDS" or "at SECONDS for SECONDS"')
-    words = match[1].split()
+    words = _words(match[1])
     at_s = _seconds(match[2])
     for_s = _seconds(match[3]) if match[3] else 0.0
     found = happening(words)
@@ -201,7 +206,7 @@ def twice(key: str, things: list[Any]) -> str | None:
 
 
 def _name(text: str) -> str:
-    words = text.split()
+    words = _words(text)
     if not words or not _NAME.fullmatch(words[0]):
         raise ValueError('must begin with a name: a letter, then letters, digits and _')
     return words[0]
@@ -209,7 +214,7 @@ def _name(text: str) -> str:
 
 def _numbers(text: str, skip: int) -> list[float]:
     found = []
-    for word in text.split()[skip:]:
+    for word in _words(text)[skip:]:
         try:
             value = float(word)
         except ValueError:
