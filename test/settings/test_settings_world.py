@@ -35,7 +35,8 @@ MAP = ('image: flat.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n'
 
 
 def with_world(*lines: str) -> str:
-    return 'robot:\n  ros__parameters:\n    world:\n' + ''.join(f'      {line}\n' for line in lines)
+    section = ''.join(f'      {line}\n' for line in lines)
+    return f'robot:\n  ros__parameters:\n    world:\n{section}'
 
 
 @pytest.fixture
@@ -82,8 +83,8 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
         'robot.yaml:6: world.slip = 2.0: must be a number from 0 to 1',
         "robot.yaml:8: world.people = 'anna 0.8 1': must be a name, a speed in m/s and x y of "
         'each way point',
-        "robot.yaml:9: world.people = '7up 1 2 3': must begin with a name: a letter, then letters, "
-        'digits and _',
+        "robot.yaml:9: world.people = '7up 1 2 3': must begin with a name: a letter, then "
+        'letters, digits and _',
         "robot.yaml:10: world.events = 'dance at 3': 'dance' does not happen here: write kidnap X "
         'Y YAW; person NAME X Y [SECONDS]; walk NAME; slip SHARE [SECONDS]; lamp SHARE [SECONDS]',
         "maps/world.yaml:1: world.map: maps/flat.yaml:2: resolution: 'x' must be a number",
