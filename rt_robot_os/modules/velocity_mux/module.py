@@ -27,7 +27,6 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.kernel import OneShot
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.velocity_mux.settings import locks_of
 from rt_robot_os.modules.velocity_mux.settings import SETTINGS
@@ -40,6 +39,7 @@ from rt_robot_os.modules.velocity_mux.sources import Source
 from rt_robot_os.modules.velocity_mux.sources import STANDSTILL
 from rt_robot_os.modules.velocity_mux.sources import Switch
 from rt_robot_os.modules.velocity_mux.sources import Triple
+from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_S
@@ -80,8 +80,6 @@ class VelocityMux(Module):
         self._steers: Source | None = None
         self._told = ''
         self._switches = self._lost = 0
-        self._timer: OneShot | None = None
-        self._timer_ns = 0
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -104,8 +102,7 @@ class VelocityMux(Module):
         """Find the topics of each source and lock."""
         self._commands = [(each, self.listed[f'source {each.name}']) for each in self._sources]
         self._lock_inputs = [(each, self.listed[f'lock {each.name}']) for each in self._locks]
-        if self.kernel is not None and self.task is not None:
-            self._timer = self.kernel.timer(self.task)
+        self._wake_up = WakeUp(self.kernel, self.task)
 
     def safe_state(self) -> None:
         """Publish a standstill, and forget all commands."""
@@ -135,7 +132,7 @@ class VelocityMux(Module):
         self._steers = steers
         for source in self._sources:
             source.is_new = False
-        self._watch(steers, now_ns)
+        self._watch(steers)
         self._tell(steers, now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
@@ -226,9 +223,9 @@ class VelocityMux(Module):
         # The stamp stays that of the command, so that whoever carries it out knows its age.
         self.command.publish(stamp_ns)
 
-    def _watch(self, steers: Source | None, now_ns: int) -> None:
+    def _watch(self, steers: Source | None) -> None:
         """Have a look when something that lets somebody steer is over."""
-        if steers is None or self._timer is None:
+        if steers is None:
             return
         next_ns: float = steers.deadline_ns
         if steers.needs_dead_man and self._has_dead_man:
@@ -236,10 +233,7 @@ class VelocityMux(Module):
         for lock in self._locks:
             if lock.priority > steers.priority:
                 next_ns = min(next_ns, lock.silent_at_ns())
-        # One that is on its way and early enough is left alone: it looks again then.
-        if not self._timer.started or next_ns < self._timer_ns:
-            self._timer_ns = int(next_ns)
-            self._timer.start_at(self._timer_ns)
+        self._wake_up.no_later_than(next_ns)
 
     def _tell(self, steers: Source | None, now_ns: int) -> None:
         if steers is not None:
