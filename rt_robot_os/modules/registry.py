@@ -23,8 +23,8 @@ from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
-    'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
+    'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
 }
