@@ -85,8 +85,8 @@ def test_from_the_speed_that_is_allowed_it_stops_before_it_touches(
     stopping_s = shape.speed(v, w) / braking
     if not stopping_s:
         return
-    share = braking_share(float(shape.times(x, y, v, w, CLEARANCE_M).min(initial=math.inf)), stopping_s,
-                          reaction_s)
+    share = braking_share(
+        float(shape.times(x, y, v, w, CLEARANCE_M).min(initial=math.inf)), stopping_s, reaction_s)
     assert 0.0 <= share <= 1.0
     pose, speed, step_s, now_s = (0.0, 0.0, 0.0), share, 0.01, 0.0
     while speed > 0.0:

@@ -114,7 +114,8 @@ class Surroundings:
             contacts.append(np.stack((tx, ty, *self._footprint.normals(tx, ty)), axis=1))
             self._contact_owners += [self._owners[i] for i in owner[touching]]
             clear = ~touching
-            x, y, owner, driven, room = x[clear], y[clear], owner[clear], driven[clear], room[clear]
+            x, y, room = x[clear], y[clear], room[clear]
+            owner, driven = owner[clear], driven[clear]
         self._contacts = np.concatenate(contacts) if contacts else np.empty((0, 4))
         self._x, self._y, self._owner, self._driven = x, y, owner, driven
         nearest_m = float(room.min(initial=math.inf))
