@@ -107,7 +107,7 @@ def test_paths_and_goals_go_both_ways_and_those_of_other_frames_are_told(
 
 def test_transforms_reach_who_listens_and_mountings_who_comes_late(
         world: Any, until: Until) -> None:
-    messages = pytest.importorskip('tf2_msgs.msg', reason='ROS 2 has no tf2_msgs here')
+    messages = pytest.importorskip('tf2_msgs.msg', reason='TFMessage is not installed')
     came = world.listen(messages.TFMessage, '/tf')
     robot = world.robot(ROBOT)
     robot.wait_for_line('connected to the core')
