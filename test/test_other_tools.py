@@ -99,6 +99,18 @@ def test_the_launch_file_passes_on_what_it_takes() -> None:
     assert float(node.get('respawn_delay', '')) > 0
 
 
+def test_the_launch_file_of_the_service_robot_takes_the_same() -> None:
+    text = (ROOT / 'launch' / 'service_robot.launch.xml').read_text()
+    launch = ElementTree.fromstring(text)
+    ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
+    taken = [each.get('name') for each in ours.findall('arg')]
+    assert [each.get('name') for each in launch.findall('arg')] == taken
+    include, = launch.iter('include')
+    assert {each.get('name'): each.get('value') for each in include.findall('arg')} == {
+        name: f'$(var {name})' for name in taken}
+    assert launch.findall('arg')[0].get('default', '').endswith('/config/service_robot.yaml')
+
+
 @pytest.mark.parametrize('name', ['robot', 'rover'])
 def test_the_default_configuration_is_for_a_node_of_any_name(name: str) -> None:
     assert [device.name for device in load([CONFIG / 'robot.yaml'], node=name).devices] == [
