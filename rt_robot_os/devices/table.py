@@ -58,6 +58,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'nmea',
     'xsens',
     'hokuyo',
+    'roboclaw',
     'witmotion',
     'maxbotix',
     'sharp',
