@@ -63,6 +63,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'maxbotix',
     'sharp',
     'stargazer',
+    'arduino_bridge',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.
