@@ -25,6 +25,7 @@ _OWN: Final = {
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
+    'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
 }

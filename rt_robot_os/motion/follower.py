@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 import math
 from typing import Final
@@ -32,17 +31,17 @@ from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.controllers.turning import turning_rate
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.reference import Reference
 from rt_robot_os.motion.reference_path import checked
-from rt_robot_os.motion.reference_path import legs
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.reference_path import PathError
 from rt_robot_os.motion.reference_path import SAME_M
 from rt_robot_os.motion.reference_path import straight
+from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.motion.velocity_limits import within_reach
 from rt_robot_os.motion.velocity_limits import within_speeds
-from rt_robot_os.schema import setting
 
 # A robot that drove on while its path was planned is at most so far along it.
 _JOIN_WITHIN_M: Final = 2.0
@@ -60,33 +59,6 @@ _PROGRESS_RAD: Final = 0.02
 _BEHIND_S: Final = 0.5
 _AT_REST_M_S: Final = 0.02
 _STANDSTILL: Final = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class FollowerTuning:
-    """What a follower takes for arrived, astray or stuck."""
-
-    path_shape: str = setting(
-        'spline', 'Way through the poses of a path: a smooth curve, or straight lines with a turn '
-        'in place at each pose', choices=('spline', 'line'), live=True)
-    turn_above_rad: float = setting(
-        0.35, 'Turn in place before driving when the path begins farther aside', 'rad', 0.02, 3.2,
-        live=True)
-    corner_rad: float = setting(
-        0.8, 'A sharper bend in a path is a corner: stop and turn in place', 'rad', 0.02, 3.2,
-        live=True)
-    goal_tolerance_m: float = setting(
-        0.03, 'Distance to the goal that is near enough', 'm', 0.001, 10.0, live=True)
-    goal_tolerance_rad: float = setting(
-        0.02, 'The same of the heading; above 3.2 any heading will do', 'rad', 0.001, 7.0,
-        live=True)
-    attempts: int = setting(
-        2, 'How often a goal that was missed is tried again, before that is said', '', 0, 20,
-        live=True)
-    off_path_max_m: float = setting(
-        0.5, 'Stop when the robot is farther from its path', 'm', 0.01, 100.0, live=True)
-    blocked_after_s: float = setting(
-        5.0, 'Stop when the robot has made no progress for so long', 's', 0.5, 3600.0, live=True)
 
 
 class Phase(Enum):
@@ -163,8 +135,29 @@ class Follower:
             raise
 
     def stop(self, why: str) -> None:
-        """Brake and rest, and say why; a new goal ends it."""
-        self._brake(f'stopped: {why}', None)
+        """Brake and rest, and say why; a new goal ends it. One at rest gives no command."""
+        if self.phase is Phase.REST:
+            self.state = f'stopped: {why}'
+        else:
+            self._brake(f'stopped: {why}', None)
+
+    def abandon(self, why: str = '') -> None:
+        """
+        Rest at once, without a command: whoever calls it has stopped the robot already.
+
+        :param why: empty leaves the state as it is.
+        """
+        if why:
+            self.state = f'stopped: {why}'
+        self.command = _STANDSTILL
+        self._then = None
+        self._rest()
+
+    @property
+    def driving(self) -> bool:
+        """Return whether the robot is on its way; not when it rests, or brakes to rest."""
+        return self.phase is not Phase.REST and not (
+            self.phase is Phase.BRAKE and self._then is None)
 
     # ---- one step ----------------------------------------------------------------------------
 
@@ -210,6 +203,7 @@ class Follower:
     def _driving(self, pose: Pose, period_s: float, velocity: Velocity | None) -> Velocity:
         reference = self.reference
         assert reference is not None
+        finished = reference.finished  # before the step: what is left of it is driven first
         linear, angular = self.controller.step(pose, reference, period_s, velocity)
         self.error = self.controller.error
         left, turned = reference.locate(pose)
@@ -223,13 +217,13 @@ class Follower:
             self._brake('driving', self._again)
         elif self._stuck(done_m, _PROGRESS_M, period_s):
             self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s')
-        elif self._at_end(reference, pose, period_s):
+        elif self._at_end(reference, pose, finished):
             self._arrived(pose)
-        elif self.controller.TIMED and not reference.finished:
+        elif self.controller.TIMED and not finished:
             linear = max(0.0, linear)
         return linear, angular
 
-    def _at_end(self, reference: Reference, pose: Pose, period_s: float) -> bool:
+    def _at_end(self, reference: Reference, pose: Pose, finished: bool) -> bool:
         path = reference.path
         heading = path.heading[-1]
         ahead = (math.cos(heading) * (path.x[-1] - pose[0])
@@ -238,7 +232,7 @@ class Follower:
         if not self.controller.TIMED:
             return reference.nearest_m >= path.length_m - self.tuning.goal_tolerance_m and (
                 ahead <= near)
-        if not reference.finished:
+        if not finished:
             self._time_s = 0.0
             return False
         return abs(ahead) <= near or self._time_s > _CREEP_S
@@ -295,6 +289,9 @@ class Follower:
         self._driven_m = self._start_m = 0.0
         if len(self._poses) == 1:
             distance = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
+            if distance > self.tuning.goal_distance_max_m:
+                raise PathError(f'goal is {distance:g} m away, at most '
+                                f'{self.tuning.goal_distance_max_m:g}')
             near = distance <= max(SAME_M, self.tuning.goal_tolerance_m)
             self._legs = [] if near else [straight(pose[:2], self._goal[:2])]
             self._whole_m = distance

@@ -26,8 +26,8 @@ from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower import Follower
-from rt_robot_os.motion.follower import FollowerTuning
 from rt_robot_os.motion.follower import Phase
+from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 

@@ -50,8 +50,8 @@ from rt_robot_os.motion.controllers.regulated_pure_pursuit import rotation
 from rt_robot_os.motion.controllers.table import gain_fields
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
-from rt_robot_os.motion.reference_path import legs
 from rt_robot_os.motion.reference_path import straight
+from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 
 LAWS = tuple(CONTROLLERS)

@@ -27,10 +27,10 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
 from rt_robot_os.motion.reference import TimeLaw
 from rt_robot_os.motion.reference_path import checked
-from rt_robot_os.motion.reference_path import legs
 from rt_robot_os.motion.reference_path import PathError
-from rt_robot_os.motion.reference_path import spline
 from rt_robot_os.motion.reference_path import straight
+from rt_robot_os.motion.spline import legs
+from rt_robot_os.motion.spline import spline
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 
 LIMITS = VelocityLimits(speed_m_s=0.5, linear_max_m_s=0.6, angular_max_rad_s=1.0,

@@ -45,7 +45,7 @@ class ParkKuipersGains:
                              100.0, live=True)
     beta: float = setting(0.4, 'Law park_kuipers: how much curvature slows down', '', 0.0, 10.0,
                           live=True)
-    lambda_: float = setting(2.0, 'Law park_kuipers: exponent of that', '', 1.0, 10.0, live=True)
+    exponent: float = setting(2.0, 'Law park_kuipers: exponent of that', '', 1.0, 10.0, live=True)
     lookahead_m: float = setting(0.5, 'Law park_kuipers: how far ahead on the path the target is',
                                  'm', 0.02, 10.0, live=True)
     slowdown_m: float = setting(0.25, 'Law park_kuipers: so near to the end the speed shrinks in '
@@ -97,7 +97,7 @@ class ParkKuipers(Controller):
             return 0.0, 0.0
         bend = curvature(r, phi, delta, gains.k_phi, gains.k_delta)
         left_m = r if left_m is None else max(left_m, 0.0)
-        speed = min(linear_max_m_s / (1.0 + gains.beta * abs(bend) ** gains.lambda_),
+        speed = min(linear_max_m_s / (1.0 + gains.beta * abs(bend) ** gains.exponent),
                     linear_max_m_s * left_m / gains.slowdown_m,
                     math.sqrt(2 * left_m * deceleration_m_s2))
         speed = min(linear_max_m_s, max(gains.speed_min_m_s, speed))

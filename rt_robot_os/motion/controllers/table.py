@@ -51,5 +51,5 @@ def make_controller(name: str, gains: Mapping[str, Any] = {}) -> Controller:
 
 def gain_fields() -> tuple[Field, ...]:
     """Return the gains of all laws as settings, each with the name of its law before its own."""
-    return tuple(replace(field, name=f'{law.NAME}_{field.name}'.rstrip('_'))
+    return tuple(replace(field, name=f'{law.NAME}_{field.name}')
                  for law in CONTROLLERS.values() for field in declared(law.Gains))

@@ -12,13 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arduinos with the firmware ros_arduino_bridge."""
+"""Trajectory control: from goals and paths to velocity commands."""
 
-from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.modules.trajectory.module import Trajectory
 
-PARTS = DeviceParts(
-    driver='.driver:ArduinoBridge',
-    twin='.twin:SimulatedArduinoBridge',
-    recognisers=(Recogniser('answers of ros_arduino_bridge', '.wire:is_arduino_bridge'),),
-)
+__all__ = ['Trajectory']
