@@ -24,6 +24,7 @@ from rt_robot_os.plugins import PluginRegistry
 _OWN: Final = {
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
+    'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',

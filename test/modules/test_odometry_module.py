@@ -19,13 +19,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from driven import DT_S
-from driven import eight
-from driven import off
-from driven import RADIUS_M
-from driven import Robot
-from driven import SEPARATION_M
-from driven import turned
 import pytest
 
 from rt_robot_os.errors import ConfigError
@@ -33,6 +26,13 @@ from rt_robot_os.modules.odometry import Odometry
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.testing.module_bench import ModuleBench
+from rt_robot_os.tools.bench.localization.plant import DT_S
+from rt_robot_os.tools.bench.localization.plant import eight
+from rt_robot_os.tools.bench.localization.plant import off
+from rt_robot_os.tools.bench.localization.plant import RADIUS_M
+from rt_robot_os.tools.bench.localization.plant import Robot
+from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
+from rt_robot_os.tools.bench.localization.plant import turned
 from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')

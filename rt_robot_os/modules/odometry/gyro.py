@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The turn of a robot about the vertical, from the samples of an inertial sensor on it."""
+"""How a robot turns about the vertical, from the samples of an inertial sensor on it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ from dataclasses import asdict
 import math
 from typing import Any
 
+from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.gyro_turn import GyroTurn
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.quaternion import conjugate
+from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_S
 
 
 class VerticalGyro:
@@ -37,20 +40,35 @@ class VerticalGyro:
     :param mountings: where the frames of the devices are; a frame that is not there is taken to
         lie as the robot does.
     :param gap_s: longest pause to integrate over.
+    :param attitude: read the orientation of the samples as well.
+    :ivar covered: there was one near the moment that was asked for last.
     :ivar uncovered: times that there was no sample near the moment that was asked for.
     :ivar without_rate: samples that say of themselves that they have no angular velocity.
+    :ivar heading_rad: of the robot, from the last orientation, carried on to the moment that was
+        asked for; NaN without.
+    :ivar heading_variance: as the sensor says.
+    :ivar pitch_rad: of the robot, nose down positive; NaN without.
     """
 
-    def __init__(self, imu: Subscription, mountings: Mapping[str, Mounting], gap_s: float) -> None:
+    def __init__(self, imu: Subscription, mountings: Mapping[str, Mounting], gap_s: float,
+                 attitude: bool = False) -> None:
         self.turn = GyroTurn(gap_s)
         self.uncovered = self.without_rate = 0
         self.covered = False
+        self.heading_rad = self.pitch_rad = math.nan
+        self.heading_variance = 0.0
+        self._sensor_heading_rad = math.nan
+        self._rate = 0.0
         self._imu = imu
         mounted = in_base(mountings, imu.msg.header.frame_id)
         # Of the axes of the sensor, how much each points up.
         self._up = rotate(conjugate(mounted.quaternion()), (0.0, 0.0, 1.0))
         self._unpack = imu.topic.layout.packer('angular_velocity').unpack
         self._rate_covariance = imu.msg.angular_velocity_covariance
+        self._attitude = attitude
+        self._from_base = conjugate(mounted.quaternion())
+        self._unpack_attitude = imu.topic.layout.packer('orientation').unpack
+        self._attitude_covariance = imu.msg.orientation_covariance
 
     def until(self, stamp_ns: int) -> float:
         """
@@ -69,6 +87,10 @@ class VerticalGyro:
             # Of another clock, or far behind: the newest is where to go on.
             if imu.latest():
                 self._add(imu)
+        if self._attitude:
+            ahead_s = (stamp_ns - turn.stamp_ns) / NS_PER_S
+            self.heading_rad = self._sensor_heading_rad + (
+                self._rate * ahead_s if self.covered else math.nan)
         return angle
 
     def _add(self, imu: Subscription) -> None:
@@ -78,7 +100,21 @@ class VerticalGyro:
         x, y, z = self._unpack(imu.buffer)
         a, b, c = self._up
         rate = a * x + b * y + c * z
-        self.turn.add(imu.stamp_ns, rate if math.isfinite(rate) else math.nan)
+        if self.turn.add(imu.stamp_ns, rate if math.isfinite(rate) else math.nan):
+            self._rate = rate
+            if self._attitude:
+                self._read_attitude(imu)
+
+    def _read_attitude(self, imu: Subscription) -> None:
+        sensor = self._unpack_attitude(imu.buffer)
+        length = math.hypot(*sensor)
+        if self._attitude_covariance[0] == -1.0 or not 0.5 < length < 2.0:
+            self._sensor_heading_rad = self.pitch_rad = math.nan
+            return
+        x, y, z, w = sensor
+        robot = multiply((x / length, y / length, z / length, w / length), self._from_base)
+        _, self.pitch_rad, self._sensor_heading_rad = roll_pitch_yaw_of(*robot)
+        self.heading_variance = float(self._attitude_covariance[8])
 
     def statistics(self) -> Mapping[str, Any]:
         """Return the counters."""

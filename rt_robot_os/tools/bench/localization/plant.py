@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A robot on two wheels that a test drives, and what its sensors say; a plant of a few lines."""
+"""
+A robot that does exactly what it is told, and what its sensors say of it, with known errors.
+
+It has no dynamics on purpose: what is measured with it is an estimate, not a drive.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +45,7 @@ class Robot:
     :ivar drive: speed in m/s and turning rate in rad/s, by time.
     :ivar left_error: part by which the left wheel is larger than it is said to be.
     :ivar right_error: the same of the right one.
+    :ivar wheel_noise_m: standard deviation of a wheel's travel after 1 m.
     :ivar gyro_bias: in rad/s.
     :ivar gyro_stddev: of a sample, in rad/s.
     """
@@ -49,6 +54,7 @@ class Robot:
     pose: Pose = (0.0, 0.0, 0.0)
     left_error: float = 0.0
     right_error: float = 0.0
+    wheel_noise_m: float = 0.0
     gyro_bias: float = 0.0
     gyro_stddev: float = 0.0
     seed: int = 1
@@ -66,10 +72,16 @@ class Robot:
         speed, rate = self.drive(self.time_s)
         self.time_s += dt_s
         left, right = wheel_speeds(speed, rate, SEPARATION_M)
-        self.left_rad += left * dt_s / (RADIUS_M * (1 + self.left_error))
-        self.right_rad += right * dt_s / (RADIUS_M * (1 + self.right_error))
+        self.left_rad += self._rolled(left * dt_s) / (RADIUS_M * (1 + self.left_error))
+        self.right_rad += self._rolled(right * dt_s) / (RADIUS_M * (1 + self.right_error))
         self.pose = moved(self.pose, speed * dt_s, rate * dt_s)
         self.rate_rad_s = rate
+
+    def _rolled(self, way_m: float) -> float:
+        """Return what a wheel turns on the ground for a way, in m."""
+        if not self.wheel_noise_m:
+            return way_m
+        return way_m + self._random.gauss(0.0, self.wheel_noise_m * math.sqrt(abs(way_m)))
 
     @property
     def angles(self) -> tuple[float, float]:
@@ -91,10 +103,14 @@ class Robot:
         """Draw lots."""
         return self._random.random() < part
 
-    def anywhere(self) -> Pose:
-        """Give a pose that has nothing to do with this one."""
-        return (self._random.uniform(-5.0, 5.0), self._random.uniform(-5.0, 5.0),
-                self._random.uniform(-math.pi, math.pi))
+    def misled(self) -> Pose:
+        """Look at a landmark that is another one, anywhere or near by."""
+        if self.chance(0.5):
+            return (self._random.uniform(-5.0, 5.0), self._random.uniform(-5.0, 5.0),
+                    self._random.uniform(-math.pi, math.pi))
+        x, y, heading = self.pose
+        return (x + self._random.uniform(-0.3, 0.3), y + self._random.uniform(-0.3, 0.3),
+                math.remainder(heading + self._random.uniform(-0.3, 0.3), math.tau))
 
 
 def off(one: Pose, other: Pose) -> float:

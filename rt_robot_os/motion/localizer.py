@@ -1,0 +1,295 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where a robot is on its map: a filter, and what is done when it does not fit what is measured.
+
+Measurements that do not fit are left out (Mahalanobis distance, 99 per cent of chi^2). When
+nothing but such come, and they agree among each other, the robot has been carried away: a second
+filter is begun with the first of them, follows the odometry and is corrected by the rest; when it
+has been right for some time, it takes the place of the first. A robot whose pose is not known yet
+finds it the same way. Everything is safe in the real-time loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Final
+
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.ekf import Ekf
+from rt_robot_os.motion.ekf import GATE_2
+from rt_robot_os.motion.ekf import GATE_3
+from rt_robot_os.motion.ekf import PoseCovariance
+from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
+from rt_robot_os.motion.pose_history import Fix
+from rt_robot_os.motion.pose_history import PoseHistory
+from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.poses import transform
+from rt_robot_os.units import NS_PER_S
+
+# Measurements that wait for the odometry of their moment.
+_WAITING_MOST: Final = 16
+_LATE_NS: Final = NS_PER_S // 10
+# Of the mean of the innovations: about so many count.
+_NIS_COUNT: Final = 100
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """
+    What can be set.
+
+    :ivar history_s: how late a measurement may be.
+    :ivar kidnapped_s: how long measurements must contradict before they are believed; 0: never.
+    :ivar kidnapped_fixes: how many of them there must be.
+    :ivar start_fixes: how many that agree say where the robot is at first.
+    :ivar scale: standard deviation of the length of the wheels' way, as a part of it. It is the
+        same from metre to metre, and so adds up from one measurement to the next.
+    """
+
+    history_s: float = 2.0
+    kidnapped_s: float = 2.0
+    kidnapped_fixes: int = 4
+    start_fixes: int = 3
+    scale: float = 0.01
+
+
+@dataclass
+class FixCounters:
+    """
+    What became of the measured poses.
+
+    :ivar accepted: used.
+    :ivar rejected: too far from the estimate.
+    :ivar too_late: older than the history.
+    :ivar overflow: dropped, for too many waited for odometry.
+    :ivar recovered: times that the robot had been carried away, and was found.
+    """
+
+    accepted: int = 0
+    rejected: int = 0
+    too_late: int = 0
+    overflow: int = 0
+    recovered: int = 0
+
+
+class _Candidate:
+    """Another place where the robot may be."""
+
+    __slots__ = ('state', 'votes', 'since_ns')
+
+    def __init__(self, state: Ekf, since_ns: int) -> None:
+        self.state = state
+        self.votes = 1
+        self.since_ns = since_ns
+
+
+class Localizer:
+    """
+    Estimate the pose on the map; call :meth:`move` and :meth:`fix` as data come.
+
+    :ivar state: the filter; of no meaning before :attr:`located`.
+    :ivar located: the pose is known.
+    :ivar accepted_ns: moment of the newest measurement that was used; 0 without.
+    :ivar fix_ns: moment of the newest measurement, used or not; 0 without.
+    :ivar nis: mean normalised innovation squared of the last 100 measurements that were used, for
+        each number that was measured: about 1 when the covariances are right; 0 before.
+    :ivar late: measurements that came more than 0.1 s after the odometry of their moment.
+    :ivar latest_ns: how late the latest was that could be put in its place.
+    :ivar jump: by how much the last recovery moved the pose, in m and rad.
+    """
+
+    def __init__(self, tuning: Tuning = Tuning()) -> None:
+        self.counters = FixCounters()
+        self.state = Ekf()
+        self.located = False
+        self.accepted_ns = self.fix_ns = 0
+        self.nis = 0.0
+        self.jump = (0.0, 0.0)
+        self.late = self.latest_ns = 0
+        self._tuning = tuning
+        self._history = PoseHistory(self.state, tuning.history_s, tuning.scale)
+        self._waiting: list[Fix] = []
+        self._candidate: _Candidate | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Return the moment of the estimate: that of the last step; 0 before."""
+        return self._history.stamp_ns
+
+    @property
+    def replayed(self) -> int:
+        """Return how many steps were computed again for measurements that came late."""
+        return self._history.replayed
+
+    @property
+    def waiting(self) -> int:
+        """Return how many measurements wait for the odometry of their moment."""
+        return len(self._waiting)
+
+    def begin(self, pose: Pose, covariance: PoseCovariance) -> None:
+        """Take over a pose that somebody gives, of the moment of the last step."""
+        self.state.begin(pose, covariance)
+        self.located = True
+        self._candidate = None
+        if self.stamp_ns:
+            self._history.begin(self.stamp_ns)
+
+    def restart(self, stamp_ns: int) -> None:
+        """Go on from here after a pause, or on another clock: what was before is forgotten."""
+        self._waiting.clear()
+        self._candidate = None
+        self._history.begin(stamp_ns)
+        self.accepted_ns = self.fix_ns = 0
+
+    def move(self, step: Step) -> bool:
+        """
+        Move on.
+
+        :param step: since the last one; of the first only the moment counts.
+        :return: False when it is not newer than the last: it is left out.
+        """
+        history = self._history
+        if not history.stamp_ns:
+            history.begin(step.stamp_ns)
+            return True
+        if step.stamp_ns <= history.stamp_ns:
+            return False
+        due: list[Fix] = []
+        if self._waiting:
+            due = [fix for fix in self._waiting if fix.stamp_ns <= step.stamp_ns]
+            self._waiting = [fix for fix in self._waiting if fix.stamp_ns > step.stamp_ns]
+            due.sort(key=lambda fix: fix.stamp_ns)
+        if self._candidate is not None:
+            step.predict(self._candidate.state)
+        if self.located:
+            step.fixes = [fix for fix in due if fix.stamp_ns > history.stamp_ns]
+        history.append(step)
+        for fix in due:
+            self._judge(fix)
+        return True
+
+    def fix(self, fix: Fix) -> None:
+        """
+        Take a measured pose, in any order; :attr:`Fix.judged` tells whether it had its turn.
+
+        One that is newer than the last step waits for the next.
+        """
+        history = self._history
+        if not history.stamp_ns or fix.stamp_ns > history.stamp_ns:
+            self._waiting.append(fix)
+            if len(self._waiting) > _WAITING_MOST:
+                del self._waiting[0]
+                self.counters.overflow += 1
+            return
+        if fix.stamp_ns < history.oldest_ns:
+            self.counters.too_late += 1
+            return
+        behind_ns = history.stamp_ns - fix.stamp_ns
+        self.latest_ns = max(self.latest_ns, behind_ns)
+        if behind_ns > _LATE_NS:
+            self.late += 1
+        if self.located:
+            history.insert(fix)
+        self._judge(fix)
+
+    def transform(self, odometry: Pose) -> Pose:
+        """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
+        return transform(self.state.pose, odometry)
+
+    # ---- what does not fit -------------------------------------------------------------------
+
+    def _judge(self, fix: Fix) -> None:
+        """See what a measurement was good for, after it was compared."""
+        self.fix_ns = max(self.fix_ns, fix.stamp_ns)
+        if not self.located:
+            self._consider(fix)
+        elif fix.accepted:
+            self._accept(fix)
+        elif fix.judged:
+            self.counters.rejected += 1
+            if self._tuning.kidnapped_s:
+                self._consider(fix)
+
+    def _accept(self, fix: Fix) -> None:
+        self.counters.accepted += 1
+        self.accepted_ns = max(self.accepted_ns, fix.stamp_ns)
+        count = min(_NIS_COUNT, self.counters.accepted)
+        self.nis += (fix.nis / fix.dimensions - self.nis) / count
+        candidate = self._candidate
+        if candidate is not None:
+            candidate.votes -= 1
+            if candidate.votes <= 0:
+                self._candidate = None
+
+    def _consider(self, fix: Fix) -> None:
+        """Compare a measurement with the other place where the robot may be."""
+        there = self._history.carried(fix)
+        candidate = self._candidate
+        if candidate is not None:
+            gate = GATE_3 if fix.dimensions == 3 else GATE_2
+            if candidate.state.update_pose(there.pose, there.covariance, gate):
+                candidate.votes += 1
+                self._believe(candidate, fix.stamp_ns)
+                return
+            candidate.votes -= 1
+        # Of a position alone no pose can be begun.
+        if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
+            self._candidate = candidate = _Candidate(there, fix.stamp_ns)
+            self._believe(candidate, fix.stamp_ns)
+
+    def _believe(self, candidate: _Candidate, stamp_ns: int) -> None:
+        """Take over the other place when it has been right for long enough."""
+        tuning = self._tuning
+        if self.located:
+            wait_ns = tuning.kidnapped_s * NS_PER_S
+            if (candidate.votes < tuning.kidnapped_fixes or stamp_ns - candidate.since_ns < wait_ns
+                    or stamp_ns - self.accepted_ns < wait_ns):
+                return
+            self.counters.recovered += 1
+            x, y, heading = self.state.pose
+            self.jump = (math.hypot(candidate.state.x - x, candidate.state.y - y),
+                         abs(math.remainder(candidate.state.heading - heading, math.tau)))
+        elif candidate.votes < tuning.start_fixes:
+            return
+        self.accepted_ns = stamp_ns
+        self.begin(candidate.state.pose, candidate.state.covariance)
+
+
+def fix_covariance(covariance: PoseCovariance, least_m: float, least_rad: float
+                   ) -> PoseCovariance | None:
+    """
+    Return the covariance of a measured pose, no surer than it can be.
+
+    :param least_m: smallest standard deviation of x and y; takes the place of zeros, too.
+    :param least_rad: the same of the heading.
+    :return: None when it is none: not finite, or negative; a heading with -1 is not known.
+    """
+    xx, xy, xh, yy, yh, hh = covariance
+    if not (all(map(math.isfinite, covariance)) and xx >= 0.0 and yy >= 0.0
+            and xx < UNKNOWN_VARIANCE and yy < UNKNOWN_VARIANCE):
+        return None
+    if hh == -1.0 or hh >= UNKNOWN_VARIANCE:
+        xh, yh, hh = 0.0, 0.0, UNKNOWN_VARIANCE
+    elif hh < 0.0:
+        return None
+    xx, yy = max(xx, least_m * least_m), max(yy, least_m * least_m)
+    hh = max(hh, least_rad * least_rad)
+    # No correlation can be more than whole; rounding makes some so.
+    if (xy * xy > xx * yy or xh * xh > xx * hh or yh * yh > yy * hh
+            or xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh) < 0):
+        return xx, 0.0, 0.0, yy, 0.0, hh
+    return xx, xy, xh, yy, yh, hh

@@ -1,0 +1,271 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The last two seconds of a filter, so that a measurement that comes late is put in its place.
+
+The filter is taken back to the step during which it was made, corrected there, and brought
+forward again through all that is known to have happened since. Everything is bounded and safe in
+the real-time loop: a measurement that is late by n steps costs n predictions.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+import math
+from typing import Final
+
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.ekf import Ekf
+from rt_robot_os.motion.ekf import GATE_2
+from rt_robot_os.motion.ekf import GATE_3
+from rt_robot_os.motion.ekf import PoseCovariance
+from rt_robot_os.motion.ekf import State
+from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
+from rt_robot_os.units import NS_PER_S
+
+# At 200 Hz these are 2.5 s.
+_STEPS_MOST: Final = 512
+
+
+@dataclass
+class Fix:
+    """
+    A measured pose on the map.
+
+    :ivar stamp_ns: when it was measured.
+    :ivar covariance: of it; a heading that is not known has ``UNKNOWN_VARIANCE``.
+    :ivar source: who measured it, for statistics.
+    :ivar judged: it has been compared with the estimate once.
+    :ivar accepted: it was used, when it was last compared.
+    :ivar nis: normalised innovation squared, of the first comparison.
+    """
+
+    stamp_ns: int
+    pose: Pose
+    covariance: PoseCovariance
+    source: int = 0
+    judged: bool = False
+    accepted: bool = False
+    nis: float = math.nan
+
+    @property
+    def dimensions(self) -> int:
+        """Return how many numbers were measured."""
+        return 2 if self.covariance[5] >= UNKNOWN_VARIANCE else 3
+
+
+@dataclass
+class Step:
+    """
+    What happened from one sample of odometry to the next.
+
+    :ivar stamp_ns: of its end.
+    :ivar distance_m: along the arc.
+    :ivar turn_rad: as measured, drift included.
+    :ivar lever: how many s or m of drift are in the turn; see :class:`Ekf`.
+    :ivar distance_variance: in m^2.
+    :ivar turn_variance: in rad^2.
+    :ivar covariance: of both, in m rad.
+    :ivar drift_variance: by which that of the drift grows.
+    :ivar heading_rad: measured at its end, on the map; NaN without.
+    :ivar heading_variance: of that.
+    :ivar drift: measured in it, as of a gyroscope at rest; NaN without.
+    :ivar drift_measured_variance: of that.
+    """
+
+    stamp_ns: int
+    distance_m: float = 0.0
+    turn_rad: float = 0.0
+    lever: float = 0.0
+    distance_variance: float = 0.0
+    turn_variance: float = 0.0
+    covariance: float = 0.0
+    drift_variance: float = 0.0
+    heading_rad: float = math.nan
+    heading_variance: float = 0.0
+    drift: float = math.nan
+    drift_measured_variance: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.fixes: list[Fix] = []
+        self.after: State = ()
+        self.blind_m = 0.0
+
+    def predict(self, state: Ekf, part: float = 1.0, further_variance: float = 0.0) -> None:
+        """
+        Move a filter along a part of the step.
+
+        :param further_variance: of the distance of that part, in m^2.
+        """
+        if part == 1.0:
+            state.predict(self.distance_m, self.turn_rad, self.lever,
+                          self.distance_variance + further_variance, self.turn_variance,
+                          self.covariance, self.drift_variance)
+        else:
+            state.predict(self.distance_m * part, self.turn_rad * part, self.lever * part,
+                          self.distance_variance * part + further_variance,
+                          self.turn_variance * part, self.covariance * part,
+                          self.drift_variance * part)
+
+
+class PoseHistory:
+    """
+    Steps and measurements in the order in which they happened.
+
+    :param state: the filter that they act on.
+    :param seconds: how far back measurements are taken.
+    :param scale: standard deviation of the length of the way, as a part of it; the same from step
+        to step, so that it adds up from one measurement that was used to the next.
+    :ivar replayed: steps that were computed again.
+    """
+
+    def __init__(self, state: Ekf, seconds: float, scale: float) -> None:
+        self.replayed = 0
+        self._scale = scale * scale
+        self._blind_m = 0.0
+        self._state = state
+        self._length_ns = round(seconds * NS_PER_S)
+        self._steps: deque[Step] = deque()
+
+    @property
+    def stamp_ns(self) -> int:
+        """Return the moment up to which the filter has come; 0 before the first step."""
+        return self._steps[-1].stamp_ns if self._steps else 0
+
+    @property
+    def oldest_ns(self) -> int:
+        """Return the moment of the oldest state; what was measured before cannot be used."""
+        return self._steps[0].stamp_ns if self._steps else 0
+
+    def begin(self, stamp_ns: int) -> None:
+        """Forget what was: the state of the filter is that of this moment."""
+        self._steps.clear()
+        self._blind_m = 0.0
+        step = Step(stamp_ns)
+        step.after = self._state.state()
+        self._steps.append(step)
+
+    def append(self, step: Step) -> None:
+        """Move the filter along the next step; its fixes lie within."""
+        steps = self._steps
+        self._advance(step, steps[-1].stamp_ns)
+        steps.append(step)
+        oldest_ns = step.stamp_ns - self._length_ns
+        while len(steps) > 1 and (steps[1].stamp_ns <= oldest_ns or len(steps) > _STEPS_MOST):
+            steps.popleft()
+
+    def insert(self, fix: Fix) -> bool:
+        """
+        Put a measurement from the past in its place.
+
+        :return: False when it is too old for that.
+        """
+        steps = self._steps
+        if not steps or not steps[0].stamp_ns <= fix.stamp_ns <= steps[-1].stamp_ns:
+            return False
+        index = self._step_of(fix.stamp_ns)
+        if index == -len(steps):
+            # Of the very moment of the oldest state: there is nothing before to go back to.
+            step = steps[0]
+            self._go_back_to(step)
+            self._correct(fix)
+            step.after, step.blind_m = self._state.state(), self._blind_m
+            index += 1
+        else:
+            step = steps[index]
+            step.fixes.append(fix)
+            if len(step.fixes) > 1:
+                step.fixes.sort(key=_stamp)
+            self._go_back_to(steps[index - 1])
+        for again in range(index, 0):
+            self._advance(steps[again], steps[again - 1].stamp_ns)
+        self.replayed -= index
+        return True
+
+    def carried(self, fix: Fix) -> Ekf:
+        """Return where the robot is now, if it was then where a measurement says."""
+        there = Ekf()
+        there.begin(fix.pose, fix.covariance)
+        there.drift = self._state.drift
+        steps = self._steps
+        if not steps or fix.stamp_ns < steps[0].stamp_ns or fix.stamp_ns > steps[-1].stamp_ns:
+            return there
+        index = self._step_of(fix.stamp_ns)
+        stamp_ns = steps[index].stamp_ns
+        if fix.stamp_ns < stamp_ns:
+            before_ns = steps[index - 1].stamp_ns
+            steps[index].predict(there, (stamp_ns - fix.stamp_ns) / (stamp_ns - before_ns))
+        for again in range(index + 1, 0):
+            steps[again].predict(there)
+        return there
+
+    def _step_of(self, stamp_ns: int) -> int:
+        """Return the step in which a moment lies, counted from the end: -1 is the last."""
+        steps, index = self._steps, -1
+        first = -len(steps)
+        while index > first and steps[index - 1].stamp_ns >= stamp_ns:
+            index -= 1
+        return index
+
+    def _go_back_to(self, step: Step) -> None:
+        self._state.restore(step.after)
+        self._blind_m = step.blind_m
+
+    def _correct(self, fix: Fix) -> None:
+        state = self._state
+        before = state.p00 + state.p11
+        correct(state, fix)
+        # As much of the way is measured now as the variance has become less.
+        if before:
+            self._blind_m *= (state.p00 + state.p11) / before
+
+    def _predict(self, step: Step, part: float) -> None:
+        length = abs(step.distance_m) * part
+        # (scale * way)^2 grows by that much.
+        step.predict(self._state, part, self._scale * length * (2 * self._blind_m + length))
+        self._blind_m += length
+
+    def _advance(self, step: Step, before_ns: int) -> None:
+        state = self._state
+        if step.fixes:
+            done, span_ns = 0.0, step.stamp_ns - before_ns
+            for fix in step.fixes:
+                reached = (fix.stamp_ns - before_ns) / span_ns
+                if reached > done:
+                    self._predict(step, reached - done)
+                    done = reached
+                self._correct(fix)
+            if done < 1.0:
+                self._predict(step, 1.0 - done)
+        else:
+            self._predict(step, 1.0)
+        if step.heading_rad == step.heading_rad:
+            state.update_heading(step.heading_rad, step.heading_variance)
+        if step.drift == step.drift:
+            state.update_drift(step.drift, step.drift_measured_variance)
+        step.after, step.blind_m = state.state(), self._blind_m
+
+
+def correct(state: Ekf, fix: Fix) -> None:
+    """Compare a filter with a measurement, and correct it if the two agree."""
+    fix.accepted = state.update_pose(
+        fix.pose, fix.covariance, GATE_3 if fix.dimensions == 3 else GATE_2)
+    if not fix.judged:
+        fix.judged, fix.nis = True, state.nis
+
+
+def _stamp(fix: Fix) -> int:
+    return fix.stamp_ns
