@@ -29,6 +29,7 @@ from rt_robot_os.tools.bench.cases import micro
 from rt_robot_os.tools.bench.cases import mirror
 from rt_robot_os.tools.bench.cases import overload
 from rt_robot_os.tools.bench.cases import preemption
+from rt_robot_os.tools.bench.cases import reaction
 from rt_robot_os.tools.bench.cases import serial
 from rt_robot_os.tools.bench.cases import spacing
 from rt_robot_os.tools.bench.cases import stability
@@ -38,5 +39,5 @@ from rt_robot_os.tools.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
-    serial.CASE, mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
-    spacing.CASE, start.START, start.MEMORY)})
+    serial.CASE, reaction.CASE, mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE,
+    kernel.CASE, micro.CASE, spacing.CASE, start.START, start.MEMORY)})

@@ -36,9 +36,9 @@ from rt_robot_os.core.app import Core
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.link_client import connect
 from rt_robot_os.tools.bench.link_client import stay
+from rt_robot_os.tools.bench.workers import work_queues
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.sine import Decoder
@@ -57,35 +57,6 @@ _TAIL_NS = NS_PER_S // 5
 # No multiple of the time between two frames: these meet every phase of the load.
 _BUSY_NS, _BUSY_PERIOD_NS = 8 * NS_PER_MS, 97 * NS_PER_MS
 _CHUNK = 4096
-_WORK_QUEUES = Path('/sys/devices/virtual/workqueue/cpumask')
-
-
-def _work_queue_mask() -> int:
-    """Read on which CPUs Linux may run its unbound work queues, which deliver serial bytes."""
-    try:
-        return int(_WORK_QUEUES.read_text().strip().replace(',', ''), 16)
-    except (OSError, ValueError):
-        return -1
-
-
-@contextmanager
-def _work_queues_off(cpu: int) -> Iterator[None]:
-    """
-    Keep Linux's unbound work queues off a CPU for a while, as the administrator can for good.
-
-    :raises Unavailable: there is no other CPU, or not the right to do so.
-    """
-    before = _work_queue_mask()
-    if before < 0 or not before & ~(1 << cpu):
-        raise Unavailable(f'the work queues have no CPU but {cpu}')
-    try:
-        _WORK_QUEUES.write_text(f'{before & ~(1 << cpu):x}')
-    except OSError as error:
-        raise Unavailable(f'{_WORK_QUEUES}: {error.strerror} (remedy: run as root)') from error
-    try:
-        yield
-    finally:
-        _WORK_QUEUES.write_text(f'{before:x}')
 
 
 class _Setup:
@@ -99,7 +70,7 @@ class _Setup:
             Moments(harness.folder / name, self.count, new=True)
             for name in ('sent', 'decoded', 'consumed'))
         self.fd = -1
-        self._workers_here = _work_queue_mask() >> harness.own_cpu & 1
+        self._workers_here = work_queues.mask() >> harness.own_cpu & 1
 
     def open_wire(self, harness: Harness, stack: ExitStack) -> int:
         """Start the node, which sends after a second: the last thing before the run."""
@@ -138,7 +109,7 @@ def _loaded(harness: Harness) -> Iterator[None]:
     count = harness.arguments['processes']
     with ExitStack() as stack:
         if harness.arguments['alone']:
-            stack.enter_context(_work_queues_off(harness.own_cpu))
+            stack.enter_context(work_queues.kept_off(harness.own_cpu))
         if count:
             stack.enter_context(harness.helper(f'{_SINE}:loads', {'count': count}, same_cpu=True))
         yield
