@@ -37,6 +37,7 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', sorted(glob('config/*.*'))),
+        ('share/' + package_name + '/config/maps', sorted(glob('config/maps/*.*'))),
         ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
     ],
     ext_modules=extensions(),

@@ -53,9 +53,9 @@ LAYERS = (
 RANK = {name: row for row, names in enumerate(LAYERS) for name in names}
 
 # Twins stand beside the drivers: they share the bytes with them, never a driver.
-TWIN = re.compile(r'devices\.\w+\.twin')
+TWIN = re.compile(r'devices\.\w+\.twin(_\w+)?')
 TWIN_MAY_IMPORT = re.compile(
-    r'devices\.(\w+\.(twin|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
+    r'devices\.(\w+\.(twin(_\w+)?|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
     r'|(errors|linux|motion|plugins|reports|schema|sim|units)(\..*)?')
 # The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
 # declares names, for every process, and imports nothing.

@@ -111,6 +111,18 @@ def test_the_launch_file_of_the_service_robot_takes_the_same() -> None:
     assert launch.findall('arg')[0].get('default', '').endswith('/config/service_robot.yaml')
 
 
+def test_each_server_of_nav2_has_its_parameters_and_is_managed() -> None:
+    launch = ElementTree.parse(ROOT / 'launch' / 'service_robot_nav2.launch.xml').getroot()
+    names = [node.get('name', '') for node in launch.iter('node')]
+    assert names[0] == 'robot'
+    nav2 = yaml.safe_load((CONFIG / 'nav2.yaml').read_text())
+    configured = {name for name in names if name in nav2}
+    assert configured == set(names) - {'robot', 'map_server'}
+    assert set(nav2) - configured == {'local_costmap', 'global_costmap'}
+    managed = nav2['lifecycle_manager_navigation']['ros__parameters']['node_names']
+    assert managed == [name for name in names[1:] if not name.startswith('lifecycle')]
+
+
 @pytest.mark.parametrize('name', ['robot', 'rover'])
 def test_the_default_configuration_is_for_a_node_of_any_name(name: str) -> None:
     assert [device.name for device in load([CONFIG / 'robot.yaml'], node=name).devices] == [

@@ -81,6 +81,9 @@ from rt_robot_os.units import NS_PER_S
 
 # No robot is told to go faster, in m/s or rad/s, by somebody who means it.
 _BEYOND_REASON: Final = 1000.0
+# What wheels can do besides: uphill, downhill, and pushed by hand.
+_MARGIN: Final = 1.5
+_PUSHED_M_S: Final = 2.0
 _MISSING_NS: Final = 400 * NS_PER_MS
 _FAULTS_EVERY_NS: Final = NS_PER_S
 # What an encoder may show of a wheel that stands still, in counts.
@@ -121,7 +124,7 @@ def motor_settings(
               'down to it, both wheels alike, so that the robot stays on its curve.', 'm/s', 0.01,
               20.0),
         Field('maximum_jump', float, 0.0, 'Counts between two readings that are believed; 0: as '
-              'many as maximum_wheel_speed_m_s allows, and half as many again.', '', 0.0, 1e7),
+              'many as 1.5 times maximum_wheel_speed_m_s allows, or 2 m/s.', '', 0.0, 1e7),
         Field('standstill_s', float, 0.4, 'A wheel that stands still so long although it is '
               'commanded to turn stops the robot: its encoder, its motor or the wheel is stuck.',
               's', 0.1, 10.0),
@@ -165,7 +168,8 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         unit_rad = math.tau / self.counts_per_revolution()
         self.counters = WheelCounters(
             self._signs[0] * unit_rad, self._signs[1] * unit_rad, bits=self.COUNTER_BITS,
-            fastest_rad_s=settings['maximum_wheel_speed_m_s'] / self._radius_m,
+            fastest_rad_s=max(_MARGIN * settings['maximum_wheel_speed_m_s'], _PUSHED_M_S)
+            / self._radius_m,
             most=settings['maximum_jump'])
         self._watches = tuple(WheelWatch(
             patience_s=settings['standstill_s'],
@@ -202,6 +206,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         :raises DeviceError: the device is gone.
         """
 
+    def is_listening(self) -> bool:
+        """Return whether it can be told something now; the command waits for the next poll."""
+        return True
+
     def counts_per_revolution(self) -> float:
         """Return what :meth:`take_counts` counts in one turn of a wheel."""
         return float(self.settings['ticks_per_revolution'])
@@ -228,6 +236,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             self.log.warn('its counters started anew (reset, or another board): brought to rest',
                           throttle_s=1.0)
             self.rest()
+        self.faults.keep(MotorFault.COUNTS_MISSING, False)
         self._watch(arrival_ns)
         message = self.joint_states.msg
         message.position[:] = counters.position_rad
@@ -275,8 +284,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
                           linear_m_s, angular_rad_s, throttle_s=1.0)
             super().rest()  # it is nobody's word that what holds the robot has been noticed
             return
-        if not self.is_set_up():
+        if not self.is_set_up() or self.faults.lasts(MotorFault.COUNTS_MISSING):
             self._refused_commands += 1
+            return
+        if not self.is_listening():
             return
         left, right = self._limited(*wheel_speeds(linear_m_s, angular_rad_s, self._separation_m))
         if self.faults.is_latched:
@@ -333,8 +344,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if self.is_driving:
             since_ns = max(self._driven_ns, self.counters.stamp_ns)
             if now_ns - since_ns > _MISSING_NS:
-                self._latch(MotorFault.COUNTS_MISSING, 'no counts of its encoders come although '
-                            'it is commanded to drive: check the line to the board')
+                self.faults.keep(MotorFault.COUNTS_MISSING, True)
+                self.log.error('no counts of its encoders come although it is commanded to drive: '
+                               'check the line to the board; brought to rest', throttle_s=1.0)
+                super().rest()
         bits = self.faults.bits(now_ns)
         if bits != self._told_bits or now_ns - self._told_ns >= _FAULTS_EVERY_NS:
             self._told_bits, self._told_ns = bits, now_ns

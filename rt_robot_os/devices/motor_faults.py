@@ -32,7 +32,7 @@ class MotorFault(IntFlag):
 
     :cvar COUNTS_NEW: the counters started anew: the board was reset, or another one is there. What
         the wheels turned meanwhile is not known.
-    :cvar COUNTS_MISSING: a command is in force and no counts came for 0.4 s.
+    :cvar COUNTS_MISSING: no counts came for 0.4 s of driving; the robot stands until they do.
     :cvar COMMAND_REFUSED: the last command was not a number, or beyond all reason.
     :cvar LINE: bytes were lost between the board and here.
     """
@@ -50,8 +50,7 @@ class MotorFault(IntFlag):
 
 # Those that stop the robot, until it is commanded to stand or not commanded at all.
 LATCHED: Final = (MotorFault.LEFT_STANDSTILL | MotorFault.RIGHT_STANDSTILL
-                  | MotorFault.LEFT_WRONG_WAY | MotorFault.RIGHT_WRONG_WAY
-                  | MotorFault.COUNTS_MISSING)
+                  | MotorFault.LEFT_WRONG_WAY | MotorFault.RIGHT_WRONG_WAY)
 
 
 class MotorFaults:
@@ -96,6 +95,10 @@ class MotorFaults:
     def keep(self, fault: MotorFault, is_there: bool) -> None:
         """Show a fault as long as it is there."""
         self._lasting = self._lasting | fault if is_there else self._lasting & ~fault
+
+    def lasts(self, fault: MotorFault) -> bool:
+        """Return whether a fault that is kept is there."""
+        return bool(self._lasting & fault)
 
     def of_board(self, bits: int) -> None:
         """Take what the board reports, at most 16 bits."""

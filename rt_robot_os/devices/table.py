@@ -58,10 +58,12 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'nmea',
     'xsens',
     'hokuyo',
+    'roboclaw',
     'witmotion',
     'maxbotix',
     'sharp',
     'stargazer',
+    'arduino_bridge',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.

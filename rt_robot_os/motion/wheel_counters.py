@@ -24,6 +24,7 @@ from __future__ import annotations
 from enum import Enum
 import math
 from typing import Final
+from typing import NamedTuple
 
 from rt_robot_os.motion.differential import tick_difference
 from rt_robot_os.units import NS_PER_S
@@ -31,22 +32,26 @@ from rt_robot_os.units import NS_PER_S
 Counts = tuple[float, float]
 
 # A reading may be later than the one before by this, with all that the wheels turned meanwhile.
-_JITTER_S: Final = 0.05
+_JITTER_S: Final = 0.02
 # After a longer gap no more is believed than in this time.
 _LONGEST_GAP_S: Final = 1.0
-# Of the highest speed: the wheels of a robot that is pushed or runs downhill are faster.
-_MARGIN: Final = 1.5
+# A wheel gains or loses its highest speed in this time at least, and half of what it has at once.
+_FASTEST_START_S: Final = 0.15
 _TOLERANCE_RAD: Final = 0.02
+# Readings in a row that have to fit to each other before what they say is believed, and before
+# they are those of counters that were reset.
+_SURE: Final = 3
+_SURE_OF_RESET: Final = 5
 # Over a shorter time the speed would be noise of the arrivals.
-_SHORTEST_NS: Final = 15_000_000
+_SHORTEST_S: Final = 0.015
 
 
 class Reading(Enum):
     """
     What became of a reading.
 
-    TAKEN: it was added. REJECTED: the wheels cannot have turned that far, and the next reading
-    decides whether this one was wrong. REBASED: the counters started anew, elsewhere.
+    TAKEN: it was added. REJECTED: it is not what the wheels were about to do, and those behind it
+    decide whether it was wrong. REBASED: the counters started anew, elsewhere.
     """
 
     TAKEN = 'taken'
@@ -54,18 +59,35 @@ class Reading(Enum):
     REBASED = 'rebased'
 
 
+class _Held(NamedTuple):
+    """
+    Readings that are held back and fit to each other.
+
+    :ivar number: of them.
+    :ivar speeds: of both wheels in rad/s; None while it is one reading.
+    """
+
+    first: Counts
+    first_ns: int
+    last: Counts
+    last_ns: int
+    number: int = 1
+    speeds: Counts | None = None
+
+
 class WheelCounters:
     """
     Angles and speeds of two wheels, left before right; safe in the real-time loop.
 
-    A reading that is too far off is held back: if the next one fits to it, the counters were
-    reset, and what they do from there on counts; if the next one fits to those before, it was
-    wrong, and nothing is lost.
+    A reading that surprises is held back. If one behind it fits to those before, it was wrong, and
+    nothing is lost. If three in a row fit to each other and wheels can have turned that far, they
+    are right, and nothing is lost either. If five do, the counters were reset, and what they did
+    since the first of those counts.
 
     :ivar position_rad: how far the wheels have turned since the beginning.
     :ivar velocity_rad_s: how fast they turned between the last readings.
     :ivar stamp_ns: of the last reading that was taken; 0 = none yet.
-    :ivar rejected: readings that were held back.
+    :ivar rejected: readings that were held back, right or wrong.
     :ivar resets: times that the counters started anew.
     """
 
@@ -76,17 +98,17 @@ class WheelCounters:
 
         :param left_rad: angle of one count of the left wheel; negative where it counts backwards.
         :param bits: width of the counters, after which they wrap; 0 for numbers that do not.
-        :param fastest_rad_s: highest speed of a wheel.
+        :param fastest_rad_s: highest speed of a wheel, of a robot that is pushed as well.
         :param most: counts between two readings that are believed; 0 takes those of the highest
             speed.
         """
         self._units = left_rad, right_rad
         self._bits = bits
         self._fastest_rad_s = fastest_rad_s
+        self._gain_rad_s2 = fastest_rad_s / _FASTEST_START_S
         self._most_rad = most * max(abs(left_rad), abs(right_rad))
         self._last: Counts | None = None
-        self._held: Counts | None = None
-        self._held_ns = 0
+        self._held: _Held | None = None
         self._doubted = False
         self._totals: Counts = (0, 0)
         self._from_rad: Counts = (0.0, 0.0)
@@ -127,18 +149,39 @@ class WheelCounters:
             self.resets += 1
             self._start(now_ns)
             return self._add((0, 0), counts, now_ns, Reading.REBASED)
-        if self._can_be(steps, now_ns - self.stamp_ns):
+        if self._is_likely(steps, now_ns - self.stamp_ns, self.velocity_rad_s, self._gain_rad_s2):
             return self._add(steps, counts, now_ns, Reading.TAKEN)
-        held, held_ns = self._held, self._held_ns
-        if held is not None:
-            steps = self._difference(counts, held)
-            if self._can_be(steps, now_ns - held_ns):
+        return self._surprise(steps, counts, now_ns)
+
+    def _surprise(self, steps: Counts, counts: Counts, now_ns: int) -> Reading:
+        """Hold a reading back until it is known what to think of it."""
+        held = self._held
+        if held is None or not self._follows(counts, held, now_ns):
+            self._held = _Held(counts, now_ns, counts, now_ns)
+        else:
+            self._held = held = _Held(
+                held.first, held.first_ns, counts, now_ns, held.number + 1,
+                self._speeds(self._difference(counts, held.last), now_ns - held.last_ns))
+            if held.number >= _SURE and self._can_be(steps, now_ns - self.stamp_ns):
+                return self._add(steps, counts, now_ns, Reading.TAKEN)
+            if held.number >= _SURE_OF_RESET:
                 self.resets += 1
-                self._start(held_ns)
-                return self._add(steps, counts, now_ns, Reading.REBASED)
-        self._held, self._held_ns = counts, now_ns
+                self._start(held.first_ns)
+                return self._add(self._difference(counts, held.first), counts, now_ns,
+                                 Reading.REBASED)
         self.rejected += 1
         return Reading.REJECTED
+
+    def _follows(self, counts: Counts, held: _Held, now_ns: int) -> bool:
+        """Return whether a reading fits to those that are held back."""
+        steps, took_ns = self._difference(counts, held.last), now_ns - held.last_ns
+        if held.speeds is None:
+            return self._can_be(steps, took_ns)
+        return self._is_likely(steps, took_ns, held.speeds, self._gain_rad_s2)
+
+    def _speeds(self, steps: Counts, took_ns: int) -> Counts:
+        took_s = max(took_ns / NS_PER_S, _SHORTEST_S)
+        return steps[0] * self._units[0] / took_s, steps[1] * self._units[1] / took_s
 
     def _start(self, now_ns: int) -> None:
         """Measure the speed from here on."""
@@ -149,9 +192,8 @@ class WheelCounters:
         left, right = self._totals[0] + steps[0], self._totals[1] + steps[1]
         self._totals = left, right
         a, b = self.position_rad = left * self._units[0], right * self._units[1]
-        took_ns = now_ns - self._from_ns
-        if took_ns >= _SHORTEST_NS:
-            took_s = took_ns / NS_PER_S
+        took_s = (now_ns - self._from_ns) / NS_PER_S
+        if took_s >= _SHORTEST_S:
             self.velocity_rad_s = ((a - self._from_rad[0]) / took_s,
                                    (b - self._from_rad[1]) / took_s)
             self._from_rad, self._from_ns = self.position_rad, now_ns
@@ -166,27 +208,35 @@ class WheelCounters:
         return (tick_difference(int(new[0]), int(old[0]), bits),
                 tick_difference(int(new[1]), int(old[1]), bits))
 
+    def _is_likely(self, steps: Counts, took_ns: int, speeds_rad_s: Counts,
+                   gain_rad_s2: float) -> bool:
+        """
+        Return whether the wheels went on about as they did.
+
+        :param speeds_rad_s: what they did.
+        :param gain_rad_s2: what they may have gained or lost, besides half of their speed.
+        """
+        took_s = min(max(took_ns, 0) / NS_PER_S, _LONGEST_GAP_S)
+        gained_rad = gain_rad_s2 * took_s * took_s + _TOLERANCE_RAD
+        for step, unit, speed in zip(steps, self._units, speeds_rad_s):
+            off_rad = abs(step * unit - speed * took_s)
+            if off_rad > abs(speed) * (took_s / 2 + _JITTER_S) + gained_rad:
+                return False
+        return self._can_be(steps, took_ns)
+
     def _can_be(self, steps: Counts, took_ns: int) -> bool:
+        """Return whether wheels can turn so far."""
         took_s = min(max(took_ns, 0) / NS_PER_S, _LONGEST_GAP_S)
         most_rad = self._most_rad or (
-            _MARGIN * self._fastest_rad_s * (took_s + _JITTER_S) + _TOLERANCE_RAD)
+            self._fastest_rad_s * (took_s + _JITTER_S) + _TOLERANCE_RAD)
         return (abs(steps[0] * self._units[0]) <= most_rad
                 and abs(steps[1] * self._units[1]) <= most_rad)
 
     def _are_new(self, counts: Counts, steps: Counts, now_ns: int, doubted: bool) -> bool:
         """Return whether the counters were reset, although they had not gone far before."""
         if counts[0] == 0 and counts[1] == 0:
-            return not self._expected(steps, now_ns)
+            return not self._is_likely(steps, now_ns - self.stamp_ns, self.velocity_rad_s, 0.0)
         if not doubted:
             return False
         from_zero = self._difference(counts, (0, 0))
         return abs(from_zero[0]) < abs(steps[0]) and abs(from_zero[1]) < abs(steps[1])
-
-    def _expected(self, steps: Counts, now_ns: int) -> bool:
-        """Return whether the wheels went on about as fast as before."""
-        took_s = (now_ns - self.stamp_ns) / NS_PER_S
-        for step, unit, speed in zip(steps, self._units, self.velocity_rad_s):
-            foreseen_rad = speed * took_s
-            if abs(step * unit - foreseen_rad) > abs(foreseen_rad) / 2 + _TOLERANCE_RAD:
-                return False
-        return True

@@ -78,7 +78,9 @@ class WheelWatch:
         :param position_rad: the angle that its encoder shows.
         """
         before, self._command_rad_s = self._command_rad_s, command_rad_s
-        if abs(command_rad_s) < self._slowest_rad_s or command_rad_s * before <= 0.0:
+        # What it did while nobody looked is not known.
+        unseen = now_ns - self._looked_ns >= self._patience_ns
+        if unseen or abs(command_rad_s) < self._slowest_rad_s or command_rad_s * before <= 0.0:
             self._start(position_rad, now_ns)
             return WheelState.RIGHT
         self._should_rad += abs(before) * (now_ns - self._looked_ns) / NS_PER_S

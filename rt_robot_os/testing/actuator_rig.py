@@ -33,6 +33,7 @@ from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing.fakes import settings_of
@@ -108,9 +109,9 @@ class ActuatorRig:
                  fill: Callable[[Any, float], None], sim: Mapping[str, Any],
                  **settings: Any) -> None:
         self._wire = _Wire(folder / 'device')
-        self.twin = twin('twin', sim, self._wire.plug)
         values = settings_of(driver, **{
             'port': str(self._wire.plug.link), 'baud': twin.BAUD, **settings})
+        self.twin = twin('twin', sim, self._wire.plug, site=Site(device=values))
         self.device = driver('dut', values)
         made: Any = self.device
         made.make_port = self._wire.open

@@ -30,6 +30,8 @@ from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.testing import Rig
 
 MS = 1_000_000
+# Settings without a default, but the port.
+GIVEN = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 1440.0}
 KINDS = [name for name in DRIVERS.names()
          if issubclass(DRIVERS.load(name), SerialDevice) and name in SIMULATORS.names()]
 
@@ -41,7 +43,8 @@ def on_tcp(request: pytest.FixtureRequest) -> Iterator[Rig]:
     plug = TcpPlug(0)
     simulated: Any = twin('sim', {}, plug)  # type: ignore[call-arg]
     plug.plug()
-    made = Rig(simulated, driver('dut', settings_of(driver, port=plug.url)))
+    given = {f.name: GIVEN[f.name] for f in driver.fields() if f.name in GIVEN}
+    made = Rig(simulated, driver('dut', settings_of(driver, port=plug.url, **given)))
     yield made
     made.device.close()
     simulated.close()

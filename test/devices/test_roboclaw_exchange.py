@@ -25,7 +25,7 @@ from rt_robot_os.devices.roboclaw import wire
 from rt_robot_os.devices.roboclaw.exchange import Exchange
 from rt_robot_os.devices.roboclaw.exchange import MOST_WAITING
 from rt_robot_os.devices.roboclaw.exchange import TRIES
-from rt_robot_os.devices.roboclaw.unit import Unit
+from rt_robot_os.devices.roboclaw.twin_unit import Unit
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
 from rt_robot_os.units import NS_PER_MS
 
@@ -134,6 +134,19 @@ def test_one_that_is_put_first_is_asked_once(bench: Bench) -> None:
     bench.exchange.put_first(battery)
     bench.run(10)
     assert [r.request for r in bench.answers] == [BATTERY, ENCODERS]
+
+
+def test_one_that_is_always_put_first_starves_nothing(bench: Bench) -> None:
+    def battery() -> wire.Request:
+        return BATTERY
+
+    for _ in range(3):
+        bench.exchange.add(lambda: ENCODERS)
+    for _ in range(6):
+        bench.exchange.put_first(battery)
+        bench.run(1)
+    asked = [r.request for r in bench.answers]
+    assert asked == [BATTERY, ENCODERS] * 3
 
 
 def test_only_so_many_wait(bench: Bench) -> None:

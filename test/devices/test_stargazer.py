@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from pathlib import Path
 import random
@@ -114,30 +113,12 @@ def test_the_mounting_is_taken_off() -> None:
     # The sensor sits 20 cm ahead of the axle and 5 cm to the left, turned to the left by 90
     # degrees; the robot looks along y.
     data = wire.multi([seen(24706, -180.0, -5.0, 20.0)])
-    given = {**settings_of(StarGazer, port='x', baud=0, landmarks=ROOM),
-             'mounting_m': [0.2, 0.05, 1.0], 'mounting_rad': [0.0, 0.0, math.pi / 2]}
-    with scripted_with(given, [data]) as (device, (out,)):
+    with scripted(StarGazer, [data], landmarks=ROOM, mounting_m=[0.2, 0.05, 1.0],
+                  mounting_rad=[0.0, 0.0, math.pi / 2]) as (device, (out,)):
         device.read(1)
         found = out.samples[0].pose.pose
     assert (found.position.x, found.position.y, found.position.z) == pytest.approx((0, 0, 0))
     assert yaw_of(0, 0, found.orientation.z, found.orientation.w) == pytest.approx(math.pi / 2)
-
-
-def scripted_with(given: dict[str, Any], chunks: Sequence[bytes]) -> Any:
-    """Open a device with settings that need not be declared."""
-    from contextlib import contextmanager
-
-    from driver_fakes import bind
-    from rt_robot_os.testing.fakes import opened
-
-    @contextmanager
-    def made() -> Any:
-        device = StarGazer('dut', given)
-        publishers = bind(device)
-        with opened(device, chunks):
-            yield device, publishers
-
-    return made()
 
 
 def test_several_marks_are_averaged_on_the_circle() -> None:
@@ -160,9 +141,8 @@ def test_a_mark_right_above_counts_more_and_more_marks_are_surer() -> None:
 
 
 def test_a_wrong_heading_moves_a_base_far_from_the_sensor() -> None:
-    given = {**settings_of(StarGazer, port='x', baud=0, landmarks=ROOM),
-             'mounting_m': [1.0, 0.0, 0.0], 'mounting_rad': [0.0, 0.0, 0.0]}
-    with scripted_with(given, [wire.multi([seen()])]) as (device, (out,)):
+    with scripted(StarGazer, [wire.multi([seen()])], landmarks=ROOM,
+                  mounting_m=[1.0, 0.0, 0.0]) as (device, (out,)):
         device.read(1)
         covariance = out.samples[0].pose.covariance.reshape(6, 6)
     turn = 0.0175 ** 2

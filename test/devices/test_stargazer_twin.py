@@ -28,8 +28,13 @@ from rt_robot_os.devices.stargazer.setup import PAUSE_NS
 from rt_robot_os.devices.stargazer.twin import SimulatedStarGazer
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.angles import yaw_of
+from rt_robot_os.sim.base import Site
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.world.world import World
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import Rig
 from rt_robot_os.testing import rig
+from rt_robot_os.testing import settings_of
 
 MS = 1_000_000
 MARKS = ['1: 0 0 0', '2: 1.5 0 1.0', '3: 0 1.5 -0.5']
@@ -151,3 +156,30 @@ def test_where_no_mark_is_near_is_a_dead_zone(tmp_path: Path) -> None:
         run(made, 3_000)
         assert made.device.statistics().more['dead_zone'] == 'true'
         assert not made.publishers[0].samples
+
+
+def test_it_sees_the_marks_of_the_world_from_where_it_sits(tmp_path: Path) -> None:
+    world = World(WorldSettings(map='open', start=(1.0, 2.0, 0.5), landmarks=(
+        '7 1.2 2.1 0.3', '8 0.0 2.0 -1.0', '9 20.0 20.0 0.0')))
+    device = settings_of(StarGazer, port='x', mounting_m=[0.15, -0.05, 0.9],
+                         mounting_rad=[0.0, 0.0, 1.5], landmarks=['7: 1.2 2.1 0.3', '8: 0 2 -1'])
+    port = PtyPort(tmp_path / 'device')
+    twin = SimulatedStarGazer('sim', {'noise': 0.0}, port, None, Site(world, device))
+    driver = StarGazer('dut', {**device, 'port': str(port.link), 'baud': 115200})
+    made = Rig(twin, driver)
+    try:
+        world.base.set_wheel_speeds(2.0, 4.0)
+        made.run(1500, 10.0)
+        pose = made.publishers[0].samples[-1].pose.pose
+        x, y, heading = world.base.pose
+        assert math.hypot(x - 1.0, y - 2.0) > 0.15
+        assert (pose.position.x, pose.position.y) == pytest.approx((x, y), abs=0.012)
+        assert yaw_of(0, 0, pose.orientation.z, pose.orientation.w) == pytest.approx(
+            heading, abs=0.05)
+        assert driver.statistics().more['marks_used'] == 2
+        world.base.teleport(10.0, 10.0, 0.0)
+        made.run(200, 10.0)
+        assert driver.statistics().more['dead_zone'] == 'true'
+    finally:
+        driver.close()
+        twin.close()

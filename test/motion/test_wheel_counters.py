@@ -29,8 +29,8 @@ from rt_robot_os.units import NS_PER_MS
 TICK_RAD = math.tau / 1440
 FASTEST_RAD_S = 30.0
 PERIOD_NS = 33 * NS_PER_MS
-# Believed between two readings: 1.5 times the fastest, for the period and what it may be late.
-MOST = math.floor((1.5 * FASTEST_RAD_S * 0.083 + 0.02) / TICK_RAD)
+# What wheels can turn between two readings.
+MOST = math.floor(FASTEST_RAD_S * 0.033 / TICK_RAD)
 
 
 def made(bits: int = 32, left: float = TICK_RAD, right: float = TICK_RAD,
@@ -82,16 +82,20 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
     mask, sign = (1 << bits) - 1, 1 << (bits - 1) if signed else 0
     left = right = start
     total = [0, 0]
-    fed(counters, (((left + sign) & mask) - sign, ((right + sign) & mask) - sign))
+    at_ns = PERIOD_NS
+    counters.take(((left + sign) & mask) - sign, ((right + sign) & mask) - sign, at_ns)
     for a, b in steps:
-        left, right = left + a, right + b
-        shown = ((left + sign) & mask) - sign, ((right + sign) & mask) - sign
-        if shown == (0, 0):
-            continue  # that may be a reset: see below
-        total = [left - start, right - start]
-        fed(counters, shown)
-    if counters.rejected == 0:  # what was left out may have made too large a step
+        # Any speed, held long enough to be believed.
+        for _ in range(4):
+            left, right = left + a, right + b
+            shown = ((left + sign) & mask) - sign, ((right + sign) & mask) - sign
+            if shown == (0, 0):
+                left, right, shown = left + 1, right + 1, (1, 1)  # it might be a reset
+            total = [left - start, right - start]
+            at_ns += PERIOD_NS
+            counters.take(*shown, at_ns)
         assert ticks(counters) == tuple(total)
+    assert counters.resets == 0
 
 
 def test_a_misread_count_moves_nothing_and_loses_nothing() -> None:
@@ -104,9 +108,10 @@ def test_a_misread_count_moves_nothing_and_loses_nothing() -> None:
 
 def test_counters_that_start_anew_move_nothing() -> None:
     counters = made()
-    readings = fed(counters, (50_000, 50_000), (50_010, 50_010), (120, 3), (130, 8), (140, 13))
-    assert readings[2:] == [Reading.REJECTED, Reading.REBASED, Reading.TAKEN]
-    assert ticks(counters) == (30, 20)
+    readings = fed(counters, (50_000, 50_000), (50_010, 50_010), (120, 3), (130, 8), (140, 13),
+                   (150, 18), (160, 23), (170, 28))
+    assert readings[2:] == [Reading.REJECTED] * 4 + [Reading.REBASED, Reading.TAKEN]
+    assert ticks(counters) == (60, 35)
     assert counters.resets == 1
     assert counters.velocity_rad_s == pytest.approx(
         (10 * TICK_RAD / 0.033, 5 * TICK_RAD / 0.033))
@@ -149,6 +154,22 @@ def test_the_jump_may_be_set() -> None:
     counters = made(most=5)
     assert fed(counters, (1, 1), (6, 6), (12, 6)) == [
         Reading.TAKEN, Reading.TAKEN, Reading.REJECTED]
+
+
+def test_what_surprises_is_added_when_it_is_sure() -> None:
+    # Somebody turns the wheel, or many answers stayed away.
+    counters = made()
+    readings = fed(counters, (0, 0), (1, 1), (150, 1), (300, 1), (450, 1), (600, 1))
+    assert readings[2:] == [Reading.REJECTED] * 2 + [Reading.TAKEN] * 2
+    assert ticks(counters) == (600, 1)
+    assert counters.resets == 0
+
+
+def test_misread_counts_in_a_row_move_nothing() -> None:
+    counters = made()
+    fed(counters, (2337, 3311), (2342, 3316), (234, 3321), (2351, 332), (235, 332), (2362, 3338))
+    assert ticks(counters) == (25, 27)
+    assert (counters.rejected, counters.resets) == (3, 0)
 
 
 def test_turns_that_are_no_numbers_are_held_back() -> None:

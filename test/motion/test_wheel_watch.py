@@ -23,6 +23,7 @@ import pytest
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 
 TICK_RAD = math.tau / 1440
 
@@ -94,3 +95,13 @@ def test_it_is_noticed_again() -> None:
     found = [n for n in range(100)
              if watch.look(10.0, 0.0, n * 33 * NS_PER_MS) is WheelState.STANDSTILL]
     assert len(found) == 7
+
+
+def test_what_nobody_saw_is_held_against_nobody() -> None:
+    watch = WheelWatch(patience_s=0.4, slowest_rad_s=1.0, noise_rad=2.5 * TICK_RAD)
+    for n in range(10):
+        watch.look(10.0, n * 0.33, n * 33 * NS_PER_MS)
+    # Two seconds without a reading, as after a loose plug, and it stands where it was.
+    found = [watch.look(10.0, 2.97, 2 * NS_PER_S + n * 33 * NS_PER_MS) for n in range(20)]
+    assert found[:12] == [WheelState.RIGHT] * 12
+    assert WheelState.STANDSTILL in found

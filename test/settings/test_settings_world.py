@@ -72,6 +72,12 @@ def test_a_file_of_the_world_lies_below_the_section(load_text: Loader, maps: Pat
     assert (alone.map, alone.seed, alone.landmarks) == (found.map, 5, ('7 1 2 0.5',))
 
 
+def test_the_shipped_maps_are_found_by_their_name(load_text: Loader) -> None:
+    assert load_text(with_world('map: open')).world.map == 'open'
+    found = load_text(with_world('file: maps/flat_world.yaml')).world
+    assert Path(found.map).name == 'flat.yaml' and found.people
+
+
 def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> None:
     (maps / 'flat.yaml').write_text(MAP.replace('0.05', 'x').replace('0, 0, 0', '0'))
     (maps / 'world.yaml').write_text('map: flat.yaml\nsede: 5\nnodes: [a 1 2 3, a 1 2 3]\n')

@@ -58,6 +58,8 @@ from rt_robot_os.units import period_from_rate
 # Asked for in turn, one a turn.
 _IN_TURN: Final = (wire.STATUS, wire.MAIN_BATTERY, wire.STATUS, wire.CURRENTS, wire.STATUS,
                    wire.TEMPERATURE, wire.STATUS, wire.READ_TIMEOUT)
+# The voltage is looked at more often than it is told.
+_BATTERY_NS: Final = round(0.9 * NS_PER_S)
 # Where the counters begin; a unit whose counters are far from it has lost its power.
 _BEGINNING: Final = 1 << 30
 _FAR: Final = 1 << 29
@@ -130,7 +132,7 @@ class RoboClaw(MotorBoard[Reply]):
             wire.MAIN_BATTERY: self._use_battery, wire.CURRENTS: self._use_currents,
             wire.TEMPERATURE: self._use_temperature, wire.READ_TIMEOUT: self._use_timeout}
         self._period_ns = period_from_rate(settings['output_rate_hz'])
-        self._now_ns = self._due_ns = 0
+        self._now_ns = self._due_ns = self._battery_ns = 0
         self._turn = self._failures = self._set_ups = self._late_turns = 0
         self._version = ''
         self._status = 0
@@ -147,14 +149,14 @@ class RoboClaw(MotorBoard[Reply]):
 
     def drive(self, left_rad_s: float, right_rad_s: float) -> None:
         """Tell the unit the speeds of M1 and M2; a command to stand goes before all else."""
-        moved = self._moves
+        moved, before = self._moves, self._orders
         speeds = round(left_rad_s * self._pulses_rad), round(right_rad_s * self._pulses_rad)
         self._moves = speeds != (0, 0)
         self._orders = wire.speeds(
             self._address, *speeds, self._acceleration if self._moves else 0)
         if moved and not self._moves:
             self._interrupt()
-        else:
+        elif self._orders != before:  # the same is told again in each turn
             self._exchange.put_first(self._current_orders)
             self._send_what_is_due()
 
@@ -296,6 +298,7 @@ class RoboClaw(MotorBoard[Reply]):
             self.log.warn('it has lost its power: brought to rest and set up again',
                           throttle_s=1.0)
             self.rest()
+            self._watch(arrival_ns)  # what its wheels did meanwhile says nothing of them
             self._set_up()
             return 0
         return self.take_counts(*wire.encoder_counts(data), arrival_ns)
@@ -319,6 +322,9 @@ class RoboClaw(MotorBoard[Reply]):
 
     def _use_battery(self, data: bytes, arrival_ns: int) -> int:
         self._voltage_v = wire.unsigned(data) * wire.BATTERY_V
+        if arrival_ns - self._battery_ns < _BATTERY_NS:
+            return 0
+        self._battery_ns = arrival_ns
         return self.take_battery(self._voltage_v, arrival_ns, status=DISCHARGING)
 
     def _use_currents(self, data: bytes, arrival_ns: int) -> int:

@@ -63,6 +63,7 @@ class Exchange:
         self._answer_ns = answer_ns
         self._waiting: deque[Make] = deque()
         self._current: Make | None = None
+        self._last: Make | None = None
         self._flying = False
         self._tries = 0
         self._sent_ns = 0
@@ -93,10 +94,14 @@ class Exchange:
             self.given_up += 1
 
     def put_first(self, make: Make) -> None:
-        """Let a request be the next one; if it waits already, it moves ahead."""
+        """
+        Let a request be the next one; if it waits already, it moves ahead.
+
+        After itself another one has its turn first, so that it starves nothing.
+        """
         if make in self._waiting:
             self._waiting.remove(make)
-        self._waiting.appendleft(make)
+        self._waiting.insert(1 if make == self._last else 0, make)
 
     def interrupt(self, make: Make) -> bytes:
         """
@@ -127,7 +132,7 @@ class Exchange:
         if self._current is None:
             if not self._waiting:
                 return b''
-            self._current = self._waiting.popleft()
+            self._current = self._last = self._waiting.popleft()
             self._tries = 0
         else:
             self.retries += 1

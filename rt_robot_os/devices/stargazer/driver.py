@@ -52,6 +52,7 @@ from rt_robot_os.linux.landmark_files import load_landmarks
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
+from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.units import NS_PER_S
@@ -135,9 +136,9 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         self._position_variance = settings['position_stddev_m'] ** 2
         self._heading_variance = settings['heading_stddev_rad'] ** 2
         self._latency_ns = round(settings['latency_s'] * NS_PER_S)
-        x, y, _ = settings.get('mounting_m', _AT_ORIGIN)
-        self._mounting = (float(x), float(y))
-        self._mounting_yaw = float(settings.get('mounting_rad', _AT_ORIGIN)[2])
+        mounting = mounting_of(settings)
+        self._mounting = mounting.position_m[:2]
+        self._mounting_yaw = mounting.yaw_rad
         self._fuser = Fuser(settings['tolerance_m'], settings['tolerance_rad'])
         self._setup = StarGazerSetup(name, (), setup.NO_PROCEDURE)
         self._procedure: str = settings['procedure']

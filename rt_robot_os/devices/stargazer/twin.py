@@ -32,8 +32,10 @@ from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.linux.landmark_files import load_landmarks
 from rt_robot_os.motion.angles import wrapped
+from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
+from rt_robot_os.motion.pose_prediction import composed
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.device import common_settings
@@ -53,10 +55,10 @@ _PROCEDURE_NS: Final = 3 * NS_PER_S
 _NOISE_M: Final = 0.01
 _NOISE_RAD: Final = math.radians(1.0)
 _ASTRAY_M: Final = 1.5
+_LOWEST_M: Final = 0.5
 _FIRST_MARK: Final = '24706: 0.0, 0.0, 0.0'
 # What the twin knows from the section of its driver, if its own says nothing.
-_OF_DRIVER: Final = ('landmarks', 'landmarks_file', 'angle_sign', 'angle_offset_rad',
-                     'mounting_m', 'mounting_rad')
+_OF_DRIVER: Final = ('angle_sign', 'angle_offset_rad')
 _DEFAULTS: Final = {
     'MarkType': 'HLD1S', 'MarkDim': '1', 'MarkMode': 'Alone', 'MarkHeight': '2400',
     'HeightFix': 'Yes', 'IDNum': '4', 'RefID': '2', 'ThrAlg': 'Auto', 'ThrVal': '210',
@@ -74,13 +76,10 @@ class SimulatedStarGazer(SimulatedDevice):
         Field('landmarks_file', str, '', 'More of them, as for the driver.'),
         Field('angle_sign', int, -1, 'Sense of its angle, as for the driver.', choices=(-1, 1)),
         Field('angle_offset_rad', float, 0.0, 'As for the driver.', 'rad', -math.tau, math.tau),
-        Field('mounting_m', list, (0.0, 0.0, 0.0), 'Where it is on the robot.', 'm', -100.0, 100.0,
-              item=float),
-        Field('mounting_rad', list, (0.0, 0.0, 0.0), 'How it is turned on the robot.', 'rad',
-              -math.tau, math.tau, item=float),
         Field('range_m', float, 1.5, 'How far beside it a mark may be to be seen.', 'm', 0.05,
               20.0),
-        Field('height_m', float, 2.2, 'Height of the ceiling above it.', 'm', 0.5, 7.0),
+        Field('height_m', float, 2.2, 'Height of the ceiling above it, without a world.', 'm',
+              0.5, 7.0),
         Field('most_marks', int, 4, 'Marks in one sentence.', minimum=1, maximum=6),
         NOISE_SETTING,
         Field('circle_m', float, 0.6, 'Radius of the circle on which it moves below its first '
@@ -114,11 +113,16 @@ class SimulatedStarGazer(SimulatedDevice):
 
         :raises ConfigError: the landmarks cannot be read.
         """
-        s = self.settings
-        self._landmarks = landmarks_of(s['landmarks'], f'{self.name}: landmarks')
-        if s['landmarks_file']:
-            self._landmarks.update(
-                load_landmarks(s['landmarks_file'], f'{self.name}: landmarks_file'))
+        self._landmarks = _landmarks(self.settings, self.name)
+        self._height_m: float = self.settings['height_m']
+        if self.world is not None:
+            self._landmarks = self._landmarks or {
+                each.number: each for each in self.world.landmarks}
+            self._height_m = max(
+                _LOWEST_M, self.world.settings.ceiling_m - self.mounting.position_m[2])
+        else:
+            self._landmarks = (self._landmarks or _landmarks(self.device, self.name)
+                               or landmarks_of((_FIRST_MARK,), self.name))
         self.parameters = dict(_DEFAULTS)
         self.lost_bytes = 0
         self.flash_writes = 0
@@ -192,32 +196,25 @@ class SimulatedStarGazer(SimulatedDevice):
         self._mode = wire.POSITION
         return wire.sentence(wire.ACKNOWLEDGEMENT, wire.UPDATED)
 
-    def _known_landmarks(self) -> Mapping[int, Landmark]:
-        if not self._landmarks:
-            self._landmarks = landmarks_of((_FIRST_MARK,), self.name)
-        return self._landmarks
-
-    def _base_pose(self, time_s: float) -> tuple[float, float, float]:
-        """Return where the robot is: x and y in m, heading in rad."""
-        first = next(iter(self._known_landmarks().values()))
+    def _base_pose(self, time_s: float) -> Pose:
+        """Return where the robot is."""
+        if self.world is not None:
+            return self.world.base.pose
+        first = next(iter(self._landmarks.values()))
         angle = math.tau * time_s / self.settings['circle_s']
         radius = self.settings['circle_m']
         return (first.x + radius * math.cos(angle), first.y + radius * math.sin(angle),
                 wrapped(angle + math.pi / 2))
 
-    def _sensor_pose(self, time_s: float) -> tuple[float, float, float]:
-        x, y, heading = self._base_pose(time_s)
-        ahead, left, _ = self.settings['mounting_m']
-        cosine, sine = math.cos(heading), math.sin(heading)
-        return (x + cosine * ahead - sine * left, y + sine * ahead + cosine * left,
-                heading + self.settings['mounting_rad'][2])
+    def _sensor_pose(self, time_s: float) -> Pose:
+        ahead, left, _ = self.mounting.position_m
+        return composed(self._base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
 
     def _marks(self, x: float, y: float, heading: float) -> list[Mark]:
         """Return what it sees of the marks above it, the nearest first."""
         s = self.settings
-        landmarks = self._known_landmarks()
         near = []
-        for each in landmarks.values():
+        for each in self._landmarks.values():
             true_x = each.x + (s['moved_m'] if each.number == s['moved_id'] else 0.0)
             distance_m = math.hypot(x - true_x, y - each.y)
             if distance_m <= s['range_m']:
@@ -230,7 +227,7 @@ class SimulatedStarGazer(SimulatedDevice):
         """Return the mark below which all positions are, once it has a map of its own."""
         if self.parameters['MarkMode'] != 'Map' or not self.parameters['RefID'].isdigit():
             return None
-        return self._known_landmarks().get(int(self.parameters['RefID']))
+        return self._landmarks.get(int(self.parameters['RefID']))
 
     def _mark(self, landmark: Landmark, beside_x: float, beside_y: float, heading: float) -> Mark:
         s = self.settings
@@ -245,11 +242,23 @@ class SimulatedStarGazer(SimulatedDevice):
         y = cosine * beside_y - sine * beside_x + gauss(0.0, _NOISE_M * noise)
         angle = heading - landmark.yaw - s['angle_offset_rad'] + gauss(0.0, _NOISE_RAD * noise)
         if self.random.random() < s['outlier_probability']:
-            others = [each for each in self._known_landmarks() if each != number]
+            others = [each for each in self._landmarks if each != number]
             if others:
                 number = self.random.choice(others)
             else:
                 x += self.random.uniform(-_ASTRAY_M, _ASTRAY_M)
                 y += self.random.uniform(-_ASTRAY_M, _ASTRAY_M)
         return Mark(number, round(math.degrees(s['angle_sign'] * wrapped(angle)), 2), 100 * x,
-                    100 * y, 100 * s['height_m'])
+                    100 * y, 100 * self._height_m)
+
+
+def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, Landmark]:
+    """
+    Read the landmarks of the twin, or of its driver.
+
+    :raises ConfigError: they cannot be read.
+    """
+    found = landmarks_of(settings.get('landmarks', ()), f'{name}: landmarks')
+    if settings.get('landmarks_file'):
+        found.update(load_landmarks(settings['landmarks_file'], f'{name}: landmarks_file'))
+    return found

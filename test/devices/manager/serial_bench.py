@@ -45,6 +45,8 @@ from rt_robot_os.topics import Bus
 MS = 1_000_000
 S = 1_000_000_000
 _CAPACITY = 65536
+# Settings without a default, but the port.
+GIVEN = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 1440.0}
 
 
 def _nothing(message: Any, stamp_ns: int) -> None:
@@ -150,8 +152,10 @@ class SerialBench:
             rate_hz: float = 200.0, timeout_s: float = 1.0) -> ManagedDevice:
         """Add a device and plug in its simulated twin."""
         driver, simulator = DRIVERS.load(kind), SIMULATORS.load(kind)
-        values = {f.name: f.default for f in driver.SETTINGS}
-        topics = {f.name: f'{name}/{f.default}' for f in driver.SETTINGS
+        fields = driver.fields()
+        values = {f.name: f.default for f in fields} | {
+            f.name: GIVEN[f.name] for f in fields if f.name in GIVEN}
+        topics = {f.name: f'{name}/{f.default}' for f in fields
                   if f.name == 'topic' or f.name.endswith('_topic') and f.default}
         values.update({**topics, 'port': name, 'baud': simulator.BAUD, **settings})
         assert REQUIRED not in values.values()
@@ -163,6 +167,9 @@ class SerialBench:
         self.devices[name] = self.manager.add(
             device, rate_hz=rate_hz, priority=50, recovery=RecoverySettings(
                 timeout_ns=round(timeout_s * S), retry_ns=S // 10, retry_maximum_ns=S // 5))
+        for read in device.reads():
+            self.bus.declare(read.topic, read.message)
+        self.devices[name].connect(self.bus)
         for publication in device.publications():
             self.readers[publication.topic] = self.bus.subscribe(publication.topic, 'test')
         self.kernel.add_task(f'{name}/line', lambda: self.simulated[name].pump(

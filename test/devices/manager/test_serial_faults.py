@@ -67,6 +67,8 @@ CASES = {
     'hokuyo that scans': Case(10, {'configure': False}, {'scanning': True}, 'scan',
                               silent='silent for 1 s: check its power .it needs up to'),
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
+    'roboclaw': Case(30, topic='joint_states', silent='silent for 1 s: check its power and its '
+                     'wiring, that it is in packet serial mode'),
     'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
     'stargazer': Case(20, topic='stargazer/pose'),
     'stargazer configured': Case(20, {'configure': True}, topic='stargazer/pose',

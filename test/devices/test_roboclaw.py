@@ -1,0 +1,388 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Does the RoboClaw driver move the robot as commanded, and only then, whatever the unit does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+import math
+from pathlib import Path
+import random
+import select
+from typing import Any
+
+import pytest
+from rt_robot_os.devices.motor_faults import MotorFault
+from rt_robot_os.devices.roboclaw import wire
+from rt_robot_os.devices.roboclaw.driver import RoboClaw
+from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
+from rt_robot_os.devices.state import DeviceState
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.testing import ActuatorContract
+from rt_robot_os.testing import settings_of
+from rt_robot_os.testing.actuator_rig import ActuatorRig
+
+WHEELS = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 1440.0}
+
+
+def fill(message: Any, speed: float) -> None:
+    message.linear.x = speed
+
+
+class TestRoboClaw(ActuatorContract):
+    actuator = RoboClaw
+    twin = SimulatedRoboClaw
+    speed = 0.3
+    changes = WHEELS
+
+    def fill(self, message: Any, speed: float) -> None:
+        fill(message, speed)
+
+    def moves(self, twin: Any) -> bool:
+        return bool(twin.unit.drive.moves)
+
+
+class Robot(ActuatorRig):
+    """A robot whose topics can be read, and whose board is read on interrupt."""
+
+    def __init__(self, folder: Path, sim: dict[str, Any], **settings: Any) -> None:
+        super().__init__(folder, RoboClaw, SimulatedRoboClaw, fill, sim,
+                         **{**WHEELS, **settings})
+        twin: Any = self.twin
+        twin.device = {**WHEELS, **settings}
+        twin.prepare()
+        self.readers = {name: self.bus.subscribe(name, 'test')
+                        for name in ('joint_states', 'battery', 'motor_faults')}
+
+        self._sent = 0
+        self.disturb: Callable[[], object] | None = None
+        self.each = self._interrupt
+
+    def _interrupt(self) -> None:
+        if self.disturb is not None:
+            self.disturb()
+        sent, self._sent = self._sent, self.twin.port.bytes_sent
+        descriptor = self.device.fileno()
+        if self._sent != sent and descriptor is not None and self.twin.port.plugged:
+            select.select([descriptor], [], [], 5.0)
+            self.kernel.release(self.managed.arrival)
+
+    def take(self, topic: str) -> list[Any]:
+        """Give the samples since the last time, each as what a test looks at."""
+        reader, found = self.readers[topic], []
+        while reader.take():
+            msg = reader.msg
+            found.append(
+                ([*msg.position], [*msg.velocity]) if topic == 'joint_states'
+                else msg.voltage if topic == 'battery' else int(msg.data))
+        return found
+
+    def faults(self) -> int:
+        """Give all bits of motor_faults since the last time."""
+        bits = 0
+        for each in self.take('motor_faults'):
+            bits |= each
+        return bits
+
+    def odometry_error_rad(self) -> float:
+        """Compare what the driver says that the wheels turned with what they did."""
+        return max(abs(told - true) for told, true in zip(
+            self.device.counters.position_rad, self.twin.base.wheel_angles))
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Robot]:
+    yield from robot_of(tmp_path, {})
+
+
+def robot_of(folder: Path, sim: dict[str, Any], **settings: Any) -> Iterator[Robot]:
+    made = Robot(folder, sim, **settings)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+# --- what it tells and is told -------------------------------------------------------------------
+
+def test_it_drives_as_commanded_and_says_so(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(2000)
+    assert robot.managed.state is DeviceState.ACTIVE, robot.managed.reason
+    assert robot.twin.base.velocity[0] == pytest.approx(0.3, rel=0.01)
+    samples = robot.take('joint_states')
+    assert len(samples) == pytest.approx(14, abs=2), 'the last that the topic keeps'
+    position, velocity = samples[-1]
+    assert velocity == pytest.approx([6.0, 6.0], rel=0.03)
+    assert position == pytest.approx([*robot.twin.base.wheel_angles], abs=0.3)
+    assert robot.take('battery')[-1] == pytest.approx(12.3)
+    assert robot.faults() == 0
+    counters = robot.counters()
+    assert counters['version'] == 'USB Roboclaw 2x15a v4.2.4'
+    assert counters['temperature_c'] == 30.0
+    assert counters['current_m1_a'] == 1.2
+    assert (counters['timeouts'], counters['retries'], counters['late_turns']) == (0, 0, 0)
+    statistics = robot.device.statistics()
+    assert statistics.rejected_bytes == statistics.rejected_frames == 0
+
+
+def test_the_counters_are_read_at_their_rate(robot: Robot) -> None:
+    robot.run(1000)
+    before = robot.device.statistics().samples
+    robot.run(3000)
+    # 30 Hz of counters, and about one of the battery.
+    assert robot.device.statistics().samples - before == pytest.approx(93, abs=2)
+
+
+@pytest.mark.parametrize('wiring', [
+    {}, {'swapped': True}, {'inverted_left': True}, {'inverted_right': True, 'swapped': True}])
+def test_wheels_wired_otherwise_turn_the_same_way(
+        tmp_path: Path, wiring: dict[str, Any]) -> None:
+    for robot in robot_of(tmp_path, {}, **wiring):
+        robot._fill = lambda message, speed: setattr(message.angular, 'z', speed)
+        robot.steer(1.0)
+        robot.run(1500)
+        assert robot.twin.base.velocity == pytest.approx((0.0, 1.0), abs=0.02)
+        assert robot.odometry_error_rad() < 0.3
+        assert robot.device.counters.velocity_rad_s == pytest.approx((-3.0, 3.0), abs=0.2)
+
+
+def test_its_own_watchdog_is_set_and_stops_it(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(500)
+    assert robot.twin.unit.timeout_tenths == 5
+    # This computer stands still: nothing is sent any more.
+    now_ns = robot.kernel.now_ns()
+    robot.twin.pump(now_ns + 450_000_000)
+    assert robot.twin.unit.drive.moves
+    robot.twin.pump(now_ns + 560_000_000)
+    assert not robot.twin.unit.drive.moves
+
+
+def test_an_acceleration_is_left_to_the_unit_and_a_stop_is_at_once(tmp_path: Path) -> None:
+    for robot in robot_of(tmp_path, {}, acceleration_m_s2=0.5):
+        robot.run(200)
+        robot.steer(0.5)
+        robot.run(520)
+        assert robot.twin.base.velocity[0] == pytest.approx(0.25, abs=0.05)
+        robot.run(800)
+        assert robot.twin.base.velocity[0] == pytest.approx(0.5, abs=0.01)
+        robot.steer(0.0)
+        robot.run(30)
+        assert not robot.twin.unit.drive.moves
+
+
+def test_the_velocity_control_is_left_alone_unless_it_is_set(tmp_path: Path) -> None:
+    for robot in robot_of(tmp_path, {}):
+        robot.run(300)
+        assert robot.twin.unit.gains == {}
+    gains = {'velocity_p': 1.0, 'velocity_i': 0.5, 'velocity_d': 0.25, 'velocity_qpps': 44000}
+    for robot in robot_of(tmp_path, {}, **gains):
+        robot.run(300)
+        expected = wire.gains(0x80, wire.SET_PID_1, 1.0, 0.5, 0.25, 44000).data[2:-2]
+        assert robot.twin.unit.gains == {wire.SET_PID_1: expected, wire.SET_PID_2: expected}
+    with pytest.raises(ConfigError, match='velocity_qpps 0: measure the speed'):
+        RoboClaw('base', settings_of(RoboClaw, port='x', velocity_p=1.0, **WHEELS))
+
+
+@pytest.mark.parametrize('speed', [1e300, -1e300, math.nan])
+def test_a_command_beyond_reason_stops_it(robot: Robot, speed: float) -> None:
+    robot.steer(0.3)
+    robot.run(500)
+    robot.steer(speed)
+    robot.run(100)
+    assert not robot.twin.unit.drive.moves
+    assert robot.faults() & MotorFault.COMMAND_REFUSED
+    robot.steer(0.3)
+    robot.run(100)
+    assert robot.twin.unit.drive.moves
+
+
+def test_a_stop_goes_before_everything_else(tmp_path: Path) -> None:
+    # At 9600 baud one turn takes 40 ms on the line.
+    for robot in robot_of(tmp_path, {}, answer_timeout_s=0.1, output_rate_hz=10.0):
+        robot.twin._line.byte_ns = 1_041_666
+        robot.steer(0.3)
+        robot.run(1010)
+        assert robot.twin.unit.drive.moves
+        for step in range(12):
+            robot.run(7 + step)
+            robot.steer(None)
+            robot.publish(0.3)
+            robot.run(100)
+            assert robot.twin.unit.drive.moves
+            robot.publish(0.0)
+            robot.run(2)
+            assert not robot.twin.unit.drive.moves, 'the stop waited for an answer'
+
+
+# --- what befalls it -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize('after_ms', [400, 3000])
+def test_a_unit_that_loses_its_power_costs_no_wrong_odometry(
+        robot: Robot, after_ms: int) -> None:
+    robot.steer(0.3)
+    robot.run(after_ms)
+    assert robot.odometry_error_rad() < 0.3
+    robot.faults()
+    before = robot.twin.base.wheel_angles
+    robot.twin.inject('reset', 0.25)
+    robot.run(260)
+    # What it turned without power and until it is set up again may be missing, and no more.
+    rolled = robot.twin.base.wheel_angles[0] - before[0]
+    for _ in range(100):
+        robot.run(10)
+        told, true = robot.device.counters.position_rad, robot.twin.base.wheel_angles
+        assert -rolled - 0.9 < told[0] - true[0] < 0.3
+    assert robot.counters()['counter_resets'] == 1
+    assert robot.faults() & MotorFault.COUNTS_NEW
+    assert robot.managed.faults == 0
+    # It is set up again, and goes on by the commands that come.
+    assert robot.twin.unit.timeout_tenths == 5
+    assert robot.twin.unit.drive.moves
+    assert robot.counters()['set_ups'] == 2
+
+
+def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(500)
+    robot.twin.inject('loss', 5.0)
+    robot.run(5500)
+    counters = robot.counters()
+    assert counters['retries'] > 10
+    assert robot.faults() & MotorFault.LINE
+    assert counters['counter_resets'] == 0
+    assert robot.odometry_error_rad() < 0.3
+    assert robot.managed.faults == 0
+    assert robot.twin.unit.drive.moves
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_noise_is_never_a_movement(robot: Robot, seed: int) -> None:
+    noise = random.Random(seed)
+    robot.steer(0.3)
+    robot.run(500)
+
+    def disturb() -> None:
+        if robot.twin.port.plugged and noise.random() < 0.05:
+            robot.twin.port.write(noise.randbytes(noise.randrange(1, 20)))
+
+    robot.disturb = disturb
+    robot.run(3000)
+    robot.disturb = None
+    robot.run(500)
+    assert robot.counters()['counter_resets'] == 0
+    assert robot.odometry_error_rad() < 0.3
+
+
+@pytest.mark.parametrize('fault, bit', [
+    ('left_encoder', MotorFault.LEFT_STANDSTILL), ('right_encoder', MotorFault.RIGHT_STANDSTILL)])
+def test_a_broken_encoder_stops_the_robot_within_half_a_second(
+        robot: Robot, fault: str, bit: MotorFault) -> None:
+    robot.steer(0.3)
+    robot.run(1000)
+    robot.twin.inject(fault, 10.0)
+    robot.run(520)
+    assert not robot.twin.unit.drive.moves
+    assert robot.faults() & bit
+    assert 'stands still although it is commanded' in robot.managed.statistics().reason
+    robot.run(1000)
+    assert not robot.twin.unit.drive.moves, 'commands that go on say nothing of having noticed'
+
+
+def test_an_overcurrent_is_told(robot: Robot) -> None:
+    robot.run(500)
+    robot.twin.inject('overcurrent', 1.0)
+    robot.run(500)
+    assert robot.faults() >> 16 == 0x4000
+    assert robot.managed.statistics().reason == 'it reports overcurrent of M1'
+    assert robot.counters()['current_m1_a'] == 31.0
+    robot.run(2000)
+    assert robot.managed.statistics().reason == ''
+    robot.faults()
+    robot.run(2000)
+    assert robot.faults() == 0
+
+
+def test_the_status_of_old_firmware_is_read_as_well(tmp_path: Path) -> None:
+    for robot in robot_of(tmp_path, {'old_status': True}):
+        robot.run(1000)
+        robot.twin.inject('overcurrent', 1.0)
+        robot.run(500)
+        assert robot.faults() >> 16 == 0x4000
+        assert robot.counters()['timeouts'] == 1, 'it has to be found out once'
+
+
+def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(1000)
+    robot.unplug()
+    robot.steer(None)
+    robot.run(25)
+    assert robot.managed.state is DeviceState.FAULT
+    robot.run(2000)
+    assert robot.managed.state is DeviceState.ACTIVE
+    assert not robot.twin.unit.drive.moves
+    # It kept its power, so that its counters tell what it rolled meanwhile.
+    assert robot.counters()['counter_resets'] == 0
+    robot.steer(0.3)
+    robot.run(200)
+    assert robot.twin.unit.drive.moves
+
+
+def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(1000)
+    robot.unplug()
+    robot.run(3000)
+    assert robot.managed.faults >= 1
+    assert robot.managed.state is DeviceState.ACTIVE
+    assert robot.twin.unit.drive.moves, robot.managed.statistics().reason
+    assert robot.faults() == 0
+
+
+def test_another_unit_in_its_place_is_noticed(robot: Robot) -> None:
+    robot.steer(0.3)
+    robot.run(1000)
+    before = robot.device.counters.position_rad
+    robot.steer(None)
+    robot.run(1000)
+    robot.unplug()
+    robot.run(20)
+    robot.twin.unit._version = b'USB Roboclaw 2x30a v4.1.34\n\x00'
+    robot.twin.unit.offsets = [123456, -99]
+    robot.run(1000)
+    after = robot.device.counters.position_rad
+    assert after[0] - before[0] < 3.0
+    assert robot.counters()['version'] == 'USB Roboclaw 2x30a v4.1.34'
+    texts = [r.text for r in robot.reports.since(0)[2]]
+    assert any('another unit: it was a USB Roboclaw 2x15a' in text for text in texts)
+
+
+def test_a_unit_of_another_kind_is_refused(tmp_path: Path) -> None:
+    for robot in robot_of(tmp_path, {}, identity='2x30A'):
+        robot.steer(0.3)
+        robot.run(1000)
+        assert not robot.twin.unit.drive.moves
+        assert 'it is a USB Roboclaw 2x15a v4.2.4, and identity is' in robot.managed.reason
+
+
+def test_a_unit_with_another_address_is_silent(tmp_path: Path) -> None:
+    for robot in robot_of(tmp_path, {}):
+        robot.twin.unit.address = 0x81
+        robot.run(1500)
+        assert robot.managed.faults >= 1
+        assert 'packet serial mode with this address' in robot.managed.reason
