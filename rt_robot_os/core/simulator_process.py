@@ -27,6 +27,7 @@ from typing import Any
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import run_child
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import SIMULATORS
@@ -35,15 +36,18 @@ from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 
 
-def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = None
-          ) -> SimServer:
+def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = None,
+          mountings: dict[str, dict[str, Any]] | None = None) -> SimServer:
     """
     Make the simulated devices, with their ports as ``folder/name``, and the world they look at.
 
     :param world: its settings; None when each device is by itself.
+    :param mountings: where the frames of all devices are, by name.
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
-    place = Place(folder, None if world is None else World(WorldSettings(**world)))
+    place = Place(folder, None if world is None else World(WorldSettings(**world)),
+                  {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
+                                   each['parent']) for frame, each in (mountings or {}).items()})
     made = [SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
             for name, d in devices.items()]
     for device in made:
@@ -66,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
     folder.mkdir(mode=0o700, exist_ok=True)
     try:
         given = json.load(sys.stdin)
-        server = build(given['devices'], folder, given['world'])
+        server = build(given['devices'], folder, given['world'], given['mountings'])
         with ended_by_signals(lambda _: server.stop()):
             server.run()
     except RtRobotError as error:

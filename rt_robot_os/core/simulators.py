@@ -66,14 +66,16 @@ class Simulators:
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
-        world = asdict(settings.world) if settings.world.map else None
+        given = {'devices': devices,
+                 'world': asdict(settings.world) if settings.world.map else None,
+                 'mountings': {frame: asdict(each) for frame, each in settings.mountings.items()}}
         clear(folder)
         if not devices:
             return {}
         self._folder = folder
         self._process = start_child(
             'rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
-            given=json.dumps({'devices': devices, 'world': world}, default=_plain).encode())
+            given=json.dumps(given, default=_plain).encode())
         if self._process.stdout is not None:
             os.set_blocking(self._process.stdout.fileno(), False)
         ports = {name: folder / name for name in devices}

@@ -32,7 +32,9 @@ from typing import TYPE_CHECKING
 from rt_robot_os.devices.table import DeviceRegistry
 from rt_robot_os.devices.table import OLD_TWINS
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.i2c_port import I2cPort
 
@@ -67,18 +69,23 @@ class Site:
 
     :ivar world: that it looks at; None when it is by itself.
     :ivar device: the settings of its driver, as far as they are known.
+    :ivar mountings: where the frames of all devices are, by name.
     """
 
     world: World | None = None
     device: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    mountings: Mapping[str, Mounting] = dataclasses.field(default_factory=dict)
 
-    @property
-    def mounting(self) -> Mounting:
-        """Return where the device sits on the robot."""
-        x, y, z = self.device.get('mounting_m', (0.0, 0.0, 0.0))
-        roll, pitch, yaw = self.device.get('mounting_rad', (0.0, 0.0, 0.0))
-        return Mounting((x, y, z), (roll, pitch, yaw),
-                        self.device.get('parent_frame_id', Mounting.parent))
+    def mounting(self, index: int = 0) -> Mounting:
+        """
+        Return where the device sits on the robot, through the frames that carry it.
+
+        :param index: of a device with several frames, which one.
+        """
+        own = mounting_of(self.device, index)
+        if own.parent not in self.mountings:
+            return own
+        return own.seen_from(in_base(self.mountings, own.parent))
 
 
 NOWHERE: Final = Site()
@@ -90,12 +97,15 @@ class Place:
 
     :ivar folder: of the paths.
     :ivar world: the one world; None when each device is by itself.
+    :ivar mountings: where the frames of all devices are, by name.
     """
 
-    def __init__(self, folder: Path, world: World | None = None) -> None:
+    def __init__(self, folder: Path, world: World | None = None,
+                 mountings: Mapping[str, Mounting] | None = None) -> None:
         """Keep the folder; nothing is opened."""
         self.folder = folder
         self.world = world
+        self.mountings = mountings or {}
         self._i2c: I2cPort | None = None
 
     def site(self, device: Mapping[str, Any]) -> Site:
@@ -104,7 +114,7 @@ class Place:
 
         :param device: the settings of its driver.
         """
-        return Site(self.world, device)
+        return Site(self.world, device, self.mountings)
 
     def i2c(self) -> I2cPort:
         """Return the one I2C bus that all chips of the robot are on."""

@@ -99,6 +99,7 @@ class SimulatedDevice(Simulated):
     :ivar port: where it is plugged in.
     :ivar world: that it looks at, brought up to the time with each ``pump``; None when it is by
         itself.
+    :ivar site: where it is.
     :ivar mounting: where it sits on the robot.
     :ivar device: the settings of its driver, as far as they are known.
     """
@@ -122,7 +123,8 @@ class SimulatedDevice(Simulated):
         """
         self.name = name
         self.port = port
-        self.world, self.mounting, self.device = site.world, site.mounting, site.device
+        self.site, self.world, self.device = site, site.world, site.device
+        self.mounting = site.mounting()
         self.settings = complete(self.SETTINGS, settings, name)
         self._plan = plan_of(name, self.settings['faults'], self.KNOWN_FAULTS)
         self.rate_hz: float = self.settings['rate_hz']

@@ -69,6 +69,7 @@ class SimulatedChip(Simulated):
     :ivar measuring: False while the fault silent is on.
     :ivar world: that it looks at, brought up to the time of each transfer; None when it is by
         itself.
+    :ivar site: where it is.
     :ivar mounting: where it sits on the robot.
     :ivar device: the settings of its driver, as far as they are known.
     """
@@ -88,7 +89,8 @@ class SimulatedChip(Simulated):
         """
         self.name = name
         self.port = port
-        self.world, self.mounting, self.device = site.world, site.mounting, site.device
+        self.site, self.world, self.device = site, site.world, site.device
+        self.mounting = site.mounting()
         self.address = self.ADDRESS if address is None else address
         self.settings = complete(self.SETTINGS, settings, name)
         self._plan = plan_of(name, self.settings['faults'], I2C_FAULTS)

@@ -24,8 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from rt_robot_os.devices.device import Device
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.world.world import World
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.fakes import wait_readable
@@ -90,7 +92,7 @@ class Rig:
 def rig(
     folder: Path, simulated: type[SimulatedDevice], driver: type[Device], *,
     sim: Mapping[str, Any] | None = None, baud: int | None = None,
-    publishers: Callable[[Device], list[Any]] = bind, **settings: Any,
+    publishers: Callable[[Device], list[Any]] = bind, world: World | None = None, **settings: Any,
 ) -> Iterator[Rig]:
     """
     Connect a simulated device with its driver.
@@ -98,12 +100,14 @@ def rig(
     :param folder: for the pty's path, such as pytest's ``tmp_path``.
     :param sim: settings of the simulated device.
     :param baud: speed of the line; None is the usual one.
+    :param world: that the simulated device looks at.
     :param settings: of the driver, other than the defaults.
     """
     port = PtyPort(folder / 'device')
-    device = simulated('sim', sim or {}, port, baud)
-    driven = driver('dut', settings_of(
-        driver, **{'port': str(port.link), 'baud': baud or simulated.BAUD, **settings}))
+    given = settings_of(
+        driver, **{'port': str(port.link), 'baud': baud or simulated.BAUD, **settings})
+    device = simulated('sim', sim or {}, port, baud, Site(world, given))
+    driven = driver('dut', given)
     made = Rig(device, driven, publishers)
     try:
         yield made

@@ -50,7 +50,7 @@ class SimulatedBmp388(RegisterChip):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self.air = Air(self.settings, self.random)
+        self.air = Air(self.settings, self.random, self.site)
         self.conversions = 0
         self._began_ns = 0
         self._cycles = 0

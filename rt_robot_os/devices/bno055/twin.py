@@ -29,6 +29,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.world.inertial import inertial
 
 _ACCELERATION_NOISE: Final = 0.03
 _RATE_NOISE_DEG_S: Final = 0.3
@@ -59,6 +60,7 @@ class SimulatedBno055(SimulatedDevice):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
+        self._inertial = inertial(self.site)
         self._registers = bytearray(_REGISTERS)
         self._registers[wire.REGISTER_CHIP_ID] = self.settings['chip_id']
         self._registers[wire.REGISTER_UNITS] = wire.UNITS_SI
@@ -68,16 +70,15 @@ class SimulatedBno055(SimulatedDevice):
     def sample(self, time_s: float) -> bytes:
         """Measure: the registers change, nothing is sent."""
         fusing = self._registers[wire.REGISTER_MODE] in _FUSING
-        gravity = world.body_vector(time_s, world.GRAVITY_M_S2)
-        roll, pitch, yaw = (math.degrees(v) for v in world.angular_velocity(time_s))
+        felt = self._inertial
+        roll, pitch, yaw = (math.degrees(v) for v in felt.angular_velocity(time_s))
         done = time_s >= self.settings['calibration_s']
         noise, chance = self.settings['noise'], self.random
         block = wire.block(
-            world.noisy(gravity, _ACCELERATION_NOISE * noise, chance),
-            world.noisy(world.body_vector(time_s, world.EARTH_FIELD_T), _FIELD_NOISE_T * noise,
-                        chance),
+            world.noisy(felt.force(time_s), _ACCELERATION_NOISE * noise, chance),
+            world.noisy(felt.field(time_s), _FIELD_NOISE_T * noise, chance),
             world.noisy((roll, pitch, yaw), _RATE_NOISE_DEG_S * noise, chance),
-            world.quaternion(time_s) if fusing else (0.0, 0.0, 0.0, 0.0), gravity,
+            felt.quaternion(time_s) if fusing else (0.0, 0.0, 0.0, 0.0), felt.gravity(time_s),
             temperature_c=_TEMPERATURE_C, calibration=_CALIBRATED if fusing and done else 0)
         self._registers[BLOCK_FIRST:BLOCK_FIRST + BLOCK_SIZE] = block
         return b''

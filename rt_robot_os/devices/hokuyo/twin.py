@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated Hokuyo laser scanner that turns in the middle of a room with a pillar."""
+"""A simulated Hokuyo laser scanner on the robot, or turning in a room with a pillar."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class SimulatedHokuyo(SimulatedDevice):
 
     SETTINGS = common_settings(10.0, 40.0) + (
         Field('product', str, 'URG-04LX', 'What it is.', choices=tuple(PRODUCTS)),
-        Field('turn_rad_s', float, 0.2, 'How fast it turns in the room.', 'rad/s', -10.0, 10.0),
+        Field('turn_rad_s', float, 0.2, 'How fast it turns in the room, without a world.', 'rad/s',
+              -10.0, 10.0),
         world.NOISE_SETTING,
         Field('scanning', bool, False, 'It scans from the start, without being told.'),
     )
@@ -69,12 +70,20 @@ class SimulatedHokuyo(SimulatedDevice):
         if not self._scan:
             return b''
         first, last = int(self._scan[2:6]), int(self._scan[6:10])
-        angles = (np.arange(first, last + 1) - self._front) * (2 * math.pi / self._turn)
-        ranges = room(angles + self.settings['turn_rad_s'] * time_s)
+        steps = np.arange(first, last + 1, dtype=np.float64) - self._front
+        ranges = self._ranges(steps * (2 * math.pi / self._turn), time_s)
         ranges += self._noise.normal(0.0, _NOISE_M * self.settings['noise'], ranges.size)
+        ranges[ranges * 1000 >= self._maximum_mm + 0.5] = 0.0
         millimetres = np.round(ranges * 1000).astype(int)
-        millimetres[millimetres > self._maximum_mm] = 0
         return wire.scan(self._scan, round(time_s * 1000), millimetres.tolist())
+
+    def _ranges(self, angles: Ranges, time_s: float) -> Ranges:
+        if self.world is None:
+            return room(angles + self.settings['turn_rad_s'] * time_s)
+        x, y, yaw = self.world.pose_of(self.mounting)
+        upside_down = abs(self.mounting.rotation_rad[0]) > math.pi / 2
+        return self.world.cast(x, y, yaw - angles if upside_down else yaw + angles,
+                               self._maximum_mm / 1000, self.mounting.position_m[2])
 
     def obey(self, data: bytes) -> None:
         """Answer each command."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated MaxBotix range finder before a wall that comes and goes."""
+"""A simulated MaxBotix range finder in the world, or before a wall that comes and goes."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ class SimulatedMaxBotix(SimulatedRange):
         Field('maximum_m', float, 5.0, 'Longest distance.', 'm', 0.0, 20.0),
     )
     BAUD = 9600
+    RAYS = 15
 
     def sample(self, time_s: float) -> bytes:
         """Return one reading."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A simulated MPU-6050 that is turned by hand: its registers, its FIFO and what it measures.
+A simulated MPU-6050, on the robot or turned by hand: its registers, its FIFO and what it measures.
 
 It moves like the other simulated units, so its rates and its accelerations agree.
 """
@@ -28,6 +28,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.sim import world
 from rt_robot_os.sim.i2c_device import common_settings
 from rt_robot_os.sim.i2c_device import RegisterChip
+from rt_robot_os.sim.world.inertial import inertial
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -64,6 +65,7 @@ class SimulatedMpu6050(RegisterChip):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
+        self._inertial = inertial(self.site)
         self._id = _IDS[self.settings['model']]
         self._model = chip.MODELS[self._id]
         self._fifo = bytearray()
@@ -127,10 +129,11 @@ class SimulatedMpu6050(RegisterChip):
         unit = _ACCEL_RANGES[self.registers[chip.ACCEL_CONFIG] >> 3 & 3] * (
             STANDARD_GRAVITY_M_S2 / chip.FULL_SCALE)
         force = [counts(self._noisy(v, _ACCELERATION_NOISE), unit)
-                 for v in world.body_vector(time_s, world.GRAVITY_M_S2)]
+                 for v in self._inertial.force(time_s)]
         unit = math.radians(_GYRO_RANGES[self.registers[chip.GYRO_CONFIG] >> 3 & 3]) / (
             chip.FULL_SCALE)
-        rate = [counts(self._noisy(v, _RATE_NOISE), unit) for v in world.angular_velocity(time_s)]
+        rate = [counts(self._noisy(v, _RATE_NOISE), unit)
+                for v in self._inertial.angular_velocity(time_s)]
         model = self._model
         warmth = self.settings['temperature_c'] - model.temperature_zero_c
         data = chip.pack((force[0], force[1], force[2],

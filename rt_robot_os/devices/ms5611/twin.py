@@ -53,7 +53,7 @@ class SimulatedMs5611(SimulatedChip):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self.air = Air(self.settings, self.random)
+        self.air = Air(self.settings, self.random, self.site)
         self.conversions = 0
         self._command = 0
         self._converting = 0

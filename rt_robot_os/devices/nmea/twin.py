@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated satellite receiver that goes round in a circle."""
+"""A simulated satellite receiver, on the robot or going round in a circle."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ from datetime import timezone
 import math
 from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
 from rt_robot_os.devices.nmea import wire
 from rt_robot_os.devices.witmotion import wire as witmotion
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
 
 # A fixed day, so that equal settings give equal bytes.
 START: Final = datetime(2026, 1, 1, 12, 0, 0, tzinfo=timezone.utc)
@@ -46,14 +50,14 @@ class SimulatedNmea(SimulatedDevice):
     """A receiver that sends some sentences for each epoch."""
 
     SETTINGS = common_settings(1.0, 50.0) + (
-        Field('latitude_deg', float, 52.5163, 'Centre of the circle.', unit='degrees',
-              minimum=-89.0, maximum=89.0),
-        Field('longitude_deg', float, 13.3777, 'Centre of the circle.', unit='degrees',
-              minimum=-180.0, maximum=180.0),
-        Field('radius_m', float, 20.0, 'Radius of the circle.', unit='m', minimum=0.01,
-              maximum=10_000.0),
-        Field('speed_m_s', float, 1.0, 'Speed along the circle; 0 stands still.', unit='m/s',
-              minimum=0.0, maximum=100.0),
+        Field('latitude_deg', float, 52.5163, 'Centre of the circle, without a world.',
+              unit='degrees', minimum=-89.0, maximum=89.0),
+        Field('longitude_deg', float, 13.3777, 'Centre of the circle, without a world.',
+              unit='degrees', minimum=-180.0, maximum=180.0),
+        Field('radius_m', float, 20.0, 'Radius of the circle, without a world.',
+              unit='m', minimum=0.01, maximum=10_000.0),
+        Field('speed_m_s', float, 1.0, 'Speed along the circle, without a world; 0 stands '
+              'still.', unit='m/s', minimum=0.0, maximum=100.0),
         Field('sentences', list, ('GGA', 'GSA', 'RMC', 'GST'), 'NMEA sentences of each epoch, in '
               'this order.', choices=('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GST')),
     )
@@ -64,14 +68,15 @@ class SimulatedNmea(SimulatedDevice):
         settings = self.settings
         time = START + timedelta(seconds=round(time_s, 2))
         latitude_deg, longitude_deg, course_deg = self.position(time_s)
+        speed_m_s, altitude_m = self.speed_and_altitude()
         place: Any = (time, latitude_deg, longitude_deg)
         height: dict[str, Any] = {'satellites': len(_SATELLITES), 'hdop': _HDOP,
-                                  'altitude_m': ALTITUDE_M, 'separation_m': SEPARATION_M}
+                                  'altitude_m': altitude_m, 'separation_m': SEPARATION_M}
         north_m, east_m, up_m = DEVIATIONS_M
         made = {
             'GGA': lambda: wire.gga(*place, **height),
             'GNS': lambda: wire.gns(*place, **height),
-            'RMC': lambda: wire.rmc(*place, speed_m_s=settings['speed_m_s'],
+            'RMC': lambda: wire.rmc(*place, speed_m_s=speed_m_s,
                                     course_deg=course_deg),
             'GLL': lambda: wire.gll(*place),
             'GSA': lambda: wire.gsa(_SATELLITES, _PDOP, _HDOP, _VDOP),
@@ -85,15 +90,38 @@ class SimulatedNmea(SimulatedDevice):
 
     def position(self, time_s: float) -> tuple[float, float, float]:
         """Return latitude, longitude and course (clockwise from north), all in degrees."""
+        if self.world is not None:
+            return self._position_on_robot(self.world)
         settings = self.settings
         radius_m = settings['radius_m']
         angle = settings['speed_m_s'] / radius_m * time_s
-        latitude = math.radians(settings['latitude_deg'])
-        flat = 1 - _ECCENTRICITY_2 * math.sin(latitude) ** 2
-        meridian_m = _SEMI_MAJOR_M * (1 - _ECCENTRICITY_2) / flat ** 1.5
-        parallel_m = _SEMI_MAJOR_M / math.sqrt(flat) * math.cos(latitude)
-        north_deg = math.degrees(radius_m * math.sin(angle) / meridian_m)
-        east_deg = math.degrees(radius_m * math.cos(angle) / parallel_m)
         course_deg = math.degrees(math.atan2(-math.sin(angle), math.cos(angle))) % 360
-        return (settings['latitude_deg'] + north_deg, settings['longitude_deg'] + east_deg,
-                course_deg)
+        return (*_moved(settings['latitude_deg'], settings['longitude_deg'],
+                        radius_m * math.cos(angle), radius_m * math.sin(angle)), course_deg)
+
+    def speed_and_altitude(self) -> tuple[float, float]:
+        """Return how fast it goes, in m/s, and how high it is, in m."""
+        if self.world is None:
+            return self.settings['speed_m_s'], ALTITUDE_M
+        return (abs(self.world.base.velocity[0]),
+                self.world.settings.altitude_m + self.mounting.position_m[2])
+
+    def _position_on_robot(self, world: World) -> tuple[float, float, float]:
+        x, y, _ = world.pose_of(self.mounting)
+        s = world.settings
+        cosine, sine = math.cos(s.east_rad), math.sin(s.east_rad)
+        ahead = world.base.pose[2] + (math.pi if world.base.velocity[0] < 0.0 else 0.0)
+        course_deg = math.degrees(math.pi / 2 - (ahead - s.east_rad)) % 360
+        return (*_moved(s.latitude_deg, s.longitude_deg, cosine * x + sine * y,
+                        cosine * y - sine * x), course_deg)
+
+
+def _moved(latitude_deg: float, longitude_deg: float, east_m: float, north_m: float
+           ) -> tuple[float, float]:
+    """Return latitude and longitude of a place that is a little beside another."""
+    latitude = math.radians(latitude_deg)
+    flat = 1 - _ECCENTRICITY_2 * math.sin(latitude) ** 2
+    meridian_m = _SEMI_MAJOR_M * (1 - _ECCENTRICITY_2) / flat ** 1.5
+    parallel_m = _SEMI_MAJOR_M / math.sqrt(flat) * math.cos(latitude)
+    return (latitude_deg + math.degrees(north_m / meridian_m),
+            longitude_deg + math.degrees(east_m / parallel_m))

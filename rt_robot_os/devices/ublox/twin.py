@@ -13,14 +13,13 @@
 # limitations under the License.
 
 
-"""A simulated u-blox receiver that goes round in a circle, as the NMEA receiver does."""
+"""A simulated u-blox receiver that moves as the NMEA receiver does."""
 
 from __future__ import annotations
 
 from datetime import timedelta
 import math
 
-from rt_robot_os.devices.nmea.twin import ALTITUDE_M
 from rt_robot_os.devices.nmea.twin import DEVIATIONS_M
 from rt_robot_os.devices.nmea.twin import SEPARATION_M
 from rt_robot_os.devices.nmea.twin import SimulatedNmea
@@ -75,20 +74,20 @@ class SimulatedUblox(SimulatedNmea):
         self._time_s = time_s
         fixed = time_s >= self.settings['first_fix_s']
         latitude_deg, longitude_deg, course_deg = self.position(time_s)
-        speed = self.settings['speed_m_s']
+        speed, altitude_m = self.speed_and_altitude()
         course = math.radians(course_deg)
         north_m, east_m, up_m = DEVIATIONS_M
         time = START + timedelta(seconds=round(time_s, 3))
         flags = _CARRIER_FIXED if time_s < self._corrected_until_s else 0
         data = wire.make_nav_pvt(
             time, latitude_deg, longitude_deg,
-            ALTITUDE_M + SEPARATION_M, separation_m=SEPARATION_M, fix_type=3 if fixed else 0,
+            altitude_m + SEPARATION_M, separation_m=SEPARATION_M, fix_type=3 if fixed else 0,
             flags=flags | fixed, satellites=_SATELLITES if fixed else 0,
             horizontal_m=math.hypot(north_m, east_m), vertical_m=up_m,
             velocity_m_s=(speed * math.sin(course), speed * math.cos(course), 0.0))
         if self._precise:
             data += wire.make_nav_hpposllh(
-                time, latitude_deg, longitude_deg, ALTITUDE_M + SEPARATION_M,
+                time, latitude_deg, longitude_deg, altitude_m + SEPARATION_M,
                 separation_m=SEPARATION_M, invalid=not fixed)
         return super().sample(time_s) + data if self.settings['mixed'] else data
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated WitMotion unit that is turned by hand; its frames agree with each other."""
+"""A simulated WitMotion unit, on the robot or turned by hand; its frames agree."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from rt_robot_os.devices.witmotion import wire
 from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.world.inertial import inertial
 
 MAG_SCALE_T: Final = 1.5e-7
 
@@ -44,25 +45,25 @@ class SimulatedWitMotion(SimulatedDevice):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
+        self._inertial = inertial(self.site)
         self._outputs = wire.output_mask(_OUTPUTS)
         self._unlocked = False
         self._received = b''
 
     def sample(self, time_s: float) -> bytes:
         """Return the frames that are enabled."""
-        roll, pitch, yaw = world.attitude(time_s)
+        felt = self._inertial
+        roll, pitch, yaw = felt.attitude(time_s)
         noise, chance = self.settings['noise'], self.random
-        force = world.noisy(world.body_vector(time_s, world.GRAVITY_M_S2),
-                            _ACCELERATION_NOISE * noise, chance)
-        rate = world.noisy(world.angular_velocity(time_s), _RATE_NOISE * noise, chance)
-        field = world.noisy(world.body_vector(time_s, world.EARTH_FIELD_T),
-                            _FIELD_NOISE_T * noise, chance)
+        force = world.noisy(felt.force(time_s), _ACCELERATION_NOISE * noise, chance)
+        rate = world.noisy(felt.angular_velocity(time_s), _RATE_NOISE * noise, chance)
+        field = world.noisy(felt.field(time_s), _FIELD_NOISE_T * noise, chance)
         frames = (
             (wire.ACCELERATION, wire.acceleration_frame(*force)),
             (wire.ANGULAR_VELOCITY, wire.angular_velocity_frame(*rate)),
             (wire.ANGLE, wire.angle_frame(roll, pitch, yaw)),
             (wire.MAGNETIC_FIELD, wire.magnetic_field_frame(*field, MAG_SCALE_T)),
-            (wire.QUATERNION, wire.quaternion_frame(*world.quaternion(time_s))),
+            (wire.QUATERNION, wire.quaternion_frame(*felt.quaternion(time_s))),
         )
         return b''.join(data for kind, data in frames if self._outputs >> (kind - 0x50) & 1)
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated Xsens motion tracker that is turned by hand."""
+"""A simulated Xsens motion tracker on the robot or turned by hand."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.world.inertial import inertial
 
 MAG_UNIT_T: Final = 4.9e-5
 
@@ -54,6 +55,7 @@ class SimulatedXsens(SimulatedDevice):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
+        self._inertial = inertial(self.site)
         self._product: str = self.settings['product']
         self._outputs = tuple(
             i for i in (*_ALWAYS, *_MEASURED) if self._can(i))
@@ -110,14 +112,14 @@ class SimulatedXsens(SimulatedDevice):
             valid = mtdata2.FILTER_VALID if time_s >= self.settings['settling_s'] else 0
             return struct.pack('>I', mtdata2.SELF_TEST_OK | valid)
         if identifier == mtdata2.QUATERNION:
-            return wire.reals(world.quaternion(time_s))
+            return wire.reals(self._inertial.quaternion(time_s))
         if identifier == mtdata2.ACCELERATION:
-            measured = world.body_vector(time_s, world.GRAVITY_M_S2)
+            measured = self._inertial.force(time_s)
             deviation = _ACCELERATION_NOISE
         elif identifier == mtdata2.RATE_OF_TURN:
-            measured, deviation = world.angular_velocity(time_s), _RATE_NOISE
+            measured, deviation = self._inertial.angular_velocity(time_s), _RATE_NOISE
         else:
-            east, north, up = world.body_vector(time_s, world.EARTH_FIELD_T)
+            east, north, up = self._inertial.field(time_s)
             measured = (east / MAG_UNIT_T, north / MAG_UNIT_T, up / MAG_UNIT_T)
             deviation = _FIELD_NOISE
         return wire.reals(world.noisy(measured, deviation * self.settings['noise'], self.random))

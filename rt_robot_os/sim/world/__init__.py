@@ -19,6 +19,11 @@ The world that simulated devices measure.
 world of its own (:mod:`rt_robot_os.sim.world.bodies`).
 """
 
+from __future__ import annotations
+
+from typing import Any
+from typing import TYPE_CHECKING
+
 from rt_robot_os.sim.world.bodies import Air
 from rt_robot_os.sim.world.bodies import air_settings
 from rt_robot_os.sim.world.bodies import angular_velocity
@@ -35,10 +40,20 @@ from rt_robot_os.sim.world.bodies import SimulatedRange
 from rt_robot_os.sim.world.bodies import Vector
 from rt_robot_os.sim.world.bodies import wall_settings
 from rt_robot_os.sim.world.drive_base import DriveBase
-from rt_robot_os.sim.world.world import World
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
 
 __all__ = [
     'Air', 'DriveBase', 'EARTH_FIELD_T', 'GRAVITY_M_S2', 'NOISE_SETTING', 'RANGE_NOISE_M',
     'SimulatedRange', 'Vector', 'World', 'air_settings', 'angular_velocity', 'attitude',
     'body_vector', 'noisy', 'quaternion', 'raw_readings', 'wall_settings',
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the world when it is asked for: it needs NumPy, and most twins do not."""
+    if name != 'World':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from rt_robot_os.sim.world.world import World
+    return World

@@ -27,11 +27,14 @@ from collections.abc import Mapping
 import math
 import random
 from typing import Any
+from typing import ClassVar
 from typing import Final
 from typing import TypeVar
 
 from rt_robot_os.devices.atmosphere import pressure_pa
 from rt_robot_os.schema import Field
+from rt_robot_os.sim.base import NOWHERE
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -105,7 +108,8 @@ def air_settings(noise_pa: float) -> tuple[Field, ...]:
     :param noise_pa: of the chip, at its usual settings.
     """
     return (
-        Field('altitude_m', float, 34.0, 'Altitude about which it is moved.', unit='m',
+        Field('altitude_m', float, 34.0, 'Altitude about which it is moved, without a '
+              'world.', unit='m',
               minimum=-500.0, maximum=9000.0),
         Field('swing_m', float, 1.0, 'How far it is moved up and down.', unit='m', minimum=0.0,
               maximum=500.0),
@@ -120,17 +124,23 @@ def air_settings(noise_pa: float) -> tuple[Field, ...]:
 class Air:
     """Pressure and temperature by time, in the standard atmosphere."""
 
-    def __init__(self, settings: Mapping[str, Any], chance: random.Random) -> None:
+    def __init__(self, settings: Mapping[str, Any], chance: random.Random,
+                 site: Site = NOWHERE) -> None:
         """
         Keep the settings.
 
         :param chance: for the noise.
+        :param site: where the barometer is; in a world it is as high and as warm as there.
         """
         self._settings = settings
         self._random = chance
+        self._world = site.world
+        self._mounting = site.mounting()
 
     def altitude_m(self, time_s: float) -> float:
         """Return the altitude."""
+        if self._world is not None:
+            return self._world.settings.altitude_m + self._mounting.position_m[2]
         s = self._settings
         swing: float = s['swing_m']
         return float(s['altitude_m']) + swing * math.sin(2 * math.pi * time_s / s['swing_s'])
@@ -138,8 +148,11 @@ class Air:
     def measure(self, time_s: float) -> tuple[float, float]:
         """Return pressure in Pa, with noise, and temperature in degrees C."""
         noise: float = self._settings['noise_pa']
-        return (pressure_pa(self.altitude_m(time_s)) + self._random.gauss(0.0, noise),
-                float(self._settings['temperature_c']))
+        temperature_c = float(self._settings['temperature_c'])
+        if self._world is not None:
+            x, y, _ = self._world.pose_of(self._mounting)
+            temperature_c = self._world.temperature_c(x, y)
+        return pressure_pa(self.altitude_m(time_s)) + self._random.gauss(0.0, noise), temperature_c
 
 
 def raw_readings(
@@ -188,17 +201,35 @@ RANGE_NOISE_M: Final = 0.003
 def wall_settings(minimum_m: float, maximum_m: float) -> tuple[Field, ...]:
     """Declare the wall: how near and how far it comes, at first."""
     return (
-        Field('nearest_m', float, minimum_m, 'Where the wall turns back.', 'm', 0.01, 20.0),
-        Field('farthest_m', float, maximum_m, 'Where the wall turns back.', 'm', 0.01, 20.0),
+        Field('nearest_m', float, minimum_m, 'Where the wall turns back, without a world.', 'm',
+              0.01, 20.0),
+        Field('farthest_m', float, maximum_m, 'Where the wall turns back, without a world.', 'm',
+              0.01, 20.0),
         Field('period_s', float, 10.0, 'Time for there and back.', 's', 0.1, 1e4),
     )
 
 
 class SimulatedRange(SimulatedDevice):
-    """A range finder before a wall."""
+    """
+    A range finder in the world, or before a wall.
 
-    def distance_m(self, time_s: float) -> float:
-        """Return how far the wall is."""
+    :cvar RAYS: how many rays its beam has in the world; the nearest thing counts.
+    """
+
+    RAYS: ClassVar[int] = 1
+
+    def distance_m(self, time_s: float, index: int = 0) -> float:
+        """
+        Return how far the nearest thing in its beam is, inf when there is nothing.
+
+        :param index: of a device with several sensors, which one.
+        """
+        if self.world is not None:
+            mounting = self.site.mounting(index)
+            x, y, yaw = self.world.pose_of(mounting)
+            step = self.device.get('field_of_view_rad', 0.0) / max(self.RAYS - 1, 1)
+            angles = [yaw + step * (i - (self.RAYS - 1) / 2) for i in range(self.RAYS)]
+            return float(self.world.cast(x, y, angles, math.inf, mounting.position_m[2]).min())
         s = self.settings
         middle, swing = (s['farthest_m'] + s['nearest_m']) / 2, s['farthest_m'] - s['nearest_m']
         return float(middle - swing / 2 * math.cos(2 * math.pi * time_s / s['period_s']))

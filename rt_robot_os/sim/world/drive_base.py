@@ -79,6 +79,7 @@ class DriveBase:
     :ivar wheel_speeds: true speeds.
     :ivar velocity: of ``base_link``: ahead in m/s, turning in rad/s.
     :ivar acceleration: of ``base_link``: ahead and to the left, in m/s^2.
+    :ivar angular_acceleration: in rad/s^2.
     :ivar contact_rad: direction from the robot of what it pushes against; None when there is
         nothing.
     :ivar slip: share of the way of the wheels that is lost.
@@ -151,6 +152,7 @@ class DriveBase:
         self._x, self._y, self._yaw = x, y, yaw
         self.velocity: Pair = (0.0, 0.0)
         self.acceleration: Pair = (0.0, 0.0)
+        self.angular_acceleration = 0.0
         self.contact_rad: float | None = None
 
     def advance(self, now_ns: int) -> None:
@@ -217,6 +219,8 @@ class DriveBase:
         self.acceleration = (
             ahead + _SMOOTH * ((linear - self.velocity[0]) / STEP_S - ahead),
             aside + _SMOOTH * (linear * angular - aside))
+        turning = (angular - self.velocity[1]) / STEP_S
+        self.angular_acceleration += _SMOOTH * (turning - self.angular_acceleration)
         self.velocity = velocity
 
     def _look_for_contact(self) -> None:

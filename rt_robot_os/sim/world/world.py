@@ -199,8 +199,8 @@ class World:
         return (x + cosine * ahead - sine * left, y + sine * ahead + cosine * left,
                 wrapped(yaw + mounting.yaw_rad))
 
-    def cast(self, x: float, y: float, angles: Floats, maximum_m: float = math.inf,
-             height_m: float = 0.2) -> Floats:
+    def cast(self, x: float, y: float, angles: Floats | Sequence[float],
+             maximum_m: float = math.inf, height_m: float = 0.2) -> Floats:
         """
         Return how far whatever stands there is along rays: walls, furniture and people.
 
@@ -211,14 +211,14 @@ class World:
         :param height_m: of the rays above the floor; above their heads people are not seen.
         :return: in m, inf where there is nothing; 0 from within a wall.
         """
-        angles = np.asarray(angles, dtype=np.float64)
+        rays = np.asarray(angles, dtype=np.float64)
         if self.map is not None and self.map.occupied(x, y):
-            return np.zeros(angles.size)
-        ranges = self.walls.cast(x, y, angles, maximum_m)
+            return np.zeros(rays.size)
+        ranges = self.walls.cast(x, y, rays, maximum_m)
         for person in self.people:
             away = math.hypot(person.x - x, person.y - y)
             if height_m < person.height_m and away < maximum_m + person.radius_m:
-                there = disc_distances(person.x - x, person.y - y, angles, person.radius_m)
+                there = disc_distances(person.x - x, person.y - y, rays, person.radius_m)
                 np.minimum(ranges, np.where(there > maximum_m, math.inf, there), out=ranges)
         return ranges
 

@@ -1,0 +1,134 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What an inertial sensor feels: turned by hand in a little world of its own, or on the robot.
+
+Vectors are in the axes of the sensor; the world's are east, north, up.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+from typing import TYPE_CHECKING
+
+from rt_robot_os.motion.angles import roll_pitch_yaw_of
+from rt_robot_os.motion.quaternion import about_up
+from rt_robot_os.motion.quaternion import conjugate
+from rt_robot_os.motion.quaternion import multiply
+from rt_robot_os.motion.quaternion import Quaternion
+from rt_robot_os.motion.quaternion import rotate
+from rt_robot_os.motion.quaternion import Vector
+from rt_robot_os.sim.base import Site
+from rt_robot_os.sim.world import bodies
+from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
+
+
+class Inertial(Protocol):
+    """What a sensor feels at a time since its start; one in the world feels what is now."""
+
+    def attitude(self, time_s: float) -> Vector:
+        """Return roll, pitch and yaw in rad, yaw from -pi to pi."""
+
+    def quaternion(self, time_s: float) -> Quaternion:
+        """Return the attitude as w, x, y, z."""
+
+    def angular_velocity(self, time_s: float) -> Vector:
+        """Return how fast it turns, in rad/s."""
+
+    def force(self, time_s: float) -> Vector:
+        """Return what an accelerometer measures, in m/s^2: at rest gravity, upwards."""
+
+    def gravity(self, time_s: float) -> Vector:
+        """Return gravity alone, upwards, in m/s^2."""
+
+    def field(self, time_s: float) -> Vector:
+        """Return the magnetic field, in tesla."""
+
+
+class HandTurned:
+    """Turned by hand; see :mod:`rt_robot_os.sim.world.bodies`."""
+
+    attitude = staticmethod(bodies.attitude)
+    quaternion = staticmethod(bodies.quaternion)
+    angular_velocity = staticmethod(bodies.angular_velocity)
+
+    def force(self, time_s: float) -> Vector:
+        """Return gravity: a hand hardly accelerates it."""
+        return self.gravity(time_s)
+
+    def gravity(self, time_s: float) -> Vector:
+        """Return gravity, upwards."""
+        return bodies.body_vector(time_s, bodies.GRAVITY_M_S2)
+
+    def field(self, time_s: float) -> Vector:
+        """Return the earth's magnetic field."""
+        return bodies.body_vector(time_s, bodies.EARTH_FIELD_T)
+
+
+class OnRobot:
+    """
+    Mounted on the robot, which stands upright on the floor.
+
+    :param world: with the robot.
+    :param site: where the sensor is.
+    """
+
+    def __init__(self, world: World, site: Site) -> None:
+        self._base = world.base
+        self._east = world.settings.east_rad
+        mounting = site.mounting()
+        self._ahead, self._left, _ = mounting.position_m
+        self._mounted = mounting.quaternion()
+        self._to_sensor = conjugate(self._mounted)
+
+    def _turn(self) -> Quaternion:
+        return multiply(about_up(self._base.pose[2] - self._east), self._mounted)
+
+    def attitude(self, time_s: float) -> Vector:
+        """Return roll, pitch and yaw in rad."""
+        return roll_pitch_yaw_of(*self._turn())
+
+    def quaternion(self, time_s: float) -> Quaternion:
+        """Return the attitude as w, x, y, z."""
+        x, y, z, w = self._turn()
+        return w, x, y, z
+
+    def angular_velocity(self, time_s: float) -> Vector:
+        """Return how fast the robot turns, about the axes of the sensor."""
+        return rotate(self._to_sensor, (0.0, 0.0, self._base.velocity[1]))
+
+    def force(self, time_s: float) -> Vector:
+        """Return gravity and the accelerations where it sits, away from the middle."""
+        ahead, left = self._base.acceleration
+        turning, rate = self._base.angular_acceleration, self._base.velocity[1]
+        return rotate(self._to_sensor, (
+            ahead - turning * self._left - rate * rate * self._ahead,
+            left + turning * self._ahead - rate * rate * self._left, STANDARD_GRAVITY_M_S2))
+
+    def gravity(self, time_s: float) -> Vector:
+        """Return gravity, upwards."""
+        return rotate(self._to_sensor, bodies.GRAVITY_M_S2)
+
+    def field(self, time_s: float) -> Vector:
+        """Return the earth's magnetic field."""
+        return rotate(conjugate(self._turn()), bodies.EARTH_FIELD_T)
+
+
+def inertial(site: Site) -> Inertial:
+    """Return what a sensor feels where it is."""
+    return HandTurned() if site.world is None else OnRobot(site.world, site)
