@@ -35,7 +35,7 @@ from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
-from rt_robot_os.motion.pose_prediction import composed
+from rt_robot_os.motion.poses import composed
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.device import common_settings

@@ -53,6 +53,8 @@ class Plot:
     :ivar x_log: the horizontal axis is logarithmic.
     :ivar y_from_zero: the vertical axis begins at 0, so that small changes look small.
     :ivar x_ticks: where the horizontal axis is labelled, and how; empty: at round numbers.
+    :ivar x_range: what the horizontal axis shows; empty: everything.
+    :ivar y_range: the same of the vertical one, for pictures that are compared.
     :ivar y_floor: a power of ten to which smaller values are raised, and what is written there.
     """
 
@@ -67,6 +69,8 @@ class Plot:
     y_from_zero: bool = False
     x_ticks: Sequence[tuple[float, str]] = ()
     y_floor: tuple[float, str] | None = None
+    x_range: Sequence[float] = ()
+    y_range: Sequence[float] = ()
 
     def flat(self) -> tuple[float, float] | None:
         """Return the least and the largest value when they are all but the same; else None."""

@@ -134,6 +134,10 @@ def _draw(axes: Any, plot: Plot) -> None:
         axes.set_yscale('log')
     elif plot.y_from_zero:
         axes.set_ylim(0, axes.get_ylim()[1] * 1.1)
+    if plot.x_range:
+        axes.set_xlim(*plot.x_range)
+    if plot.y_range:
+        axes.set_ylim(*plot.y_range)
     for axis, logarithmic in ((axes.xaxis, plot.x_log), (axes.yaxis, plot.y_log)):
         if logarithmic:
             low, high = axis.get_view_interval()

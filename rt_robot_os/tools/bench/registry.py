@@ -35,9 +35,10 @@ from rt_robot_os.tools.bench.cases import spacing
 from rt_robot_os.tools.bench.cases import stability
 from rt_robot_os.tools.bench.cases import start
 from rt_robot_os.tools.bench.cases import throughput
+from rt_robot_os.tools.bench.cases import trajectory
 from rt_robot_os.tools.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
-    serial.CASE, reaction.CASE, mirror.CASE, capture.CASE, wakeup.CASE, throughput.CASE,
-    kernel.CASE, micro.CASE, spacing.CASE, start.START, start.MEMORY)})
+    serial.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
+    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, start.START, start.MEMORY)})

@@ -61,6 +61,7 @@ class Graph:
         self.node = node
         self._executor = executor
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._over = Future()
         executor.add_node(node)
 
     def timer(self, period_ns: int, callback: Callable[[], None]) -> Any:
@@ -70,17 +71,18 @@ class Graph:
             clock=self._clock)
 
     def spin(self, duration_ns: int) -> None:
-        """Run the callbacks for so long."""
-        over = Future()
-
-        def end() -> None:
-            if not over.done():
-                over.set_result(None)
-
-        timer = self.timer(duration_ns, end)
+        """Run the callbacks for so long, or until :meth:`end`."""
+        self._over = Future()
+        timer = self.timer(duration_ns, self.end)
         # Without a time limit the EventsExecutor of rclpy 7.1 does not come back.
-        self._executor.spin_until_future_complete(over, timeout_sec=2 * duration_ns / NS_PER_S)
+        self._executor.spin_until_future_complete(
+            self._over, timeout_sec=2 * duration_ns / NS_PER_S)
         self.node.destroy_timer(timer)
+
+    def end(self) -> None:
+        """End :meth:`spin`; for a callback."""
+        if not self._over.done():
+            self._over.set_result(None)
 
 
 @contextmanager

@@ -52,10 +52,12 @@ class Threads:
     One thread a job, each on a time grid that begins at the same moment.
 
     :param jobs: (period in nanoseconds, priority of SCHED_FIFO or 0, what it does).
+    :param over: asked after each job whether that was all.
     """
 
-    def __init__(self, jobs: Sequence[tuple[int, int, Callable[[], object]]], total_ns: int
-                 ) -> None:
+    def __init__(self, jobs: Sequence[tuple[int, int, Callable[[], object]]], total_ns: int,
+                 over: Callable[[], bool] = bool) -> None:
+        self._over = over
         self.begin_ns = time.monotonic_ns() + _LEAD_NS
         self._end_ns = self.begin_ns + total_ns
         self._threads = [threading.Thread(target=self._loop, args=job, daemon=True)
@@ -73,7 +75,7 @@ class Threads:
             _set_priority(priority)
         deadline_ns = self.begin_ns
         now_ns, sleep = time.monotonic_ns, time.sleep
-        while deadline_ns < self._end_ns:
+        while deadline_ns < self._end_ns and not self._over():
             wait_ns = deadline_ns - now_ns()
             if wait_ns > 0:
                 sleep(wait_ns / NS_PER_S)
