@@ -52,12 +52,14 @@ _TURNED_RAD: Final = 0.035
 # before it is seen whether it is there.
 _CREEP_S: Final = 2.0
 _REST_S: Final = 0.3
-# Progress that counts, to tell a robot that is held from one that is slow.
-_PROGRESS_M: Final = 0.01
-_PROGRESS_RAD: Final = 0.02
+# A robot that moves less is held, not slow.
+_MOVED_M: Final = 0.02
+_MOVED_RAD: Final = 0.05
 # A velocity in force that the robot does not reach is not built up further than this time allows.
 _BEHIND_S: Final = 0.5
 _AT_REST_M_S: Final = 0.02
+# Planners give the same goal again with each plan.
+_SAME_GOAL_M: Final = 0.1
 _STANDSTILL: Final = (0.0, 0.0)
 
 
@@ -101,7 +103,8 @@ class Follower:
         self._legs: list[Path] = []
         self._start_m = self._driven_m = self._whole_m = 0.0
         self._heading = 0.0
-        self._time_s = self._best = self._stuck_s = 0.0
+        self._time_s = self._stuck_s = 0.0
+        self._stuck_at: Pose = (math.inf, 0.0, 0.0)
         self._attempts = 0
 
     # ---- what is wanted ----------------------------------------------------------------------
@@ -119,11 +122,15 @@ class Follower:
         """
         try:
             self._poses = checked(poses)
-            self._goal = self._poses[-1]
+            goal, self._goal = self._goal, self._poses[-1]
             self._attempts = self.tuning.attempts
-            self.progress = 0.0
-            if self.phase is Phase.REST or self.command == _STANDSTILL:
-                self._begin(pose)
+            if not self.driving or math.hypot(
+                    goal[0] - self._goal[0], goal[1] - self._goal[1]) > _SAME_GOAL_M:
+                self.progress = 0.0
+            if not self.driving:
+                self._stuck_s = 0.0
+            if abs(self.command[0]) < _AT_REST_M_S:
+                self._begin(pose)  # a turn in place goes on to another heading without a stop
             else:
                 self._lay(pose)
                 if abs(self._aside(pose)) <= self.tuning.turn_above_rad and self._legs:
@@ -215,7 +222,7 @@ class Follower:
                       f'{self.tuning.off_path_max_m:g}')
         elif abs(wrapped(turned)) > _ASTRAY_RAD:
             self._brake('driving', self._again)
-        elif self._stuck(done_m, _PROGRESS_M, period_s):
+        elif self._stuck(pose, period_s):
             self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s')
         elif self._at_end(reference, pose, finished):
             self._arrived(pose)
@@ -248,7 +255,7 @@ class Follower:
             elif self.command == _STANDSTILL:
                 self._drive(0.0)
             return _STANDSTILL
-        if self._stuck(-abs(angle), _PROGRESS_RAD, period_s):
+        if self._stuck(pose, period_s):
             self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s of turning')
             return _STANDSTILL
         return 0.0, turning_rate(angle, self.limits, period_s)
@@ -286,7 +293,8 @@ class Follower:
 
     def _lay(self, pose: Pose) -> None:
         """Make the legs, and find out where on them the robot is."""
-        self._driven_m = self._start_m = 0.0
+        self._driven_m = self.progress * self._whole_m
+        self._start_m = 0.0
         if len(self._poses) == 1:
             distance = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
             if distance > self.tuning.goal_distance_max_m:
@@ -294,7 +302,7 @@ class Follower:
                                 f'{self.tuning.goal_distance_max_m:g}')
             near = distance <= max(SAME_M, self.tuning.goal_tolerance_m)
             self._legs = [] if near else [straight(pose[:2], self._goal[:2])]
-            self._whole_m = distance
+            self._whole_m = self._driven_m + distance
             return
         found = legs(self._poses, self.tuning.corner_rad, self.tuning.path_shape)
         least, before_m, best = math.inf, 0.0, 0
@@ -307,11 +315,12 @@ class Follower:
             if distance < least - SAME_M:
                 least, best, self._start_m = distance, i, along
             before_m += leg.length_m
-        if least > self.tuning.off_path_max_m:
+        if found and least > self.tuning.off_path_max_m:
             raise PathError(f'off the path: it begins {least:.2f} m from the robot, at most '
                             f'{self.tuning.off_path_max_m:g}')
         self._legs = found[best:]
-        self._whole_m = sum(leg.length_m for leg in self._legs) - self._start_m
+        self._whole_m = (self._driven_m - self._start_m
+                         + sum(leg.length_m for leg in self._legs))
 
     def _aside(self, pose: Pose) -> float:
         """Return how far the robot points to the left of the way that begins."""
@@ -368,12 +377,14 @@ class Follower:
 
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
-        self._time_s = self._stuck_s = 0.0
-        self._best = -math.inf
+        self._time_s = 0.0
 
-    def _stuck(self, reached: float, progress: float, period_s: float) -> bool:
-        if reached > self._best + progress:
-            self._best, self._stuck_s = reached, 0.0
+    def _stuck(self, pose: Pose, period_s: float) -> bool:
+        """Return whether the robot has hardly moved; new paths meanwhile do not matter."""
+        x, y, yaw = self._stuck_at
+        if (math.hypot(pose[0] - x, pose[1] - y) > _MOVED_M
+                or abs(wrapped(pose[2] - yaw)) > _MOVED_RAD):
+            self._stuck_at, self._stuck_s = pose, 0.0
         else:
             self._stuck_s += period_s
         return self._stuck_s > self.tuning.blocked_after_s

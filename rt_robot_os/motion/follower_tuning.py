@@ -48,4 +48,4 @@ class FollowerTuning:
     off_path_max_m: float = setting(
         0.5, 'Stop when the robot is farther from its path', 'm', 0.01, 100.0, live=True)
     blocked_after_s: float = setting(
-        5.0, 'Stop when the robot has made no progress for so long', 's', 0.5, 3600.0, live=True)
+        10.0, 'Stop when the robot has hardly moved for so long', 's', 0.5, 3600.0, live=True)

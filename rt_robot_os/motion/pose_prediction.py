@@ -29,6 +29,8 @@ from typing import Final
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.poses import composed
+from rt_robot_os.motion.poses import transform
 from rt_robot_os.units import NS_PER_S
 
 _KEPT: Final = 256
@@ -38,21 +40,6 @@ _JUMP_M_S: Final = 10.0
 # Longer than this nothing is carried on by a velocity alone.
 _CARRIED_MAXIMUM_NS: Final = NS_PER_S // 2
 _STANDSTILL = (0.0, 0.0)
-
-
-def composed(first: Pose, second: Pose) -> Pose:
-    """Return a pose that is given in the frame of another one, in the frame of that one."""
-    cosine, sine = math.cos(first[2]), math.sin(first[2])
-    return (first[0] + cosine * second[0] - sine * second[1],
-            first[1] + sine * second[0] + cosine * second[1], first[2] + second[2])
-
-
-def transform(pose: Pose, same: Pose) -> Pose:
-    """Return the pose of a frame in which something is at ``same`` that is at ``pose`` here."""
-    turn = pose[2] - same[2]
-    cosine, sine = math.cos(turn), math.sin(turn)
-    return (pose[0] - cosine * same[0] + sine * same[1],
-            pose[1] - sine * same[0] - cosine * same[1], turn)
 
 
 class PosePrediction:

@@ -43,12 +43,12 @@ def legs(poses: Sequence[Pose], corner_rad: float, shape: str = 'spline') -> lis
 
     Not for the hot path; some milliseconds for a thousand poses.
 
-    :param poses: checked ones, at least two. Their headings do not count: planners often leave
+    :param poses: checked ones; none are made of those that lie together. Their headings do not count: planners often leave
         them out, and the way is what was found free.
     :param corner_rad: a sharper bend at a pose is a corner.
     :param shape: ``spline`` or ``line``, which has no curves but corners.
     """
-    points = [(x, y) for x, y, _ in poses]
+    points = _knots([(x, y) for x, y, _ in poses])
     limit = corner_rad if shape == 'spline' else 1e-3
     found: list[Path] = []
     begin = 0
@@ -86,19 +86,25 @@ def spline(points: Sequence[Point], start_rad: float | None = None,
 
 
 def _knots(points: Sequence[Point]) -> list[Point]:
-    """Leave out what lies closer than knots may; the first and the last point stay."""
-    total = sum(math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(points, points[1:]))
+    """
+    Take the mean of those that lie closer together than knots may; the first and the last stay.
+
+    Points that are far enough from each other stay as they are.
+    """
+    total = sum(math.dist(a, b) for a, b in zip(points, points[1:]))
     apart = max(_KNOTS_APART_M, total / _KNOTS_MAXIMUM)
-    kept = [points[0]]
+    start, end = points[0], points[-1]
+    groups: list[list[Point]] = []
     for point in points[1:-1]:
-        if math.hypot(point[0] - kept[-1][0], point[1] - kept[-1][1]) >= apart:
-            kept.append(point)
-    end = points[-1]
-    if len(kept) > 1 and math.hypot(end[0] - kept[-1][0], end[1] - kept[-1][1]) < apart / 2:
+        if groups and math.dist(point, groups[-1][0]) < apart:
+            groups[-1].append(point)
+        elif groups or math.dist(point, start) >= apart / 2:
+            groups.append([point])
+    kept = [start, *((sum(x for x, _ in group) / len(group), sum(y for _, y in group) / len(group))
+                     for group in groups)]
+    while len(kept) > 1 and math.dist(kept[-1], end) < apart / 2:
         kept.pop()
-    if math.hypot(end[0] - kept[-1][0], end[1] - kept[-1][1]) >= SAME_M:
-        kept.append(end)
-    return kept
+    return kept if math.dist(kept[-1], end) < SAME_M else [*kept, end]
 
 
 def _second_derivatives(xy: Array, steps: Array, start: Array | None, end: Array | None

@@ -29,7 +29,6 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.spline import legs
 from rt_robot_os.testing.fakes import settings_of
 from steered import Bench
-from steered import World
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 
@@ -101,7 +100,7 @@ def stops(bench: Bench, what: Any, why: str, after_s: float = 4.0) -> None:
     bench.at(after_s, what)
     bench.run(after_s - 0.1)
     assert bench.velocity[0] > 0.25
-    bench.run(14.0)
+    bench.run(18.0)
     assert bench.state.startswith('stopped: ')
     assert why in bench.state
     assert bench.all_commands[-1] == (0.0, 0.0)
@@ -142,7 +141,7 @@ def test_poses_without_covariance_are_refused_and_counted(bench: Bench, variance
 
 
 def test_a_blocked_robot_gives_up(bench: Bench) -> None:
-    stops(bench, lambda: setattr(bench, 'held', True), 'blocked: no progress for 5 s')
+    stops(bench, lambda: setattr(bench, 'held', True), 'blocked: no progress for 10 s')
 
 
 def test_a_cancellation_stops_the_robot(bench: Bench) -> None:
@@ -299,50 +298,3 @@ def test_goals_in_another_frame_than_the_pose_are_refused() -> None:
                           command_topic='a', state_topic='b', progress_topic='c',
                           error_topic='d')
         other.configure()
-
-
-# ---- the bars --------------------------------------------------------------------------------
-
-
-def across(bench: Bench, beyond_y: float) -> list[float]:
-    return [x - 3.44 for _, (x, y, _) in bench.track if y > beyond_y]
-
-
-def rms(values: list[float]) -> float:
-    return math.sqrt(sum(v * v for v in values) / len(values))
-
-
-@pytest.mark.parametrize('slip', [0.0, 0.05])
-@pytest.mark.parametrize('seed', range(6))
-def test_the_papers_run(slip: float, seed: int) -> None:
-    """From (344, 100) to (344, 230) cm, 120 to 90 degrees, at 300 ms; noise 1 cm, 1 degree."""
-    world = World((3.44, 1.0, math.radians(120)), slip, (0.01, math.radians(1)), seed=seed)
-    with Bench(world, 1 / 0.3, goal_tolerance_rad=0.01) as bench:
-        bench.at(6.0, lambda: bench.drive_to(3.44, 2.30, UP))
-        bench.run(22.0)
-        assert bench.state == 'done'
-        assert bench.distance_m == pytest.approx(1.30, abs=0.02 if slip else 0.01)
-        assert rms(across(bench, 1.3)) < 0.015
-        assert abs(wrapped(bench.robot[2] - UP)) < math.radians(1)
-
-
-@pytest.mark.parametrize('seed', range(3))
-def test_the_eight_at_50_hz(seed: int) -> None:
-    leg, = legs(eight(), 0.8)
-    away = {}
-    for law in ('kanayama', 'regulated_pure_pursuit'):
-        world = World((0.0, 0.0, math.pi / 4), 0.0, (0.01, math.radians(1)), seed=seed)
-        with Bench(world, 50.0, law=law, angular_max_rad_s=1.5) as bench:
-            bench.at(3.0, lambda: bench.follow(*eight()))
-            bench.run(48.0)
-            assert bench.state == 'done'
-            found, near = [], 0.0
-            for time_s, (x, y, _) in bench.track:
-                if time_s > 3.0:
-                    near = leg.nearest(x, y, near)
-                    px, py = leg.at(near)[:2]
-                    found.append(math.hypot(px - x, py - y))
-            away[law] = rms(found), max(found)
-    assert away['kanayama'][0] < 0.02
-    assert away['kanayama'][1] < 0.05
-    assert away['kanayama'][0] < away['regulated_pure_pursuit'][0]

@@ -157,6 +157,48 @@ def test_plans_that_come_every_second_do_not_hold_the_robot_up() -> None:
     assert run.time_s < 18.0
 
 
+def test_plans_that_come_all_the_time_do_not_hold_a_turn_up() -> None:
+    once, often = drive(), drive()
+    way = [(0.0, 0.1 * i, 0.0) for i in range(31)]
+    once.go(*way)
+    once.run(3.0)
+    for _ in range(15):
+        often.go(*way)
+        often.run(0.2)
+    assert often.pose[1] > once.pose[1] - 0.02  # it may begin to drive a little earlier
+    assert often.states == once.states == ['turning', 'driving']
+
+
+def test_a_held_robot_is_blocked_also_when_plans_go_on_coming() -> None:
+    run = drive()
+    run.held = True
+    for _ in range(11):
+        run.go(*[(0.1 * i, 0.0, 0.0) for i in range(31)])
+        run.run(1.0)
+    assert 'stopped: blocked: no progress for 10 s' in run.states
+
+
+def test_progress_never_falls_while_plans_to_the_same_goal_come() -> None:
+    run = drive()
+    seen = [0.0]
+    while not seen[1:] or not resting(run):
+        x = run.pose[0]
+        run.go(*[(x + (3.0 - x) * i / 20, 0.0, 0.0) for i in range(21)])
+        run.run(1.0)
+        seen.append(run.follower.progress)
+    assert seen == sorted(seen)
+    assert seen[5] == pytest.approx(run.poses[250][0] / 3.0, abs=0.05)
+    run.go((0.0, 0.0, 0.0))
+    assert run.follower.progress == 0.0
+
+
+def test_a_tiny_loop_is_a_turn() -> None:
+    run = drive()
+    run.go((0.0, 0.0, 0.0), (0.03, 0.0, 0.0), (0.0, 0.0, 1.0))
+    assert run.run() == 'done'
+    assert run.pose == pytest.approx((0.0, 0.0, 1.0), abs=0.03)
+
+
 def test_every_change_of_speed_is_within_the_limits() -> None:
     limits = VelocityLimits(acceleration_m_s2=0.4, deceleration_m_s2=0.6,
                             angular_acceleration_rad_s2=1.0)
@@ -173,12 +215,12 @@ def test_a_robot_that_is_held_is_blocked() -> None:
     run.go((3.0, 0.0, 0.0))
     run.run(3.0)
     run.held = True
-    assert run.run() == 'stopped: blocked: no progress for 5 s'
+    assert run.run() == 'stopped: blocked: no progress for 10 s'
     assert run.commands[-1] == (0.0, 0.0)
     turning = drive()
     turning.held = True
     turning.go((0.0, 3.0, 0.0))
-    assert turning.run() == 'stopped: blocked: no progress for 5 s of turning'
+    assert turning.run() == 'stopped: blocked: no progress for 10 s of turning'
 
 
 def test_a_robot_that_is_let_go_does_not_leap() -> None:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 from driving import eight
 from hypothesis import given
@@ -90,6 +91,25 @@ def test_numbers_that_are_none_or_too_large_are_refused_by_name(pose: Pose) -> N
 def test_an_empty_path_is_refused() -> None:
     with pytest.raises(PathError, match='empty'):
         checked([])
+
+
+def test_the_noise_of_a_dense_path_is_no_corner() -> None:
+    noise = random.Random(1)
+    poses = [(0.01 * i, noise.gauss(0.0, 0.003), 0.0) for i in range(300)]
+    leg, = legs(poses, 0.8)
+    assert leg.length_m == pytest.approx(2.99, abs=0.05)
+    assert max(map(abs, leg.curvature)) < 2.5
+
+
+def test_a_way_there_and_back_has_a_corner_at_its_turn() -> None:
+    there = [(0.05 * i, 0.0, 0.0) for i in range(21)]
+    out, back = legs([*there, *there[::-1]][:-1], 0.8)
+    assert out.length_m == pytest.approx(1.0, abs=0.1)
+    assert back.heading[0] == pytest.approx(math.pi, abs=1e-6)
+
+
+def test_a_loop_smaller_than_knots_is_no_way() -> None:
+    assert legs([(0.0, 0.0, 0.0), (0.03, 0.0, 0.0), (0.0, 0.0, 0.0)], 0.8) == []
 
 
 def test_a_corner_ends_a_leg() -> None:
