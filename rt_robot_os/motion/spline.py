@@ -43,8 +43,9 @@ def legs(poses: Sequence[Pose], corner_rad: float, shape: str = 'spline') -> lis
 
     Not for the hot path; some milliseconds for a thousand poses.
 
-    :param poses: checked ones; none are made of those that lie together. Their headings do not count: planners often leave
-        them out, and the way is what was found free.
+    :param poses: checked ones. Their headings do not count: planners often leave them out, and
+        the way is what was found free.
+    :return: empty when the poses lie closer together than a spline has knots.
     :param corner_rad: a sharper bend at a pose is a corner.
     :param shape: ``spline`` or ``line``, which has no curves but corners.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The whole chain on the virtual clock: wheels of the world, odometry, localisation, trajectory."""
+"""The whole chain on the virtual clock: wheels, odometry, localisation, trajectory."""
 
 from __future__ import annotations
 
@@ -121,5 +121,3 @@ class Chain(ModuleBench):
         for index, stddev in ((0, POSITION_M), (7, POSITION_M), (35, HEADING_RAD)):
             message.covariance[index] = stddev ** 2
         self.fix.publish(stamp_ns)
-
-
