@@ -30,6 +30,8 @@ where to look for it. A subclass says how a frame begins, where it ends, and whe
                 return None
             return SonarFrame(buffer[at + 2] << 8 | buffer[at + 3], arrived)
 
+:class:`LineDecoder` is for formats of lines.
+
 :class:`StreamDecoder` has the counters alone. SCIP needs a loop of its own, because only the end
 of an answer tells that there was one; so does WitMotion, whose frames are short and many.
 """
@@ -159,6 +161,66 @@ class FrameDecoder(StreamDecoder[FrameT]):
                 self.rejected_frames += 1
             match = search(buffer, at + 1)
             at = size if match is None else match.start()
+        self.rejected_bytes += at - framed
+        self._pending = buffer[at:]
+        self.frames += len(frames)
+        return frames
+
+
+class LineDecoder(StreamDecoder[FrameT]):
+    """
+    Find frames that are lines, ended by a line feed; safe in the real-time loop.
+
+    What stands before a line on the same line makes it none: a beginning that was lost is noticed.
+
+    :cvar LONGEST: bytes of the longest line, its end included; a longer one is none.
+    """
+
+    LONGEST: ClassVar[int]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passing_over = False
+
+    @abstractmethod
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> FrameT | None:
+        """
+        Check and read a line.
+
+        :param end: index just after its line feed.
+        :param arrived: that in the chunk which completed it.
+        :return: None when it is not valid, which is counted.
+        """
+
+    def reset(self) -> None:
+        """Reject what is pending: the stream starts anew."""
+        super().reset()
+        self._passing_over = False
+
+    def feed(self, data: bytes) -> list[FrameT]:
+        """
+        Take the next bytes of the stream; never raises.
+
+        :return: the lines that they complete, in order; the same however the stream is cut.
+        """
+        held = len(self._pending)
+        buffer = self._pending + data
+        frames: list[FrameT] = []
+        at = framed = 0
+        while end := buffer.find(b'\n', at) + 1:
+            frame = None
+            if not self._passing_over and end - at <= self.LONGEST:
+                frame = self.line(buffer, at, end, end - held)
+            self._passing_over = False
+            if frame is None:
+                self.rejected_frames += 1
+            else:
+                frames.append(frame)
+                framed += end - at
+            at = end
+        if self._passing_over or len(buffer) - at >= self.LONGEST:
+            self._passing_over = True
+            at = len(buffer)
         self.rejected_bytes += at - framed
         self._pending = buffer[at:]
         self.frames += len(frames)

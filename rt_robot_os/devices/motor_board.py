@@ -55,29 +55,28 @@ from typing import ClassVar
 from typing import Final
 
 from rt_robot_os.devices.actuator import Actuator
-from rt_robot_os.devices.battery import battery_settings
 from rt_robot_os.devices.battery import BatteryFiller
 from rt_robot_os.devices.battery import UNKNOWN
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_faults import MotorFaults
+from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.serial.device import Decoder
 from rt_robot_os.devices.serial.device import FrameT
-from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.wheel_counters import Reading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+
+__all__ = ['motor_settings', 'MotorBoard']
 
 # No robot is told to go faster, in m/s or rad/s, by somebody who means it.
 _BEYOND_REASON: Final = 1000.0
@@ -86,53 +85,8 @@ _MARGIN: Final = 1.5
 _PUSHED_M_S: Final = 2.0
 _MISSING_NS: Final = 400 * NS_PER_MS
 _FAULTS_EVERY_NS: Final = NS_PER_S
-# What an encoder may show of a wheel that stands still, in counts.
-_NOISE_COUNTS: Final = 2.5
 _SIDES: Final = ('left', 'right')
 _STILL: Final = (0.0, 0.0)
-
-
-def motor_settings(
-    *, baud: int, rate_hz: float, wheel_radius_m: Any = REQUIRED,
-    wheel_separation_m: Any = REQUIRED, ticks_per_revolution: Any = REQUIRED,
-    maximum_wheel_speed_m_s: float = 1.0, empty_v: float = 0.0, full_v: float = 0.0,
-) -> tuple[Field, ...]:
-    """
-    Declare the settings that every motor board has, with the defaults of one board.
-
-    :param rate_hz: default of the rate at which the counters are read.
-    :param ticks_per_revolution: default, of the wheel; None leaves the setting out.
-    """
-    serial = tuple(each for each in serial_settings(
-        baud=baud, frame_id='base_link', topic='', rate_hz=rate_hz)
-        if each.name not in ('topic', 'depth'))
-    ticks = () if ticks_per_revolution is None else (
-        Field('ticks_per_revolution', float, ticks_per_revolution, 'Counts of the encoder for one '
-              'turn of the wheel, gear and all four edges included. Measure it: turn the wheel '
-              'ten times.', '', 1.0, 1e7),)
-    return serial + (
-        Field('wheel_radius_m', float, wheel_radius_m, 'Radius of the wheels.', 'm', 0.001, 2.0),
-        Field('wheel_separation_m', float, wheel_separation_m, 'Distance of the wheels, from '
-              'the middle of one to that of the other.', 'm', 0.01, 5.0),
-    ) + ticks + (
-        Field('inverted_left', bool, False, 'The left wheel turns backwards when the board says '
-              'forwards, its encoder too.'),
-        Field('inverted_right', bool, False, 'As inverted_left, of the right wheel.'),
-        Field('swapped', bool, False, "The right wheel is on the board's left channel, and the "
-              'other way round.'),
-        Field('maximum_wheel_speed_m_s', float, maximum_wheel_speed_m_s, 'A command is scaled '
-              'down to it, both wheels alike, so that the robot stays on its curve.', 'm/s', 0.01,
-              20.0),
-        Field('maximum_jump', float, 0.0, 'Counts between two readings that are believed; 0: as '
-              'many as 1.5 times maximum_wheel_speed_m_s allows, or 2 m/s.', '', 0.0, 1e7),
-        Field('standstill_s', float, 0.4, 'A wheel that stands still so long although it is '
-              'commanded to turn stops the robot: its encoder, its motor or the wheel is stuck.',
-              's', 0.1, 10.0),
-        Field('standstill_from_m_s', float, 0.03, 'Slowest command at which that is watched; '
-              'below it friction may hold the wheel.', 'm/s', 0.001, 20.0),
-        Field('left_joint', str, 'left_wheel_joint', 'Name in joint_states, as in the URDF.'),
-        Field('right_joint', str, 'right_wheel_joint', 'Name in joint_states, as in the URDF.'),
-    ) + battery_settings(empty_v=empty_v, full_v=full_v)
 
 
 class MotorBoard(Actuator, SerialDevice[FrameT]):
@@ -142,6 +96,8 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     :cvar COUNTER_BITS: width of its counters, after which they wrap; 0 for numbers that do not.
     :cvar COUNTS_SURVIVE: opening the port resets neither the board nor its counters, so what they
         counted meanwhile is believed, for a second's worth.
+    :ivar counters: the angles of the wheels.
+    :ivar faults: what is wrong now.
     """
 
     COUNTER_BITS: ClassVar[int] = 32
@@ -174,7 +130,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self._watches = tuple(WheelWatch(
             patience_s=settings['standstill_s'],
             slowest_rad_s=settings['standstill_from_m_s'] / self._radius_m,
-            noise_rad=_NOISE_COUNTS * unit_rad) for _ in _SIDES)
+            noise_rad=self.noise_counts() * unit_rad) for _ in _SIDES)
         self._battery = BatteryFiller(settings)
         self.faults = MotorFaults()
         self._wheels_rad_s: tuple[float, float] = _STILL
@@ -206,13 +162,23 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         :raises DeviceError: the device is gone.
         """
 
-    def is_listening(self) -> bool:
-        """Return whether it can be told something now; the command waits for the next poll."""
+    def takes_orders(self, now_ns: int) -> bool:
+        """
+        Get the board ready to drive, without blocking, and return whether it is.
+
+        Called before :meth:`drive` unless that is to stand; the command waits for the next poll.
+
+        :raises DeviceError: the device is gone.
+        """
         return True
 
     def counts_per_revolution(self) -> float:
         """Return what :meth:`take_counts` counts in one turn of a wheel."""
         return float(self.settings['ticks_per_revolution'])
+
+    def noise_counts(self) -> float:
+        """Return what an encoder may show of a wheel that stands still, in the same counts."""
+        return 2.5
 
     # --- what it tells ---------------------------------------------------------------------------
 
@@ -271,6 +237,18 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self._lost_replies += 1
         self.faults.show(MotorFault.LINE, now_ns)
 
+    def stop_for(self, fault: MotorFault, text: str) -> None:
+        """
+        Stop, until a command to stand, or no command, says that somebody noticed.
+
+        :param fault: its bits; 0 where those of the board say it.
+        :param text: what is wrong, and what to do.
+        :raises DeviceError: the device is gone.
+        """
+        self.log.error('%s; brought to rest', text, throttle_s=1.0)
+        super().rest()
+        self.faults.latch(fault, text)
+
     # --- commands --------------------------------------------------------------------------------
 
     def actuate(self, now_ns: int) -> None:
@@ -287,13 +265,14 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if not self.is_set_up() or self.faults.lasts(MotorFault.COUNTS_MISSING):
             self._refused_commands += 1
             return
-        if not self.is_listening():
-            return
         left, right = self._limited(*wheel_speeds(linear_m_s, angular_rad_s, self._separation_m))
-        if self.faults.is_latched:
-            if left or right:
+        if left or right:
+            if self.faults.is_latched:
                 self._refused_commands += 1
                 return
+            if not self.takes_orders(now_ns):
+                return
+        else:
             self.faults.release()
         if not self.is_driving:
             self._driven_ns = now_ns
@@ -361,20 +340,14 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             state = watch.look(command_rad_s, position_rad, now_ns)
             if state is WheelState.STANDSTILL:
                 self._standstills += 1
-                self._latch(MotorFault(MotorFault.LEFT_STANDSTILL << side), (
+                self.stop_for(MotorFault(MotorFault.LEFT_STANDSTILL << side), (
                     f'the {_SIDES[side]} wheel stands still although it is commanded to turn: '
                     "check its encoder's wires, its motor and what may block it"))
             elif state is WheelState.WRONG_WAY:
                 self._wrong_ways += 1
-                self._latch(MotorFault(MotorFault.LEFT_WRONG_WAY << side), (
+                self.stop_for(MotorFault(MotorFault.LEFT_WRONG_WAY << side), (
                     f'the {_SIDES[side]} wheel turns against its command: swap the wires of its '
                     'motor, or the two channels of its encoder'))
-
-    def _latch(self, fault: MotorFault, text: str) -> None:
-        """Stop, until a command to stand, or no command, says that somebody noticed."""
-        self.log.error('%s; brought to rest', text, throttle_s=1.0)
-        super().rest()
-        self.faults.latch(fault, text)
 
     # --- declarations ----------------------------------------------------------------------------
 

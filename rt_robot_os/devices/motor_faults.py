@@ -48,11 +48,6 @@ class MotorFault(IntFlag):
     BATTERY_LOW = 256
 
 
-# Those that stop the robot, until it is commanded to stand or not commanded at all.
-LATCHED: Final = (MotorFault.LEFT_STANDSTILL | MotorFault.RIGHT_STANDSTILL
-                  | MotorFault.LEFT_WRONG_WAY | MotorFault.RIGHT_WRONG_WAY)
-
-
 class MotorFaults:
     """
     What is wrong with a board now; safe in the real-time loop.
@@ -75,7 +70,7 @@ class MotorFaults:
     @property
     def is_latched(self) -> bool:
         """Return whether a fault holds the robot."""
-        return self._latched != 0
+        return self.text != ''
 
     def release(self) -> None:
         """Let the robot move again."""

@@ -64,6 +64,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'sharp',
     'stargazer',
     'arduino_bridge',
+    'odrive',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.

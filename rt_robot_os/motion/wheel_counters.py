@@ -33,6 +33,8 @@ Counts = tuple[float, float]
 
 # A reading may be later than the one before by this, with all that the wheels turned meanwhile.
 _JITTER_S: Final = 0.02
+# After a longer silence the counters may have been reset.
+_SILENCE_NS: Final = 250_000_000
 # After a longer gap no more is believed than in this time.
 _LONGEST_GAP_S: Final = 1.0
 # A wheel gains or loses its highest speed in this time at least, and half of what it has at once.
@@ -144,7 +146,8 @@ class WheelCounters:
             self._start(now_ns)
             return self._add((0, 0), counts, now_ns, Reading.TAKEN)
         steps = self._difference(counts, last)
-        doubted, self._doubted = self._doubted, False
+        doubted = self._doubted or now_ns - self.stamp_ns > _SILENCE_NS
+        self._doubted = False
         if self._are_new(counts, steps, now_ns, doubted):
             self.resets += 1
             self._start(now_ns)

@@ -40,8 +40,8 @@ from rt_robot_os.devices.arduino_bridge import wire
 from rt_robot_os.devices.arduino_bridge.wire import Reply
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.device import Value
-from rt_robot_os.devices.motor_board import motor_settings
 from rt_robot_os.devices.motor_board import MotorBoard
+from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.schema import Field
@@ -170,7 +170,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         """Return whether it has answered."""
         return self._was_answered
 
-    def is_listening(self) -> bool:
+    def takes_orders(self, now_ns: int) -> bool:
         """Return whether it is known which of its answers belongs to what."""
         return self._in_step
 

@@ -31,7 +31,7 @@ import re
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.devices.framing import StreamDecoder
+from rt_robot_os.devices.framing import LineDecoder
 
 ENCODERS: Final = b'e\r'
 HALT: Final = b'm 0 0\r'
@@ -44,7 +44,6 @@ PID_RATE_HZ: Final = 1000 / 33
 # Its numbers have 16 bits.
 FASTEST: Final = 32767
 
-_LONGEST: Final = 26
 _REPLY: Final = re.compile(
     rb'(?:OK|Invalid Command|(-?\d{1,10})(?: (-?\d{1,10}))?)\r?\n').fullmatch
 _SURE: Final = 2
@@ -80,48 +79,22 @@ class Reply(NamedTuple):
     end: int
 
 
-class ReplyDecoder(StreamDecoder[Reply]):
+class ReplyDecoder(LineDecoder[Reply]):
     """
     Turn bytes into lines; one that no command is answered with is none.
 
     There is no checksum: a line that lost a digit may look right.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._passing_over = False
+    LONGEST = 26
 
-    def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
-        super().reset()
-        self._passing_over = False
-
-    def feed(self, data: bytes) -> list[Reply]:
-        """Take the next bytes of the stream; never raises."""
-        held = len(self._pending)
-        buffer = self._pending + data
-        replies: list[Reply] = []
-        at = framed = 0
-        while end := buffer.find(b'\n', at) + 1:
-            match = None
-            if not self._passing_over and end - at <= _LONGEST:
-                match = _REPLY(buffer, at, end)
-            self._passing_over = False
-            if match is None:
-                self.rejected_frames += 1
-            else:
-                numbers = tuple(int(each) for each in match.groups() if each is not None)
-                text = b'' if numbers else buffer[at:end].rstrip()
-                replies.append(Reply(text, numbers, end - at, end - held))
-                framed += end - at
-            at = end
-        if self._passing_over or len(buffer) - at >= _LONGEST:
-            self._passing_over = True
-            at = len(buffer)
-        self.rejected_bytes += at - framed
-        self._pending = buffer[at:]
-        self.frames += len(replies)
-        return replies
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
+        """Read a line."""
+        match = _REPLY(buffer, at, end)
+        if match is None:
+            return None
+        numbers = tuple(int(each) for each in match.groups() if each is not None)
+        return Reply(b'' if numbers else buffer[at:end].rstrip(), numbers, end - at, arrived)
 
 
 def is_arduino_bridge(data: bytes) -> bool:

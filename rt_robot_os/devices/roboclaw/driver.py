@@ -39,9 +39,9 @@ from typing import Final
 
 from rt_robot_os.devices.battery import DISCHARGING
 from rt_robot_os.devices.device import Value
-from rt_robot_os.devices.motor_board import motor_settings
 from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_faults import MotorFault
+from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.roboclaw import wire
 from rt_robot_os.devices.roboclaw.exchange import Exchange
 from rt_robot_os.devices.roboclaw.exchange import Make
