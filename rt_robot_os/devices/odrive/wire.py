@@ -22,7 +22,7 @@ and a line with a wrong one is ignored::
     r vbus_voltage *93   24.150000*49      the value of a property
     f 0 *102             1.5 -0.25*...     position and speed of a motor, in turns
 
-Source: ODrive, docs/ascii-protocol.rst.
+Source: the page "ASCII Protocol" of the documentation of ODrive.
 """
 
 from __future__ import annotations
