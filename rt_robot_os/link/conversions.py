@@ -43,6 +43,7 @@ TRANSFORMS: Final = 'tf2_msgs/msg/TFMessage'
 NUMBERS: Final = 'std_msgs/msg/Float64MultiArray'
 PATH: Final = 'nav_msgs/msg/Path'
 GOAL: Final = 'geometry_msgs/msg/PoseStamped'
+ESTIMATE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 
 #: From the message of a sample and its time since 1970 in ns to the message in ROS.
 Outward: TypeAlias = Callable[[memoryview, int], bytes]
@@ -211,20 +212,22 @@ def _unit(pose: Sequence[float], what: str) -> tuple[float, ...]:
 
 def _check_frame(found: str, wanted: str, what: str = '') -> None:
     if found != wanted:
-        raise ValueError(f'{what}frame_id {found[:60]!r}: it must be {wanted!r}; transform it '
-                         'there before')
+        remedy = f'it must be {wanted!r}; transform it there before' if wanted else (
+            'the topic of the core names none; declare it with fixed: {header.frame_id: map}')
+        raise ValueError(f'{what}frame_id {found[:60]!r}: {remedy}')
 
 
-# ---- goals -----------------------------------------------------------------------------------
+# ---- goals and initial poses -----------------------------------------------------------------
 
-def check_goal(frame_id: str, maximum_bytes: int) -> Inward:
+def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
     """Make what lets poses with this frame pass, with a quaternion of length 1."""
     def convert(cdr: bytes) -> bytes:
         reader = CdrReader(cdr)
         reader.skip(4, 8)
         _check_frame(reader.text(), frame_id)
         pose = reader.doubles(7)
-        return bytes(cdr[:reader.at - _POSE.size]) + _POSE.pack(*pose[:3], *_unit(pose, 'it'))
+        start = reader.at - _POSE.size
+        return cdr[:start] + _POSE.pack(*pose[:3], *_unit(pose, 'it')) + cdr[reader.at:]
 
     return convert
 
@@ -236,7 +239,7 @@ CONVERSIONS: Final = (
     Conversion(NUMBERS, PATH, 'map', to_path, from_path),
 )
 #: What is checked on its way from ROS though its type stays.
-CHECKED: Final = {GOAL: check_goal}
+CHECKED: Final = {GOAL: check_pose, ESTIMATE: check_pose}
 
 
 def find(core: str, ros: str) -> Conversion | None:

@@ -22,9 +22,10 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 
-from rt_robot_os.link.conversions import check_goal
+from rt_robot_os.link.conversions import check_pose
 from rt_robot_os.link.conversions import from_path
 from rt_robot_os.link.conversions import to_path
 from rt_robot_os.link.conversions import to_transforms
@@ -74,7 +75,6 @@ def path(poses: Sequence[Sequence[float]], frame_id: str = 'map', own: str = '')
 
 
 def numbers(values: Sequence[float]) -> bytes:
-    import numpy as np
     layout = TYPES['std_msgs/msg/MultiArrayLayout']([], 0)
     return written(TYPES['std_msgs/msg/Float64MultiArray'](layout, np.array(values, float)))
 
@@ -153,7 +153,7 @@ def test_a_path_that_must_not_pass_is_refused(cdr: bytes, problem: str) -> None:
 def test_no_bytes_do_more_than_be_refused(noise: bytes, at: int) -> None:
     whole = path([(1.0, 2.0, 0.5)] * 3)
     for cdr in (b'\x00\x01\x00\x00' + noise, whole[:at] + noise + whole[at + len(noise):]):
-        for convert in (from_path('map', ROOM), check_goal('map', ROOM)):
+        for convert in (from_path('map', ROOM), check_pose('map', ROOM)):
             try:
                 found = convert(cdr)
             except ValueError:
@@ -170,11 +170,26 @@ def goal(quaternion: Sequence[float], frame_id: str = 'map', x: float = 1.0) -> 
 
 @given(st.floats(-3.1, 3.1), st.floats(0.1, 10.0))
 def test_a_goal_passes_with_a_quaternion_of_length_1(yaw: float, length: float) -> None:
-    found = read(check_goal('map', 0)(goal([length * each for each in turned(yaw)])),
+    found = read(check_pose('map', 0)(goal([length * each for each in turned(yaw)])),
                  'geometry_msgs/msg/PoseStamped')
     assert found.header == header('map') and found.pose.position.x == 1.0
     turn = found.pose.orientation
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx(turned(yaw), abs=1e-9)
+
+
+def test_an_initial_pose_keeps_its_covariance() -> None:
+    estimate = TYPES['geometry_msgs/msg/PoseWithCovariance'](
+        pose(1.0, 2.0, (0.0, 0.0, 2.0, 0.0)), np.arange(36.0))
+    found = read(check_pose('map', 0)(written(
+        TYPES['geometry_msgs/msg/PoseWithCovarianceStamped'](header('map'), estimate))),
+        'geometry_msgs/msg/PoseWithCovarianceStamped')
+    assert list(found.pose.covariance) == list(range(36))
+    assert found.pose.pose.orientation.z == 1.0
+
+
+def test_a_topic_that_names_no_frame_is_told_what_to_do() -> None:
+    with pytest.raises(ValueError, match="frame_id 'map': .* declare it with fixed: {header.fr"):
+        check_pose('', 0)(goal((0, 0, 0, 1)))
 
 
 @pytest.mark.parametrize(('cdr', 'problem'), [
@@ -184,4 +199,4 @@ def test_a_goal_passes_with_a_quaternion_of_length_1(yaw: float, length: float) 
     (goal((0, 0, math.inf, 1)), 'it has a number that is not finite')])
 def test_a_goal_that_must_not_pass_is_refused(cdr: bytes, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
-        check_goal('map', 0)(cdr)
+        check_pose('map', 0)(cdr)
