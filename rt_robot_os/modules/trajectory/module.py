@@ -148,6 +148,8 @@ class Trajectory(Module):
                 'declare both in the frame of the map'])
         self._wishes: list[tuple[str, Subscription]] = [
             (wish, getattr(self, wish)) for wish in _WISHES if self.connected(wish)]
+        # Looked up once: to ask which ports there are costs more than a step.
+        self._cancel = self.cancel if self.connected('cancel') else None
         self._whereabouts = Whereabouts(self.pose, self.odom)
         self._apply()
 
@@ -212,14 +214,13 @@ class Trajectory(Module):
         for wish, source in self._wishes:
             if source.latest() and (newest is None or source.stamp_ns >= newest[0]):
                 newest = source.stamp_ns, wish, source
-        if self.connected('cancel'):
-            while self.cancel.take():
-                if self.cancel.msg.data and (newest is None
-                                             or self.cancel.stamp_ns >= newest[0]):
-                    newest = None
-                    if self._follower.driving:
-                        self._cancelled += 1
-                        self._follower.stop('cancelled')
+        cancel = self._cancel
+        while cancel is not None and cancel.take():
+            if cancel.msg.data and (newest is None or cancel.stamp_ns >= newest[0]):
+                newest = None
+                if self._follower.driving:
+                    self._cancelled += 1
+                    self._follower.stop('cancelled')
         if newest is None:
             return
         self._goals += 1
@@ -236,9 +237,9 @@ class Trajectory(Module):
     def _goal_poses(self) -> list[Pose]:
         """Return the goal, checked."""
         message = self.goal.msg.pose
-        goal = planar(message)
+        x, y, z = map(float, message.position)
+        goal = planar((x, y, z, *map(float, message.orientation)))
         if goal is None:
-            x, y, _ = message.position
             raise PathError(f'goal is no pose: position {x:g}, {y:g}, orientation '
                             + ', '.join(f'{each:g}' for each in message.orientation))
         return [goal]

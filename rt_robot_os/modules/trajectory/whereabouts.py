@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any
 
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
@@ -27,8 +27,10 @@ from rt_robot_os.motion.reference_path import is_pose
 from rt_robot_os.topics.subscription import Subscription
 from rt_robot_os.units import NS_PER_S
 
-# Where x, y and yaw have their variances in a covariance of six by six.
-_X_X, _Y_Y, _YAW_YAW = 0, 7, 35
+# A pose has seven numbers; then come those of a covariance of six by six, of which x, y and yaw
+# have their variances here.
+_POSE = 7
+_X_X, _Y_Y, _YAW_YAW = _POSE, _POSE + 7, _POSE + 35
 
 
 @dataclass
@@ -71,6 +73,9 @@ class Whereabouts:
 
     def __init__(self, pose: Subscription, odom: Subscription) -> None:
         self._pose, self._odom = pose, odom
+        self._unpack_pose = pose.topic.layout.packer('pose.pose', 'pose.covariance').unpack
+        self._unpack_odom = odom.topic.layout.packer(
+            'pose.pose', 'twist.twist.linear.x', 'twist.twist.angular.z').unpack
         self.prediction = PosePrediction()
         self.counters = Counters()
         self.pose_source, self.odom_source = Source(), Source()
@@ -80,10 +85,8 @@ class Whereabouts:
         """Take what has come; safe in the real-time loop."""
         prediction, odom, pose = self.prediction, self._odom, self._pose
         while odom.take():
-            message = odom.msg
-            found = planar(message.pose.pose)
-            linear = float(message.twist.twist.linear.x)
-            angular = float(message.twist.twist.angular.z)
+            *numbers, linear, angular = self._unpack_odom(odom.buffer)
+            found = planar(numbers)
             if found is None or not (math.isfinite(linear) and math.isfinite(angular)):
                 self.counters.odometry_refused += 1
                 continue
@@ -95,10 +98,9 @@ class Whereabouts:
 
     def _localised(self, now_ns: int) -> None:
         pose = self._pose
-        found = planar(pose.msg.pose.pose)
-        covariance = pose.msg.pose.covariance
-        position = float(covariance[_X_X]) + float(covariance[_Y_Y])
-        heading = float(covariance[_YAW_YAW])
+        numbers = self._unpack_pose(pose.buffer)
+        found = planar(numbers[:_POSE])
+        position, heading = numbers[_X_X] + numbers[_Y_Y], numbers[_YAW_YAW]
         # A variance below 0 means that nobody knows it.
         if found is None or not (position >= 0.0 and heading >= 0.0):
             self.counters.poses_refused += 1
@@ -125,13 +127,15 @@ class Whereabouts:
         return '' if self.prediction.known else 'no pose since odometry began anew'
 
 
-def planar(pose: Any) -> Pose | None:
-    """Return x, y and heading of a ``geometry_msgs/msg/Pose``; None when it is no pose."""
-    x, y, _ = pose.position
-    a, b, c, d = pose.orientation
-    length = a * a + b * b + c * c + d * d
+def planar(numbers: Sequence[float]) -> Pose | None:
+    """
+    Return x, y and heading of a pose; None when it is none.
+
+    :param numbers: of a ``geometry_msgs/msg/Pose``: the position, then the quaternion.
+    """
+    x, y, _, a, b, c, d = numbers
     # A rotation has the length 1; what is far from it was never filled in, or is no number.
-    if not 0.5 < length < 2.0:
+    if not 0.5 < a * a + b * b + c * c + d * d < 2.0:
         return None
-    found = float(x), float(y), yaw_of(float(a), float(b), float(c), float(d))
+    found = x, y, yaw_of(a, b, c, d)
     return found if is_pose(found) else None
