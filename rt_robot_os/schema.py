@@ -62,6 +62,8 @@ class Field:
     :ivar choices: the allowed values; empty allows all.
     :ivar live: whether it may be changed while the robot runs.
     :ivar length: how many items a list has; 0 for any number.
+    :ivar is_file: it names a file: a relative path counts from the folder of the configuration
+        that has it, else from the folder of those that are shipped.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Field:
     item: type = str
     live: bool = False
     length: int = 0
+    is_file: bool = False
 
     def problem(self, value: Any) -> str | None:
         """

@@ -109,6 +109,14 @@ class Actuator(Device):
         """Return whether a command is in force."""
         return self._deadline_ns != 0
 
+    def is_moving(self) -> bool:
+        """
+        Return whether the command in force moves anything.
+
+        After one to stand silence is nothing to warn of. The default is that all of them do.
+        """
+        return True
+
     def own_rounds_hz(self) -> float:
         """Return how often a command in force is looked at by itself."""
         return 1.0 / float(self.settings[TIMEOUT])
@@ -133,8 +141,9 @@ class Actuator(Device):
         if self._deadline_ns:
             if now_ns >= self._deadline_ns or (is_new and deadline_ns <= now_ns):
                 self._timeouts += 1
-                self.log.warn('no command for %g s: brought to rest', self.settings[TIMEOUT],
-                              throttle_s=1.0)
+                if self.is_moving():
+                    self.log.warn('no command for %g s: brought to rest', self.settings[TIMEOUT],
+                                  throttle_s=1.0)
                 self.rest()
             elif is_new or polled:
                 self.actuate(now_ns)

@@ -287,6 +287,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         """Return whether a wheel is told to turn."""
         return self._wheels_rad_s != _STILL
 
+    def is_moving(self) -> bool:
+        """Return whether the command in force moves the robot."""
+        return self.is_driving
+
     def _limited(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
         """Return the speeds of the wheels in rad/s, scaled alike down to the limit."""
         limit_m_s: float = self.settings['maximum_wheel_speed_m_s']

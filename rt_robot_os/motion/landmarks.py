@@ -78,8 +78,7 @@ def landmarks_of(texts: Iterable[str], where: str) -> dict[int, Landmark]:
     :raises ConfigError: with every problem found.
     """
     return _collected(
-        (f'{where}, {text!r}', text.replace(':', ' ').replace(',', ' ').split())
-        for text in texts)
+        (f'{where}, {text!r}', _words(text)) for text in texts)
 
 
 def read_landmarks(text: str, name: str) -> dict[int, Landmark]:
@@ -134,8 +133,14 @@ def _rows_of_yaml(text: str, name: str) -> Iterator[tuple[str, Sequence[Any]]]:
         before = () if key is None else (key,)
         if isinstance(value, Mapping):
             yield where, _in_order({'id': key, **value}, where)
+        elif isinstance(value, str):
+            yield where, (*before, *_words(value))
         else:
             yield where, (*before, *(value if isinstance(value, list) else (value,)))
+
+
+def _words(text: str) -> list[str]:
+    return text.replace(':', ' ').replace(',', ' ').split()
 
 
 def _in_order(values: Mapping[Any, Any], where: str) -> Sequence[Any]:

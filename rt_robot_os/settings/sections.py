@@ -32,6 +32,7 @@ from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.files import path_near
 from rt_robot_os.settings.model import LISTS
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SECTIONS
@@ -135,7 +136,10 @@ def _check(section: Section, each: Field, leaf: Leaf, label: str, problems: Prob
     if remedy:
         problems.value(leaf.origin, label, leaf.value, remedy)
         return
-    section.values[each.name] = each.coerce(leaf.value)
+    value = each.coerce(leaf.value)
+    if each.is_file and value and not value.startswith('~') and '://' not in value:
+        value = str(path_near(value, leaf.origin.file))
+    section.values[each.name] = value
     section.origins[each.name] = leaf.origin
 
 

@@ -139,6 +139,20 @@ def test_it_drives_as_commanded_and_says_so(robot: Robot) -> None:
     assert statistics.rejected_bytes == statistics.rejected_frames == 0
 
 
+@pytest.mark.parametrize(('last', 'told'), [(0.3, True), (0.0, False)])
+def test_silence_is_worth_a_warning_only_while_it_drives(
+        robot: Robot, last: float, told: bool) -> None:
+    robot.steer(0.3)
+    robot.run(500)
+    robot.steer(last)
+    robot.run(100)
+    robot.steer(None)
+    robot.run(500)
+    assert robot.counters()['command_timeouts'] == 1
+    _, _, reports = robot.reports.since(0)
+    assert any('no command for 0.3 s' in each.text for each in reports) == told
+
+
 def test_the_counters_are_read_at_their_rate(robot: Robot) -> None:
     robot.run(1000)
     before = robot.device.statistics().samples

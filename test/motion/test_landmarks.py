@@ -54,7 +54,8 @@ def test_csv_in_centimetres_and_degrees() -> None:
     'landmarks:\n  7: [1.0, 2.0, 0.5]\n  8: {x_cm: 300, y: 4}\n',
     '7: [1, 2, 0.5]\n8: [3, 4]\n',
     'landmarks:\n- {id: 7, x: 1, y: 2, yaw: 0.5}\n- {id: 8, x: 3, y_mm: 4000}\n',
-    '- [7, 1, 2, 0.5]\n- [8, 3, 4]\n'])
+    '- [7, 1, 2, 0.5]\n- [8, 3, 4]\n',
+    'seed: 1\nlandmarks: ["7: 1, 2, 0.5", 8 3 4]\n'])
 def test_every_form_of_yaml(text: str) -> None:
     assert read_landmarks(text, 'room.yaml') == {
         7: Landmark(7, 1.0, 2.0, 0.5), 8: Landmark(8, 3.0, 4.0, 0.0)}

@@ -70,7 +70,7 @@ class Camera(CaptureDevice):
         Field('compression', str, 'jpeg', 'Of compressed pictures.', choices=('jpeg', 'png')),
         Field('quality', int, 80, 'Of JPEG.', minimum=1, maximum=95),
         Field('camera_info', str, '', 'Calibration of camera_calibration: path, file:// or '
-              'package://; empty for an uncalibrated camera.'),
+              'package://; empty for an uncalibrated camera.', is_file=True),
         Field('frame_id', str, 'camera_optical_frame', 'Coordinate frame: z ahead, x to the '
               'right, y down.'),
         Field('body_frame_id', str, 'camera_link', 'Frame of its housing: x ahead, y to the left, '

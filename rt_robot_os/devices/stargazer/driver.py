@@ -78,7 +78,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
               'number, x and y in m, yaw in rad. Without any, and without landmarks_file, the '
               'first mark that it sees is the origin.'),
         Field('landmarks_file', str, '', 'More of them, from a CSV file (id,x_cm,y_cm,yaw_deg) or '
-              'a YAML file: a path, file:// or package://.'),
+              'a YAML file: a path, file:// or package://.', is_file=True),
         Field('angle_sign', int, -1, 'Sense of its angle: -1 when it counts clockwise, as those '
               'known do, 1 when it counts counter-clockwise.', choices=(-1, 1)),
         Field('angle_offset_rad', float, 0.0, 'Added to its angle after the sign.', 'rad',

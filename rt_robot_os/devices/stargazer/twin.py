@@ -73,7 +73,7 @@ class SimulatedStarGazer(SimulatedDevice):
               'until 2008.', choices=(MULTI, SINGLE, OLD)),
         Field('landmarks', list, (), 'Where the marks hang, as for the driver; without any, '
               f'those of the world, of the driver, or the one mark {_FIRST_MARK}.'),
-        Field('landmarks_file', str, '', 'More of them, as for the driver.'),
+        Field('landmarks_file', str, '', 'More of them, as for the driver.', is_file=True),
         Field('angle_sign', int, -1, 'Sense of its angle, as for the driver.', choices=(-1, 1)),
         Field('angle_offset_rad', float, 0.0, 'As for the driver.', 'rad', -math.tau, math.tau),
         Field('range_m', float, 1.5, 'How far beside it a mark may be to be seen.', 'm', 0.05,
