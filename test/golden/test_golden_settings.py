@@ -42,7 +42,8 @@ EXAMPLE = ROOT / 'examples' / 'rt_robot_example'
 EVERYTHING = 'test/golden/everything.yaml'
 BLOCK = re.compile(r'^```yaml\n(.*?)^```', re.MULTILINE | re.DOTALL)
 # Not for this package, or not to be read before a user has filled it in.
-NO_ROBOT = {'config/diagnostics_aggregator.yaml', 'README.md 1'}
+NO_ROBOT = {'README.md 1', 'config/diagnostics_aggregator.yaml', 'config/maps/flat.yaml',
+            'config/maps/flat_world.yaml', 'config/nav2.yaml'}
 HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.
 UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
@@ -128,7 +129,7 @@ def flat(value: Any, prefix: str = '') -> Iterator[tuple[str, Any]]:
             yield from flat(item, f'{prefix}.{key}' if prefix else key)
     elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
         for each in value:
-            yield from flat(each, f'{prefix}.{each["name"]}')
+            yield from flat(each, f'{prefix}.{each.get("name") or each["frame_id"]}')
     else:
         yield prefix, value
 
