@@ -31,6 +31,7 @@ from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing import settings_of
@@ -371,3 +372,19 @@ def test_gains_are_four(gains: list[int]) -> None:
 def test_its_bytes_are_recognised() -> None:
     assert wire.is_arduino_bridge(b'mand\r\nInvalid Command\r\nInvalid Command\r\nInv')
     assert not wire.is_arduino_bridge(b'OK\r\nOK\r\nOK\r\n')
+
+
+# --- whatever befalls the line -------------------------------------------------------------------
+
+@pytest.mark.parametrize('fault', sorted(set(MOTOR_FAULTS) - {
+    'left_encoder', 'right_encoder', 'overcurrent', 'unplug', 'reset'}))
+def test_whatever_befalls_the_line_costs_no_odometry(tmp_path: Path, fault: str) -> None:
+    with robot(tmp_path) as made:
+        made.drive(0.3, 1000)
+        made.twin.inject(fault, 0.8)
+        made.rig.run(3000)
+        assert made.rig.managed.state is DeviceState.ACTIVE, made.rig.managed.reason
+        assert made.moves(), 'commands go on, so does it'
+        made.stand()
+        assert made.samples[-1][1:3] == pytest.approx(made.true_rad(), abs=2 * TICK_RAD)
+        assert made.counters()['counter_resets'] == 0

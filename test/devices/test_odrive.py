@@ -23,7 +23,12 @@ from pathlib import Path
 import re
 from typing import Any
 
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import pytest
+from rt_robot_os.devices.arduino_bridge.driver import ArduinoBridge
+from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_faults import BOARD_BITS
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.odrive import wire
@@ -32,10 +37,14 @@ from rt_robot_os.devices.odrive.twin import SimulatedOdrive
 from rt_robot_os.devices.odrive.wire import OdriveDecoder
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing import settings_of
 from rt_robot_os.testing.actuator_rig import ActuatorRig
+from rt_robot_os.testing.fakes import bind
+from rt_robot_os.topics.ports import Output
 
 ROBOT = {'wheel_radius_m': 0.08, 'wheel_separation_m': 0.4}
 
@@ -309,3 +318,79 @@ def test_voltage_and_current_are_those_of_the_battery(tmp_path: Path) -> None:
 def test_both_wheels_on_one_axis_are_refused() -> None:
     with pytest.raises(ConfigError, match='base: left_axis and right_axis are both 1'):
         Odrive('base', settings_of(Odrive, port='x', **ROBOT, left_axis=1))
+
+
+@pytest.mark.parametrize('fault', sorted(set(MOTOR_FAULTS) - {
+    'left_encoder', 'right_encoder', 'overcurrent', 'unplug', 'reset'}))
+def test_whatever_befalls_the_line_costs_no_odometry(tmp_path: Path, fault: str) -> None:
+    with robot(tmp_path, watchdog_s=5.0) as made:
+        made.drive(0.3, 1000)
+        made.twin.inject(fault, 0.8)
+        made.rig.run(3000)
+        assert made.rig.managed.state is DeviceState.ACTIVE, made.reason
+        assert made.twin.is_driving, 'commands go on, so does it'
+        made.stand()
+        assert made.samples[-1] == pytest.approx(made.twin.base.wheel_angles, abs=1e-4)
+        assert made.rig.counters()['counter_resets'] == 0
+
+
+class Replies:
+    """A port that gives what the test says."""
+
+    def __init__(self, path: str, baud: int | None) -> None:
+        self.left: list[bytes] = []
+        self.bytes_read = self.dropped_write_bytes = 0
+
+    def fileno(self) -> int:
+        return 0
+
+    def read(self) -> bytes:
+        return self.left.pop(0) if self.left else b''
+
+    def write(self, data: bytes) -> None:
+        """Take anything."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+PIECES = (b'57600\r\n', b'OK\r\n', b'12 -7\r\n', b'0 0\r\n', b'512\r\n', b'Invalid Command\r\n',
+          said('24.1'), said('1'), said('8'), said('0'), said('1.25 0.5', '1.5 -0.5'),
+          said('invalid property'), said('nan inf', 'nan nan'))
+
+
+@pytest.mark.parametrize('driver', [Odrive, ArduinoBridge])
+def test_no_bytes_whatever_move_it_or_break_it(driver: type[MotorBoard[Any]]) -> None:
+    extra = {'ticks_per_revolution': 1440.0, 'reset_wait_s': 0.0, 'battery_pin': 1} if (
+        driver is ArduinoBridge) else {}
+    piece = st.binary(max_size=20) | st.sampled_from(PIECES)
+
+    @settings(max_examples=60, deadline=None)
+    @given(chunks=st.lists(st.lists(piece, max_size=4).map(b''.join), max_size=60),
+           period_ms=st.sampled_from([1, 20, 150]))
+    def check(chunks: list[bytes], period_ms: int) -> None:
+        device: Any = driver('dut', settings_of(driver, port='x', **ROBOT, **extra))
+        publishers = dict(zip(device.used(Output), bind(device)))
+        device.make_port = Replies
+        now_ns = 1_000_000_000
+        device.clock_ns = lambda: now_ns
+        device.open()
+        device.safe_state()
+        try:
+            for chunk in chunks:
+                now_ns += period_ms * 1_000_000
+                device._port.left.append(chunk)
+                device.write(now_ns)
+                device.read(now_ns)
+        except DeviceError as error:
+            assert 'dut: it' in str(error)
+        device.close()
+        device.statistics()
+        stamps = publishers['joint_states'].stamps
+        assert stamps == sorted(stamps)
+        angles = [list(sample.position) for sample in publishers['joint_states'].samples]
+        assert all(math.isfinite(angle) for pair in angles for angle in pair)
+        for (left, right), (left_after, right_after) in zip(angles, angles[1:]):
+            fastest = 2.0 / 0.08
+            assert max(abs(left_after - left), abs(right_after - right)) < 1.2 * fastest
+    check()

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 from hypothesis import given
 from hypothesis import settings
@@ -189,3 +190,28 @@ def test_readings_that_come_together_are_no_speed() -> None:
     fed(counters, (22, 22))
     assert counters.velocity_rad_s == pytest.approx(
         (12 * TICK_RAD / 0.033, 12 * TICK_RAD / 0.033), rel=1e-3)
+
+
+@given(st.integers(0, 2**32), st.floats(0.0, 0.25), st.sampled_from([16, 32]))
+@settings(max_examples=30, deadline=None)
+def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) -> None:
+    chance = random.Random(seed)
+    counters = made(bits)
+    at_ns, angle, speed, furthest = PERIOD_NS, 0.0, 0.0, 0.0
+    counters.take(20_000, 20_000, at_ns)
+    for n in range(150):
+        at_ns += PERIOD_NS
+        speed += chance.uniform(-40.0, 40.0) * 0.033
+        speed = max(-20.0, min(speed, 20.0))
+        angle += speed * 0.033
+        true = round(angle / TICK_RAD) + 20_000
+        wrong = n < 140 and chance.random() < share
+        digits = str(true)
+        cut = chance.randrange(len(digits))
+        shown = int(digits[:cut] + digits[cut + 1:]) if wrong else true
+        before = counters.position_rad[0]
+        counters.take(shown, 20_000, at_ns)
+        furthest = max(furthest, abs(counters.position_rad[0] - before))
+    assert ticks(counters)[0] == true - 20_000
+    assert counters.resets == 0
+    assert furthest < FASTEST_RAD_S
