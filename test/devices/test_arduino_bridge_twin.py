@@ -30,7 +30,10 @@ import pytest
 from rt_robot_os.devices.arduino_bridge import wire
 from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world.drive_base import DriveBase
+from rt_robot_os.sim.world.world import World
+from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -234,3 +237,20 @@ def test_a_reset_forgets_everything() -> None:
     board.run(board.now_ns + 1500 * NS_PER_MS)
     assert board.answers(wire.ENCODERS).endswith(b'\r\n')
     assert abs(board.twin.ticks[0]) < 60 and board.twin._gains.p == 20
+
+
+def test_it_moves_the_robot_of_the_world() -> None:
+    world = World(WorldSettings(map=OPEN_FLOOR, start=(1.0, 2.0, math.pi / 2)))
+    device = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 2000.0,
+              'inverted_left': True, 'inverted_right': True}
+    cable: Any = Cable()
+    twin = SimulatedArduinoBridge('twin', {}, cable, site=Site(world, device))
+    for ms in range(2000):
+        if ms % 500 == 0:
+            cable.to_board += wire.speeds(-20, -20)
+        twin.pump(START_NS + ms * NS_PER_MS)
+    x, y, yaw = world.base.pose
+    turned = -sum(twin.ticks) / 2 / 2000.0 * math.tau
+    assert turned > 2.0
+    assert (x, yaw) == pytest.approx((1.0, math.pi / 2), abs=1e-3)
+    assert y - 2.0 == pytest.approx(turned * 0.05, abs=1e-3)
