@@ -32,6 +32,7 @@ from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.devices.capture.pictures import NO_PILLOW
 from rt_robot_os.devices.capture.pictures import open_source
 from rt_robot_os.devices.capture.pictures import PictureSource
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
 
 
@@ -131,10 +132,11 @@ class CameraFrames:
         self._source.close()
 
 
-def open_camera(settings: Mapping[str, Any]) -> CameraFrames:
+def open_camera(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> CameraFrames:
     """
     Open what a camera's settings ask for.
 
+    :param scene: what a simulated one is before.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
-    return CameraFrames(open_source(settings), settings)
+    return CameraFrames(open_source(settings, scene), settings)

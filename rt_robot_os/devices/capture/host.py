@@ -30,6 +30,7 @@ import subprocess
 import sys
 from typing import Final
 
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.devices.capture.spawn import end_worker
 from rt_robot_os.devices.capture.spawn import start_worker
 from rt_robot_os.errors import DeviceError
@@ -45,11 +46,13 @@ class CaptureHost:
     A listening socket and the workers that were started for its connections.
 
     :param path: of the socket.
+    :param scene: what a simulated camera is before.
     :ivar workers: those that run.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, scene: SceneMemory | None = None) -> None:
         self.path = path
+        self.scene = scene
         self.workers: list[subprocess.Popen[bytes]] = []
         self._listener: socket.socket | None = None
 
@@ -92,7 +95,7 @@ class CaptureHost:
                 return
             with connection:
                 if len(self.workers) < WORKERS_MAXIMUM:
-                    self.workers.append(start_worker(connection))
+                    self.workers.append(start_worker(connection, self.scene))
 
     def close(self) -> None:
         """Listen no more and end all workers; may be called twice."""

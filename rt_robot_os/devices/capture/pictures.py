@@ -36,6 +36,7 @@ import numpy as np
 
 from rt_robot_os.devices.capture.pattern import Pattern
 from rt_robot_os.devices.capture.pattern import Pixels
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
 
 NS_PER_S: Final = 1_000_000_000
@@ -101,6 +102,38 @@ class SyntheticPictures:
         """Make the next picture at its moment."""
         moment_ns = self._grid.wait()
         return self._pattern.frame(next(self._numbers)), moment_ns
+
+    def rewind(self) -> None:
+        """Go on: it has no end."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class RoomPictures:
+    """The room of the simulated world."""
+
+    bgr = False
+
+    def __init__(self, settings: Mapping[str, Any], scene: SceneMemory) -> None:
+        # Late: a real camera needs neither.
+        from rt_robot_os.devices.camera.camera_info import load_calibration
+        from rt_robot_os.devices.camera.camera_info import uncalibrated
+        from rt_robot_os.devices.capture.room_view import RoomView
+        width, height, url = settings['width'], settings['height'], settings['camera_info']
+        calibration = (load_calibration(url, width, height) if url else
+                       uncalibrated(width, height))
+        self._view = RoomView(width, height, calibration.k)
+        self._scene = scene
+        self._grid = Grid(settings['output_rate_hz'])
+
+    def grab(self) -> tuple[Pixels, int] | None:
+        """Draw what is before the camera at its moment."""
+        moment_ns = self._grid.wait()
+        scene = self._scene.read()
+        if scene is None:
+            raise DeviceError('the simulated world has not shown itself: start the robot anew')
+        return self._view.picture(scene), moment_ns
 
     def rewind(self) -> None:
         """Go on: it has no end."""
@@ -240,15 +273,16 @@ def _why_nothing(live: bool) -> str:
     return 'holds no picture that OpenCV can read: is it whole?'
 
 
-def open_source(settings: Mapping[str, Any]) -> PictureSource:
+def open_source(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> PictureSource:
     """
     Open what the port names.
 
+    :param scene: what a simulated camera is before.
     :raises DeviceError: it cannot be opened.
     """
     port = settings['port']
     if port == 'synthetic':
-        return SyntheticPictures(settings)
+        return SyntheticPictures(settings) if scene is None else RoomPictures(settings, scene)
     if os.path.isdir(port):
         return PictureFolder(settings)
     return OpenCvCapture(settings)

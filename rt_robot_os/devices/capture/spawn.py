@@ -21,6 +21,7 @@ import os
 import socket
 import subprocess
 
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import ONE_BLAS_THREAD
 from rt_robot_os.linux.process import start_child
@@ -30,15 +31,18 @@ _BUFFER_BYTES = 1 << 17
 _PATIENCE_S = 0.5
 
 
-def start_worker(connection: socket.socket) -> subprocess.Popen[bytes]:
+def start_worker(connection: socket.socket, scene: SceneMemory | None = None
+                 ) -> subprocess.Popen[bytes]:
     """
     Start a worker on a connection; the caller may close its own copy of that.
 
+    :param scene: what a simulated camera is before.
     :raises OSError: it cannot be started.
     """
+    fds = [connection.fileno(), *([] if scene is None else [scene.fd])]
     return start_child(
-        'rt_robot_os.devices.capture.worker', os.getpid(), connection.fileno(),
-        pass_fds=[connection.fileno()], stdout=subprocess.DEVNULL,
+        'rt_robot_os.devices.capture.worker', os.getpid(), *fds, pass_fds=fds,
+        stdout=subprocess.DEVNULL,
         # The worker says itself what is wrong; OpenCV says much more, and on the terminal.
         env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', **ONE_BLAS_THREAD})
 

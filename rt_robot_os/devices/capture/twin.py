@@ -31,8 +31,10 @@ from typing import Final
 from rt_robot_os.devices.capture.host import CaptureHost
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import complete
+from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import FaultPlan
 from rt_robot_os.sim.faults import parse_schedule
 from rt_robot_os.units import NS_PER_MS
@@ -81,14 +83,17 @@ class SimulatedCapture(Simulated):
         Field('faults', list, (), f'schedule of {", ".join(CAPTURE_FAULTS)}, such as '
               '"unplug at 5 for 2" (seconds)'),)
 
-    def __init__(self, name: str, settings: Mapping[str, Any], path: Path) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any], path: Path,
+                 site: Site = NOWHERE) -> None:
         """
         Keep the settings; nothing is plugged in.
 
+        :param site: where it is.
         :raises ConfigError: a setting is wrong.
         """
         values = complete(self.SETTINGS, settings, name)
         self.name = name
+        self.site, self.world = site, site.world
         self.port = CapturePlug(path)
         self.faults = FaultPlan(parse_schedule(values['faults'], CAPTURE_FAULTS), CAPTURE_FAULTS)
         self._started = False
@@ -103,7 +108,7 @@ class SimulatedCapture(Simulated):
 
         :raises ConfigError: a setting is wrong.
         """
-        return cls(name, settings, place.folder / name)
+        return cls(name, settings, place.folder / name, place.site(device))
 
     @property
     def path(self) -> Path:
@@ -124,6 +129,8 @@ class SimulatedCapture(Simulated):
         if not self._started:
             self._started = True
             self.faults.start(now_ns)
+        if self.world is not None:
+            self.world.advance(now_ns)
         active = self.faults.active(now_ns)
         before, self._active = self._active, active
         if 'unplug' in active:

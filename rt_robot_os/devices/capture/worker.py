@@ -34,6 +34,7 @@ from typing import Protocol
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.capture.packets import Kind
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
@@ -82,16 +83,17 @@ class Source(Protocol):
         """Close it."""
 
 
-def source_of(kind: str, settings: dict[str, Any]) -> Source:
+def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = None) -> Source:
     """
     Open what the settings ask for.
 
+    :param scene: what a simulated camera is before.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
     # Only what is needed is imported: OpenCV alone takes a third of a second.
     if kind == 'camera':
         from rt_robot_os.devices.capture.camera import open_camera
-        return open_camera(settings)
+        return open_camera(settings, scene)
     if kind == 'sound':
         from rt_robot_os.devices.capture.sound import open_sound
         return open_sound(settings)
@@ -103,10 +105,12 @@ class Worker:
     A connection, the memory that came with it, and a source.
 
     :param connection: to the core.
+    :param scene: what a simulated camera is before.
     """
 
-    def __init__(self, connection: socket.socket) -> None:
+    def __init__(self, connection: socket.socket, scene: SceneMemory | None = None) -> None:
         self._connection = connection
+        self._scene = scene
         buffer = bytearray(packets.PACKET_BYTES_MAXIMUM)
         length, ancillary, _, _ = connection.recvmsg_into([buffer], FD_BYTES,
                                                           socket.MSG_CMSG_CLOEXEC)
@@ -140,7 +144,7 @@ class Worker:
 
         :raises DeviceError: the source fails.
         """
-        source = source_of(self.wanted['source'], self.wanted['settings'])
+        source = source_of(self.wanted['source'], self.wanted['settings'], self._scene)
         try:
             self._connection.send(packets.encode_json(Kind.READY, {}))
             for captured in source.frames():
@@ -187,11 +191,16 @@ def _end_with(connection: socket.socket) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Capture until the core closes the connection, whose descriptor is the argument."""
+    """
+    Capture until the core closes the connection.
+
+    :param arguments: its descriptor; of a simulated camera in a world also that of its scene.
+    """
     connection = socket.socket(fileno=int(arguments[0]))
+    scene = SceneMemory(int(arguments[1])) if len(arguments) > 1 else None
     threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
     try:
-        worker = Worker(connection)
+        worker = Worker(connection, scene)
         worker.place()
         worker.run()
     except DeviceError as error:
