@@ -55,8 +55,8 @@ class Camera(CaptureDevice):
     SOURCE = 'camera'
     SETTINGS = (
         Field('port', str, REQUIRED, 'Device such as /dev/video0 (best one of /dev/v4l/by-id), '
-              'video file, folder of pictures, or URL of a stream; sim is a moving pattern, or what it '
-              'sees of the simulated world.'),
+              'video file, folder of pictures, or URL of a stream; sim is a moving pattern, or '
+              'what it sees of the simulated world.'),
         Field('width', int, 640, 'Width of the pictures.', 'px', 32, 8192),
         Field('height', int, 480, 'Height of the pictures.', 'px', 16, 8192),
         Field('output_rate_hz', float, 30.0, 'Pictures a second.', 'Hz', 0.1, 1000.0),
