@@ -87,6 +87,8 @@ class Refusals:
     """
     What a mirror did not let through: counted, and told when there is a new reason for it.
 
+    At most one line a second, whatever comes.
+
     :param what: names the mirror.
     :param tell: takes a line of text.
     :ivar count: so far.
@@ -97,13 +99,20 @@ class Refusals:
         self._what = what
         self._tell = tell
         self._reason = ''
-        self._last_ns = -_RECENT_NS
+        self._told = ''
+        self._last_ns = self._told_ns = -_RECENT_NS
 
-    def add(self, reason: str) -> None:
-        """Count one; the same reason is told again when ten seconds have passed without it."""
-        now_ns = time.monotonic_ns()
-        if reason != self._reason or now_ns - self._last_ns > _RECENT_NS:
+    def add(self, reason: str, now_ns: int = 0) -> None:
+        """
+        Count one; the same reason is told again when ten seconds have passed without it.
+
+        :param now_ns: 0 for the time now.
+        """
+        now_ns = now_ns or time.monotonic_ns()
+        new = reason != self._told or now_ns - self._last_ns > _RECENT_NS
+        if new and now_ns - self._told_ns >= NS_PER_S:
             self._tell(f'{self._what}: refused: {reason}')
+            self._told, self._told_ns = reason, now_ns
         self.count += 1
         self._reason, self._last_ns = reason, now_ns
 
