@@ -276,7 +276,7 @@ class Follower:
         else:
             self._attempts -= 1
             self._poses = [goal]
-            self._begin(pose)
+            self._try(self._begin, pose)
 
     # ---- transitions -------------------------------------------------------------------------
 
@@ -364,10 +364,14 @@ class Follower:
             self._rest()
         elif velocity is None or abs(velocity[0]) < _AT_REST_M_S or self._time_s > _CREEP_S:
             then, self._then = self._then, None
-            try:
-                then(pose)
-            except PathError as error:
-                self.stop(str(error))
+            self._try(then, pose)
+
+    def _try(self, then: Callable[[Pose], None], pose: Pose) -> None:
+        """Begin something; the robot may be elsewhere by now."""
+        try:
+            then(pose)
+        except PathError as error:
+            self.stop(str(error))
 
     def _rest(self) -> None:
         self.reference = None

@@ -79,8 +79,9 @@ class Bench(ModuleBench):
                          {'layout.dim': [], 'layout.data_offset': 0}, tail=3000)
         self.plan = self.bus.publisher('plan')
         self.cancel = self.topic('cancel', 'std_msgs/msg/Bool')
+        self.estop = self.topic('estop', 'std_msgs/msg/Bool')
         self.module = self.add(Trajectory, 'trajectory', rate_hz=rate_hz, plan_topic='plan',
-                               cancel_topic='cancel', **settings)
+                               cancel_topic='cancel', estop_topic='estop', **settings)
         self.bus.declare('cmd_vel_trajectory', twist, {}, depth=16, rate_hz=rate_hz)
         self.commands = self.bus.subscribe('cmd_vel_trajectory', 'plant')
         self.all_commands: list[tuple[float, float]] = []
@@ -103,6 +104,10 @@ class Bench(ModuleBench):
     def stop(self) -> None:
         self.cancel.msg.data = True
         self.cancel.publish()
+
+    def emergency(self) -> None:
+        self.estop.msg.data = True
+        self.estop.publish()
 
     @property
     def state(self) -> str:

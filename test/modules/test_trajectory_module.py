@@ -149,6 +149,10 @@ def test_a_cancellation_stops_the_robot(bench: Bench) -> None:
     assert bench.module.statistics()['cancelled'] == 1
 
 
+def test_an_emergency_stop_ends_what_is_driven(bench: Bench) -> None:
+    stops(bench, bench.emergency, 'e-stop')
+
+
 def test_a_robot_that_is_carried_away_stops(bench: Bench) -> None:
     def carry() -> None:
         bench.shift = (0.0, 0.8, 0.0)

@@ -31,6 +31,7 @@ import pytest
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.follower import Phase
 from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.reference_path import PathError
 from rt_robot_os.motion.spline import legs
@@ -269,6 +270,15 @@ def test_a_goal_that_was_missed_is_tried_again_then_said() -> None:
         stubborn.run(0.02)
     stubborn.jump = (0.0, 0.06, 0.0)
     assert stubborn.run().startswith('stopped: missed the goal by 0.06')
+
+
+def test_a_goal_that_is_far_away_all_at_once_is_not_tried_again() -> None:
+    run = drive()
+    run.go((1.0, 0.0, 0.0))
+    while run.follower.phase is not Phase.SETTLE:
+        run.run(0.02)
+    run.jump = (500.0, 0.0, 0.0)
+    assert run.run().startswith('stopped: goal is 5')
 
 
 def test_a_stop_brakes_on_the_curve_then_rests() -> None:

@@ -53,6 +53,7 @@ from rt_robot_os.units import NS_PER_S
 _GOAL: Final = 'geometry_msgs/msg/PoseStamped'
 _TRIPLETS: Final = 'std_msgs/msg/Float64MultiArray'
 _WISHES: Final = ('goal', 'plan', 'path')
+_ENDS: Final = {'cancel': 'cancelled', 'estop': 'e-stop'}
 _STATE_LENGTH: Final = 200
 # Who comes late hears the state within that time.
 _STATE_AGAIN_NS: Final = NS_PER_S
@@ -67,6 +68,7 @@ class Trajectory(Module):
     plan = Input('plan', message=_TRIPLETS)
     path = Input('path', message=_TRIPLETS)
     cancel = Input('trajectory/cancel', message='std_msgs/msg/Bool')
+    estop = Input('estop', message='std_msgs/msg/Bool')
     command = Output('cmd_vel_trajectory', 'geometry_msgs/msg/Twist')
     state = Output('trajectory/state', 'std_msgs/msg/String', tail=_STATE_LENGTH)
     progress = Output('trajectory/progress', 'std_msgs/msg/Float64')
@@ -85,6 +87,9 @@ class Trajectory(Module):
               'ROS, in the same form; empty: there are none'),
         Field('cancel_topic', str, '', 'True stops the robot, a std_msgs/msg/Bool; empty: there '
               'is none'),
+        Field('estop_topic', str, '', 'The e-stop of the multiplexer: true ends what is driven, '
+              'too; empty: the robot goes on when the e-stop is released, unless it was blocked '
+              'for too long'),
         *declared(VelocityLimits), *declared(FollowerTuning),
         Field('motor_lag_s', float, 0.1, 'How long the wheels take to follow a command: the time '
               'constant of the motors and the delay of their line; so far ahead of now the pose '
@@ -149,7 +154,8 @@ class Trajectory(Module):
         self._wishes: list[tuple[str, Subscription]] = [
             (wish, getattr(self, wish)) for wish in _WISHES if self.connected(wish)]
         # Looked up once: to ask which ports there are costs more than a step.
-        self._cancel = self.cancel if self.connected('cancel') else None
+        self._ends: list[tuple[str, Subscription]] = [
+            (why, getattr(self, port)) for port, why in _ENDS.items() if self.connected(port)]
         self._whereabouts = Whereabouts(self.pose, self.odom)
         self._apply()
 
@@ -214,13 +220,13 @@ class Trajectory(Module):
         for wish, source in self._wishes:
             if source.latest() and (newest is None or source.stamp_ns >= newest[0]):
                 newest = source.stamp_ns, wish, source
-        cancel = self._cancel
-        while cancel is not None and cancel.take():
-            if cancel.msg.data and (newest is None or cancel.stamp_ns >= newest[0]):
-                newest = None
-                if self._follower.driving:
-                    self._cancelled += 1
-                    self._follower.stop('cancelled')
+        for why, source in self._ends:
+            while source.take():
+                if source.msg.data and (newest is None or source.stamp_ns >= newest[0]):
+                    newest = None
+                    if self._follower.driving:
+                        self._cancelled += 1
+                        self._follower.stop(why)
         if newest is None:
             return
         self._goals += 1
