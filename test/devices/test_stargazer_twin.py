@@ -144,11 +144,21 @@ def test_the_map_is_built_once(tmp_path: Path) -> None:
         assert max(error for error, _ in errors(made)[first // 2:]) < 0.2
 
 
-def test_outliers_and_moved_marks_are_noticed(tmp_path: Path) -> None:
+def test_a_mark_that_hangs_elsewhere_is_named_and_does_no_harm(tmp_path: Path) -> None:
     with connected(tmp_path, {'moved_id': 3, 'moved_m': 0.8, 'range_m': 3.0}) as made:
         run(made, 8_000)
         assert made.device.statistics().more['disagreeing_mark_ids'] == '3'
         assert max(error for error, _ in errors(made)) < 0.1
+
+
+def test_marks_that_are_taken_for_others_are_left_out(tmp_path: Path) -> None:
+    with connected(tmp_path, {'outlier_probability': 0.1, 'range_m': 3.0}) as made:
+        run(made, 8_000)
+        found = sorted(error for error, _ in errors(made))
+        more = made.device.statistics().more
+        assert int(more['marks_left_out']) > 10
+        assert 'disagreeing_mark_ids' not in more
+    assert found[round(0.97 * len(found))] < 0.1
 
 
 def test_where_no_mark_is_near_is_a_dead_zone(tmp_path: Path) -> None:
