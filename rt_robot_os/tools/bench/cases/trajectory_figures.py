@@ -107,3 +107,12 @@ def eight_cm(of: Callable[[Any], Any]) -> Of:
         return 100 * float(of(away(np.asarray(x), np.asarray(y))))
 
     return found
+
+
+def off(of: Of, wanted: float) -> Of:
+    """Take how far a figure is from what it should be."""
+    def found(outcome: Outcome) -> float | None:
+        value = of(outcome)
+        return None if value is None else abs(value - wanted)
+
+    return found

@@ -35,6 +35,9 @@ from rt_robot_os.units import NS_PER_MS
 LOADS: Final = (0, 5, 7, 20)
 # Without real time: the first of these that was measured, as a robot's programmer would have it.
 _WITHOUT: Final = ('single', 'process', 'threads')
+# Paper, Table 1, without real time: way in cm, time in ms, shortest and longest cycle in ms.
+PAPER: Final = {0: (132, 6300, 300, 300), 5: (143, 7803, 300, 600), 7: (140, 7960, 500, 600)}
+_SYSTEMS: Final = ('rt', 'threads', 'process', 'single', 'multi', 'events')
 _LINE: Final = 'reference'
 _ACROSS_CM: Final = (336.0, 348.0)
 _TIME_S: Final = (0.0, 14.0)
@@ -53,7 +56,30 @@ def plots(outcomes: Outcomes) -> Sequence[Plot]:
                       if key.startswith(f'{system} ')), '')
         if system and any(outcomes.measured(f'{system} {count}') for count in LOADS):
             found += _figures(outcomes, system, label, letter)
-    return sorted(found, key=lambda plot: plot.name)
+    return [*_table(outcomes), *sorted(found, key=lambda plot: plot.name)]
+
+
+def _table(outcomes: Outcomes) -> Sequence[Plot]:
+    """Draw Table 1: way and time by the number of tasks."""
+    def series(paper: int, scale: float, name: str) -> list[Series]:
+        lines = [Series('paper, without real time', list(PAPER),
+                        [row[paper] / (1000 if paper else 1) for row in PAPER.values()], 'marks')]
+        for system in _SYSTEMS:
+            known = [(count, outcome.figures[name] * scale) for count in LOADS
+                     for outcome in outcomes.measured(f'{system} {count}')[:1]]
+            if known:
+                label = next(outcomes.runs[f'{system} {count}'].label for count, _ in known[:1])
+                lines.append(Series(label.partition(',')[0], [count for count, _ in known],
+                                    [value for _, value in known], 'marks'))
+        return lines
+
+    where, ticks = 'workload tasks in the same program', [(n, str(n)) for n in LOADS]
+    return (
+        Plot('1-way', 'How far the robot drove (Table 1)', where, 'way, cm',
+             series(0, 100.0, 'travelled_m'), '130 cm are right.', x_ticks=ticks,
+             y_range=(125, 160)),
+        Plot('1-time', 'How long it took (Table 1)', where, 'time, s',
+             series(1, 0.001, 'time_ms'), '6.3 s are right.', x_ticks=ticks, y_range=(5, 20.5)))
 
 
 def _figures(outcomes: Outcomes, system: str, label: str, letter: str) -> Sequence[Plot]:

@@ -99,14 +99,19 @@ class ControlLoop:
     The loop.
 
     :ivar over: the robot has arrived, or has given up.
-    :ivar cycles: time in s, pose of the robot, and the time in us that the control took.
+    :ivar cycles: time in s, pose of the robot, and the time in ns that the control took.
     """
 
     def __init__(self, drive: Drive, robot: Robot, room: int = 20_000,
                  clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        """
+        Make the loop; nothing moves yet.
+
+        :param clock_ns: in whose time the robot drives.
+        """
         self.over = False
         self.cycles = Trace(('time_s', 'x_m', 'y_m', 'heading_rad', 'linear_m_s',
-                             'angular_rad_s', 'control_us'), room)
+                             'angular_rad_s', 'control_ns'), room)
         self._drive = drive
         self._robot = robot
         self._follower = Follower(make_controller(drive.law, drive.gains), drive.limits,
@@ -133,8 +138,9 @@ class ControlLoop:
         robot = self._robot
         pose = robot.pose(begin_ns, robot.lag_s)
         true = robot.base.pose
-        control_ns = self._now_ns()
+        control_ns = time.perf_counter_ns()
         command = self._follower.step(pose, self._period_s, robot.velocity)
+        control_ns = time.perf_counter_ns() - control_ns
         now_ns = self._now_ns()
         if command is None or self._follower.phase is Phase.REST:
             command = (0.0, 0.0)
@@ -144,8 +150,7 @@ class ControlLoop:
             self._stopped_ns = now_ns
         self._moves = moves
         robot.command(now_ns, *command)
-        self.cycles.note((begin_ns - self._begin_ns) / NS_PER_S, *true, *command,
-                         (now_ns - control_ns) / 1000)
+        self.cycles.note((begin_ns - self._begin_ns) / NS_PER_S, *true, *command, control_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, float]:
         """

@@ -78,7 +78,7 @@ def measured(loop: ControlLoop) -> Measured:
     """Return what a loop has noted."""
     figures = dict(loop.figures(time.monotonic_ns()))
     samples = loop.cycles.taken()
-    samples['control_ns'] = np.round(samples.pop('control_us') * 1000).astype(np.int64)
+    samples['control_ns'] = samples['control_ns'].astype(np.int64)
     return Measured(samples, figures)
 
 
@@ -146,6 +146,7 @@ def laws(harness: Harness) -> Measured:
         key = law_key(law, speed_m_s)
         figures[f'{key} rms_m'] = float(np.sqrt(np.mean(away_m ** 2)))
         figures[f'{key} maximum_m'] = float(away_m.max())
+        figures[f'{key} control_us'] = float(np.median(noted['control_ns'])) / 1000
         figures[f'{key} time_s'] = loop.figures(now_ns[0])['time_ms'] / 1000
     return Measured({}, figures)
 
