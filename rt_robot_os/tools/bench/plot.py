@@ -73,7 +73,13 @@ class Plot:
     y_range: Sequence[float] = ()
 
     def flat(self) -> tuple[float, float] | None:
-        """Return the least and the largest value when they are all but the same; else None."""
+        """
+        Return the least and the largest value when they are all but the same; else None.
+
+        A picture that is given a range is to be compared, and its being flat is what it says.
+        """
+        if self.y_range:
+            return None
         values = [y for series in self.series for y in series.y]
         if len(values) < 2 or max(values) - min(values) > _FLAT * abs(max(values)):
             return None

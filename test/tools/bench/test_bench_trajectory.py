@@ -161,6 +161,7 @@ def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
                            '14a-cycle', '14b-cycle']
     assert {series.label for series in plots['14a-cycle'].series} >= {
         '0 tasks', '5 tasks', '7 tasks'}
+    assert not any(plot.flat() for plot in plots.values()), 'a flat one is drawn as well'
     kept = plots['14b-cycle'].series[0].y
     assert list(kept) == pytest.approx([300.0] * len(kept))
     assert {series.label for series in plots['1-way'].series} == {

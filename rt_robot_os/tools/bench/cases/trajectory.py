@@ -259,7 +259,7 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         Aim('way of 130 cm, any load: off by', 1.0,
             _worst(outcomes, keys, off(distance_cm, REFERENCE_CM)), 'cm', why=why,
             paper='2 to 13 cm without real time'),
-        Aim('time, any load: longer than one period more than', PERIOD_MS,
+        Aim('time, any load: longest less shortest', PERIOD_MS,
             _spread(outcomes, keys), 'ms', why=why, paper='1660 ms without real time'),
         Aim('off the line, RMS after 30 cm, any load', 1.5, _worst(outcomes, keys, cross_cm),
             'cm', why=why),
