@@ -54,6 +54,8 @@ class Options:
     :ivar quick: leave out what a first look does not need.
     :ivar hours: of the case `stability`.
     :ivar out: the folder of the results, for what is written while measuring; or empty.
+    :ivar data: a recording for the cases that take one; or empty.
+    :ivar expected: what others make of that recording; empty: the file beside it, if any.
     """
 
     seconds: float
@@ -62,6 +64,8 @@ class Options:
     quick: bool = False
     hours: float = 1 / 60
     out: str = ''
+    data: str = ''
+    expected: str = ''
 
     @property
     def measure_ns(self) -> int:
@@ -184,6 +188,7 @@ class Case:
     :ivar plan: the runs for these options, in the order of one repeat.
     :ivar evaluate: makes tables and verdicts; knows nothing but the outcomes.
     :ivar partial: what a case that was interrupted has written so far, or None.
+    :ivar takes_data: a recording of the user's can be evaluated with it.
     """
 
     name: str
@@ -191,3 +196,4 @@ class Case:
     plan: Callable[[Options], Sequence[Run]]
     evaluate: Callable[[Options, Outcomes], CaseResult]
     partial: Callable[[Options], Outcomes | None] | None = None
+    takes_data: bool = False

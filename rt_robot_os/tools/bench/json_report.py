@@ -49,7 +49,8 @@ def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options:
         'program': 'rt_robot_os bench', 'schema': SCHEMA_VERSION, **conditions,
         'interrupted': interrupted,
         'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full,
-                    'quick': options.quick, 'hours': options.hours},
+                    'quick': options.quick, 'hours': options.hours,
+                    'data': Path(options.data).name, 'expected': Path(options.expected).name},
         'machine': dict(machine), 'samples': _files(options.out, results),
         'cases': [result.as_json() for result in results]}
 

@@ -56,6 +56,7 @@ Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run 
   bench --quick --out first           a first look, about four minutes; open first/index.html
   bench preemption --seconds 60       one case, longer
   bench memory --seconds 3600         watch the size of the core for an hour
+  bench localization --data drive.csv --out drive    your own recording
   bench --full --out results          everything, about an hour
   bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
   bench --page s                      another terminal: evaluates what is there so far;
@@ -111,6 +112,12 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
                         help=f'times that each is repeated (default {_DEFAULT.repeats})')
     parser.add_argument('--hours', metavar='H', type=_hours,
                         help='length of the case stability (default: a minute)')
+    parser.add_argument('--data', metavar='FILE', type=Path,
+                        help='a recording of yours, for the case that is named: '
+                        f'{", ".join(case.name for case in cases.values() if case.takes_data)}')
+    parser.add_argument('--expected', metavar='FILE', type=Path,
+                        help='what others make of it, as JSON (default: NAME.expected.json beside '
+                        'it, if there is one)')
     parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
     parser.add_argument('--out', metavar='DIR', type=Path,
                         help=f'write {PAGE_FILE} (tables and plots), {DOCUMENT_FILE}, '
@@ -162,8 +169,10 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
     base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
     _check_together(parser, given)
+    _check_data(parser, given, chosen)
     options = replace(
-        base, out='' if given.out is None else str(given.out.absolute()),
+        base, out=_absolute(given.out), data=_absolute(given.data),
+        expected=_absolute(given.expected),
         **{key: value for key in ('seconds', 'repeats', 'hours')
            if (value := getattr(given, key)) is not None})
     if not given.list:
@@ -175,17 +184,40 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
                    given.page)
 
 
+def _absolute(path: Path | None) -> str:
+    return '' if path is None else str(path.absolute())
+
+
 def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
     """Refuse what would have no effect, rather than leave it out in silence."""
     if given.page is not None:
         useless = [f'--{name}' for name in ('quick', 'full', 'seconds', 'repeats', 'hours', 'json',
-                                            'out') if getattr(given, name)]
+                                            'out', 'data', 'expected') if getattr(given, name)]
         if useless or given.case:
             parser.error(f'--page {given.page}: measures nothing, and cannot go with '
                          f'{", ".join((*useless, *given.case))}')
     if given.hours is not None and given.case and _HOURS_CASE not in given.case:
         parser.error(f'--hours {given.hours:g}: is the length of the case {_HOURS_CASE}; that of '
                      f'{", ".join(given.case)} is --seconds')
+
+
+def _check_data(parser: _Parser, given: argparse.Namespace, chosen: Sequence[Case]) -> None:
+    """See that a recording can be read, and that somebody reads it."""
+    if given.expected is not None and given.data is None:
+        parser.error(f'--expected {given.expected}: of which recording? name it with --data FILE')
+    if given.data is None:
+        return
+    if not any(case.takes_data for case in chosen):
+        parser.error(f'--data {given.data}: name the case that reads it, such as bench '
+                     f'localization --data {given.data}')
+    for option in ('data', 'expected'):
+        path = getattr(given, option)
+        try:
+            if path is not None:
+                with open(path, 'rb'):
+                    pass
+        except OSError as error:
+            parser.error(f'--{option} {path}: cannot be read: {error.strerror}')
 
 
 def goes_on(request: Request) -> bool:

@@ -34,7 +34,8 @@ class Series:
     """
     One curve.
 
-    :ivar style: ``line``, ``steps``, ``filled`` (steps over a surface) or ``marks``.
+    :ivar style: ``line``, ``steps``, ``filled`` (steps over a surface), ``marks`` (on a line) or
+        ``points`` (grey: what the others are drawn over).
     """
 
     label: str
@@ -52,6 +53,7 @@ class Plot:
     :ivar caption: what to look at.
     :ivar x_log: the horizontal axis is logarithmic.
     :ivar y_from_zero: the vertical axis begins at 0, so that small changes look small.
+    :ivar equal: a metre is as long on both axes: a map.
     :ivar x_ticks: where the horizontal axis is labelled, and how; empty: at round numbers.
     :ivar x_range: what the horizontal axis shows; empty: everything.
     :ivar y_range: the same of the vertical one, for pictures that are compared.
@@ -71,6 +73,7 @@ class Plot:
     y_floor: tuple[float, str] | None = None
     x_range: Sequence[float] = ()
     y_range: Sequence[float] = ()
+    equal: bool = False
 
     def flat(self) -> tuple[float, float] | None:
         """

@@ -145,6 +145,8 @@ def _draw(axes: Any, plot: Plot) -> None:
             floor = plot.y_floor if axis is axes.yaxis else None
             axis.set_major_formatter(_plain_numbers('1', floor))
             axis.set_minor_formatter(_plain_numbers('25' if high < 700 * low else ''))
+    if plot.equal:
+        axes.set_aspect('equal', adjustable='datalim')
     axes.tick_params(which='minor', pad=5)  # in line with the longer major ones
     if plot.x_ticks:
         _ticks(axes.xaxis, plot.x_ticks)
@@ -189,6 +191,9 @@ def _curve(axes: Any, series: Series, colour: str, dashes: str, number: int) -> 
     elif series.style == 'filled':
         axes.fill_between(series.x, series.y, step='post', alpha=0.3, color=colour, linewidth=0)
         axes.step(series.x, series.y, where='post', linewidth=1.0, **common)
+    elif series.style == 'points':
+        axes.plot(series.x, series.y, linestyle='none', marker='.', markersize=3,
+                  color='#999999', label=series.label)
     elif series.style == 'marks':
         axes.plot(series.x, series.y, marker=_MARKS[number % len(_MARKS)], markersize=4,
                   linewidth=1.0, **common)

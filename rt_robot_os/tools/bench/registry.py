@@ -25,6 +25,7 @@ from rt_robot_os.tools.bench.cases import delay
 from rt_robot_os.tools.bench.cases import frequency
 from rt_robot_os.tools.bench.cases import kernel
 from rt_robot_os.tools.bench.cases import load
+from rt_robot_os.tools.bench.cases import localization
 from rt_robot_os.tools.bench.cases import micro
 from rt_robot_os.tools.bench.cases import mirror
 from rt_robot_os.tools.bench.cases import overload
@@ -41,4 +42,5 @@ from rt_robot_os.tools.bench.cases import wakeup
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
-    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, start.START, start.MEMORY)})
+    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE, start.START,
+    start.MEMORY)})

@@ -53,7 +53,7 @@ from rt_robot_os.tools.bench.surroundings import LOOP
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import terminal_width
 
-_PATHS = ('--json', '--out')
+_PATHS = ('--json', '--out', '--data', '--expected')
 _PROBE = Run('probe', 'privileges', 'rt_robot_os.tools.bench.harness:prepare', {}, 1.0)
 
 

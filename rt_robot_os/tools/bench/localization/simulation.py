@@ -193,7 +193,9 @@ class _Drive:
         if not located or not fix.judged:
             return
         if not false:
-            self.trace.innovations.append(fix.nis)
+            # From when the robot is carried away until it is found there is nothing to agree with.
+            if self.robot.time_s < self.scenario.kidnapped_s:
+                self.trace.innovations.append(fix.nis)
         elif recovered == self.localizer.counters.recovered:
             self.trace.leaps = max(self.trace.leaps, *(
                 abs(math.remainder(new - old, math.tau) if index == 2 else new - old)
