@@ -129,7 +129,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             most=settings['maximum_jump'])
         self._watches = tuple(WheelWatch(
             patience_s=settings['standstill_s'],
-            slowest_rad_s=settings['standstill_from_m_s'] / self._radius_m,
+            slowest_rad_s=self.slowest_watched_rad_s(),
             noise_rad=self.noise_counts() * unit_rad) for _ in _SIDES)
         self._battery = BatteryFiller(settings)
         self.faults = MotorFaults()
@@ -179,6 +179,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     def noise_counts(self) -> float:
         """Return what an encoder may show of a wheel that stands still, in the same counts."""
         return 2.5
+
+    def slowest_watched_rad_s(self) -> float:
+        """Return the slowest command at which a wheel has to turn."""
+        return float(self.settings['standstill_from_m_s']) / self._radius_m
 
     # --- what it tells ---------------------------------------------------------------------------
 

@@ -388,3 +388,15 @@ def test_whatever_befalls_the_line_costs_no_odometry(tmp_path: Path, fault: str)
         made.stand()
         assert made.samples[-1][1:3] == pytest.approx(made.true_rad(), abs=2 * TICK_RAD)
         assert made.counters()['counter_resets'] == 0
+
+
+def test_a_speed_that_the_firmware_rounds_off_is_no_broken_encoder(tmp_path: Path) -> None:
+    # Two ticks a round: its loop leaves such an error alone, and nothing turns.
+    with robot(tmp_path, ticks_per_revolution=360.0) as made:
+        made.drive(0.035, 3000)
+        assert made.true_rad() == (0.0, 0.0)
+        assert made.faults == 0
+    with robot(tmp_path, ticks_per_revolution=360.0, pid_gains=[20, 12, 0, 20]) as made:
+        made.drive(0.035, 3000)
+        assert made.twin.base.velocity[0] == pytest.approx(0.035, rel=0.15)
+        assert made.faults == 0

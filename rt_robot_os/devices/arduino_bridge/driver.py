@@ -62,7 +62,7 @@ _REPEAT_NS: Final = 100 * NS_PER_MS
 _MOST_WAITING: Final = 6
 _MOST_STOPS: Final = 32
 _LOWEST_BAUD: Final = 300
-_GAINS: Final = 4
+_FIRMWARE_GAINS: Final = (20, 12, 0, 50)
 _HIGHEST_ANALOG: Final = 1023
 
 
@@ -105,14 +105,15 @@ class ArduinoBridge(MotorBoard[Reply]):
 
         :raises ConfigError: the gains are not four, or the last is 0.
         """
-        super().__init__(name, settings, ReplyDecoder())
         pid = list(settings['pid_gains'])
-        if pid and (len(pid) != _GAINS or not pid[-1]):
+        if pid and (len(pid) != len(_FIRMWARE_GAINS) or not pid[-1]):
             raise ConfigError([f'{name}: pid_gains {pid}: give four, Kp, Kd, Ki, Ko, and Ko '
                                'above 0; or none'])
+        super().__init__(name, settings, ReplyDecoder())
         self._gains = wire.gains(*pid) if pid else b''
         self._ticks_s = settings['ticks_per_revolution'] / math.tau / settings['pid_rate_hz']
         self._period_ns = period_from_rate(settings['output_rate_hz'])
+        self._early_ns = self._period_ns // 4  # a poll at about the same rate is not missed
         self._boot_ns = round(settings['reset_wait_s'] * NS_PER_S)
         self._waiting: deque[tuple[Asked, int]] = deque(maxlen=_MOST_STOPS)
         self._speeds = 0, 0
@@ -128,6 +129,14 @@ class ArduinoBridge(MotorBoard[Reply]):
     def connected(self, attribute: str) -> bool:
         """Return whether a port is used: the battery where it is on a pin."""
         return attribute != 'battery' or self.settings['battery_pin'] >= 0
+
+    def slowest_watched_rad_s(self) -> float:
+        """Return the slowest command that its loop does more about than round it off."""
+        p, _, i, scale = self.settings['pid_gains'] or _FIRMWARE_GAINS
+        ignored = 0 if i else scale // max(p, 1)
+        ticks_s: float = (ignored + 1.5) * self.settings['pid_rate_hz']
+        return max(super().slowest_watched_rad_s(),
+                   ticks_s * math.tau / self.counts_per_revolution())
 
     # --- commands --------------------------------------------------------------------------------
 
@@ -191,7 +200,7 @@ class ArduinoBridge(MotorBoard[Reply]):
             return
         if not self.is_driving and self.counters.velocity_rad_s != (0.0, 0.0):
             self._ask(wire.HALT, Asked.DONE)  # should the one before have been lost
-        if now_ns >= self._counts_due_ns:
+        if now_ns + self._early_ns >= self._counts_due_ns:
             self._counts_due_ns = max(self._counts_due_ns + self._period_ns, now_ns)
             self._ask(wire.ENCODERS, Asked.COUNTS)
         pin = self.settings['battery_pin']

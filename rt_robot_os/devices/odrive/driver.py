@@ -116,6 +116,7 @@ class Odrive(MotorBoard[Reply]):
         self._error_property = _ERROR_PROPERTY[settings['firmware']]
         self._turns_per_rad = settings['gear_ratio'] / math.tau
         self._period_ns = period_from_rate(settings['output_rate_hz'])
+        self._early_ns = self._period_ns // 4  # a poll at about the same rate is not missed
         self._feed_ns = round(settings['watchdog_s'] * NS_PER_S / 5)
         self._forget()
 
@@ -279,7 +280,7 @@ class Odrive(MotorBoard[Reply]):
             self._current_due_ns = now_ns + _BATTERY_NS
             return (Question(wire.read('ibus'), 1, self._take_current),)
         found: list[Question] = []
-        if now_ns >= self._counts_due_ns:
+        if now_ns + self._early_ns >= self._counts_due_ns:
             self._counts_due_ns = max(self._counts_due_ns + self._period_ns, now_ns)
             found += (Question(wire.feedback(left), 2, self._take_left),
                       Question(wire.feedback(right), 2, self._take_right))
