@@ -57,6 +57,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'ublox',
     'nmea',
     'xsens',
+    'kobuki',
     'hokuyo',
     'roboclaw',
     'witmotion',

@@ -25,6 +25,7 @@ import pytest
 from rt_robot_os import plugins
 from rt_robot_os.devices import recognise
 from rt_robot_os.devices.hokuyo import wire as scip
+from rt_robot_os.devices.kobuki import wire as kobuki
 from rt_robot_os.devices.maxbotix.wire import reading
 from rt_robot_os.devices.nmea import wire as nmea
 from rt_robot_os.devices.nmea.driver import NmeaGps
@@ -50,6 +51,7 @@ STREAMS = {
     'witmotion': witmotion.acceleration_frame(0, 0, 9.8) * 4,
     'maxbotix': reading(1234) * 5,
     'stargazer': stargazer.multi([stargazer.Mark(48, 1.0, 2.0, 3.0, 200.0)]) * 4,
+    'kobuki': kobuki.packet([kobuki.core(kobuki.Core(*range(12)))]) * 3,
     'hokuyo': scip.scan(scip.scan_command(44, 725), 0, range(1000, 1682))[300:812],
 }
 

@@ -16,14 +16,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 import math
 from pathlib import Path
 import random
-import select
 from typing import Any
 
+from board_robot import board_robot
+from board_robot import fill
+from board_robot import WHEELS
 import pytest
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.roboclaw import wire
@@ -33,13 +34,6 @@ from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import settings_of
-from rt_robot_os.testing.actuator_rig import ActuatorRig
-
-WHEELS = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 1440.0}
-
-
-def fill(message: Any, speed: float) -> None:
-    message.linear.x = speed
 
 
 class TestRoboClaw(ActuatorContract):
@@ -55,80 +49,29 @@ class TestRoboClaw(ActuatorContract):
         return bool(twin.unit.drive.moves)
 
 
-class Robot(ActuatorRig):
-    """A robot whose topics can be read, and whose board is read on interrupt."""
-
-    def __init__(self, folder: Path, sim: dict[str, Any], **settings: Any) -> None:
-        super().__init__(folder, RoboClaw, SimulatedRoboClaw, fill, sim,
-                         **{**WHEELS, **settings})
-        twin: Any = self.twin
-        twin.device = {**WHEELS, **settings}
-        twin.prepare()
-        self.readers = {name: self.bus.subscribe(name, 'test')
-                        for name in ('joint_states', 'battery', 'motor_faults')}
-
-        self._sent = 0
-        self.disturb: Callable[[], object] | None = None
-        self.each = self._interrupt
-
-    def _interrupt(self) -> None:
-        if self.disturb is not None:
-            self.disturb()
-        sent, self._sent = self._sent, self.twin.port.bytes_sent
-        descriptor = self.device.fileno()
-        if self._sent != sent and descriptor is not None and self.twin.port.plugged:
-            select.select([descriptor], [], [], 5.0)
-            self.kernel.release(self.managed.arrival)
-
-    def take(self, topic: str) -> list[Any]:
-        """Give the samples since the last time, each as what a test looks at."""
-        reader, found = self.readers[topic], []
-        while reader.take():
-            msg = reader.msg
-            found.append(
-                ([*msg.position], [*msg.velocity]) if topic == 'joint_states'
-                else msg.voltage if topic == 'battery' else int(msg.data))
-        return found
-
-    def faults(self) -> int:
-        """Give all bits of motor_faults since the last time."""
-        bits = 0
-        for each in self.take('motor_faults'):
-            bits |= each
-        return bits
-
-    def odometry_error_rad(self) -> float:
-        """Compare what the driver says that the wheels turned with what they did."""
-        return max(abs(told - true) for told, true in zip(
-            self.device.counters.position_rad, self.twin.base.wheel_angles))
-
-
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    yield from robot_of(tmp_path, {})
-
-
-def robot_of(folder: Path, sim: dict[str, Any], **settings: Any) -> Iterator[Robot]:
-    made = Robot(folder, sim, **settings)
-    try:
+def robot(tmp_path: Path) -> Iterator[Any]:
+    with robot_of(tmp_path, {}) as made:
         yield made
-    finally:
-        made.close()
+
+
+def robot_of(folder: Path, sim: dict[str, Any], **settings: Any) -> Any:
+    return board_robot(folder, RoboClaw, SimulatedRoboClaw, sim, **{**WHEELS, **settings})
 
 
 # --- what it tells and is told -------------------------------------------------------------------
 
-def test_it_drives_as_commanded_and_says_so(robot: Robot) -> None:
+def test_it_drives_as_commanded_and_says_so(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(2000)
     assert robot.managed.state is DeviceState.ACTIVE, robot.managed.reason
     assert robot.twin.base.velocity[0] == pytest.approx(0.3, rel=0.01)
-    samples = robot.take('joint_states')
+    samples = robot.take('joint_states', lambda msg: ([*msg.position], [*msg.velocity]))
     assert len(samples) == pytest.approx(14, abs=2), 'the last that the topic keeps'
     position, velocity = samples[-1]
     assert velocity == pytest.approx([6.0, 6.0], rel=0.03)
     assert position == pytest.approx([*robot.twin.base.wheel_angles], abs=0.3)
-    assert robot.take('battery')[-1] == pytest.approx(12.3)
+    assert robot.take('battery', lambda msg: msg.voltage)[-1] == pytest.approx(12.3)
     assert robot.faults() == 0
     counters = robot.counters()
     assert counters['version'] == 'USB Roboclaw 2x15a v4.2.4'
@@ -141,7 +84,7 @@ def test_it_drives_as_commanded_and_says_so(robot: Robot) -> None:
 
 @pytest.mark.parametrize(('last', 'told'), [(0.3, True), (0.0, False)])
 def test_silence_is_worth_a_warning_only_while_it_drives(
-        robot: Robot, last: float, told: bool) -> None:
+        robot: Any, last: float, told: bool) -> None:
     robot.steer(0.3)
     robot.run(500)
     robot.steer(last)
@@ -153,7 +96,7 @@ def test_silence_is_worth_a_warning_only_while_it_drives(
     assert any('no command for 0.3 s' in each.text for each in reports) == told
 
 
-def test_the_counters_are_read_at_their_rate(robot: Robot) -> None:
+def test_the_counters_are_read_at_their_rate(robot: Any) -> None:
     robot.run(1000)
     before = robot.device.statistics().samples
     robot.run(3000)
@@ -165,7 +108,7 @@ def test_the_counters_are_read_at_their_rate(robot: Robot) -> None:
     {}, {'swapped': True}, {'inverted_left': True}, {'inverted_right': True, 'swapped': True}])
 def test_wheels_wired_otherwise_turn_the_same_way(
         tmp_path: Path, wiring: dict[str, Any]) -> None:
-    for robot in robot_of(tmp_path, {}, **wiring):
+    with robot_of(tmp_path, {}, **wiring) as robot:
         robot._fill = lambda message, speed: setattr(message.angular, 'z', speed)
         robot.steer(1.0)
         robot.run(1500)
@@ -174,7 +117,7 @@ def test_wheels_wired_otherwise_turn_the_same_way(
         assert robot.device.counters.velocity_rad_s == pytest.approx((-3.0, 3.0), abs=0.2)
 
 
-def test_its_own_watchdog_is_set_and_stops_it(robot: Robot) -> None:
+def test_its_own_watchdog_is_set_and_stops_it(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
     assert robot.twin.unit.timeout_tenths == 5
@@ -187,7 +130,7 @@ def test_its_own_watchdog_is_set_and_stops_it(robot: Robot) -> None:
 
 
 def test_an_acceleration_is_left_to_the_unit_and_a_stop_is_at_once(tmp_path: Path) -> None:
-    for robot in robot_of(tmp_path, {}, acceleration_m_s2=0.5):
+    with robot_of(tmp_path, {}, acceleration_m_s2=0.5) as robot:
         robot.run(200)
         robot.steer(0.5)
         robot.run(520)
@@ -200,11 +143,11 @@ def test_an_acceleration_is_left_to_the_unit_and_a_stop_is_at_once(tmp_path: Pat
 
 
 def test_the_velocity_control_is_left_alone_unless_it_is_set(tmp_path: Path) -> None:
-    for robot in robot_of(tmp_path, {}):
+    with robot_of(tmp_path, {}) as robot:
         robot.run(300)
         assert robot.twin.unit.gains == {}
     gains = {'velocity_p': 1.0, 'velocity_i': 0.5, 'velocity_d': 0.25, 'velocity_qpps': 44000}
-    for robot in robot_of(tmp_path, {}, **gains):
+    with robot_of(tmp_path, {}, **gains) as robot:
         robot.run(300)
         expected = wire.gains(0x80, wire.SET_PID_1, 1.0, 0.5, 0.25, 44000).data[2:-2]
         assert robot.twin.unit.gains == {wire.SET_PID_1: expected, wire.SET_PID_2: expected}
@@ -213,7 +156,7 @@ def test_the_velocity_control_is_left_alone_unless_it_is_set(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize('speed', [1e300, -1e300, math.nan])
-def test_a_command_beyond_reason_stops_it(robot: Robot, speed: float) -> None:
+def test_a_command_beyond_reason_stops_it(robot: Any, speed: float) -> None:
     robot.steer(0.3)
     robot.run(500)
     robot.steer(speed)
@@ -227,7 +170,7 @@ def test_a_command_beyond_reason_stops_it(robot: Robot, speed: float) -> None:
 
 def test_a_stop_goes_before_everything_else(tmp_path: Path) -> None:
     # At 9600 baud one turn takes 40 ms on the line.
-    for robot in robot_of(tmp_path, {}, answer_timeout_s=0.1, output_rate_hz=10.0):
+    with robot_of(tmp_path, {}, answer_timeout_s=0.1, output_rate_hz=10.0) as robot:
         robot.twin._line.byte_ns = 1_041_666
         robot.steer(0.3)
         robot.run(1010)
@@ -247,7 +190,7 @@ def test_a_stop_goes_before_everything_else(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('after_ms', [400, 3000])
 def test_a_unit_that_loses_its_power_costs_no_wrong_odometry(
-        robot: Robot, after_ms: int) -> None:
+        robot: Any, after_ms: int) -> None:
     robot.steer(0.3)
     robot.run(after_ms)
     assert robot.odometry_error_rad() < 0.3
@@ -270,7 +213,7 @@ def test_a_unit_that_loses_its_power_costs_no_wrong_odometry(
     assert robot.counters()['set_ups'] == 2
 
 
-def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Robot) -> None:
+def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
     robot.twin.inject('loss', 5.0)
@@ -285,7 +228,7 @@ def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Robot) -> None
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])
-def test_noise_is_never_a_movement(robot: Robot, seed: int) -> None:
+def test_noise_is_never_a_movement(robot: Any, seed: int) -> None:
     noise = random.Random(seed)
     robot.steer(0.3)
     robot.run(500)
@@ -305,7 +248,7 @@ def test_noise_is_never_a_movement(robot: Robot, seed: int) -> None:
 @pytest.mark.parametrize('fault, bit', [
     ('left_encoder', MotorFault.LEFT_STANDSTILL), ('right_encoder', MotorFault.RIGHT_STANDSTILL)])
 def test_a_broken_encoder_stops_the_robot_within_half_a_second(
-        robot: Robot, fault: str, bit: MotorFault) -> None:
+        robot: Any, fault: str, bit: MotorFault) -> None:
     robot.steer(0.3)
     robot.run(1000)
     robot.twin.inject(fault, 10.0)
@@ -317,7 +260,7 @@ def test_a_broken_encoder_stops_the_robot_within_half_a_second(
     assert not robot.twin.unit.drive.moves, 'commands that go on say nothing of having noticed'
 
 
-def test_an_overcurrent_is_told(robot: Robot) -> None:
+def test_an_overcurrent_is_told(robot: Any) -> None:
     robot.run(500)
     robot.twin.inject('overcurrent', 1.0)
     robot.run(500)
@@ -332,7 +275,7 @@ def test_an_overcurrent_is_told(robot: Robot) -> None:
 
 
 def test_the_status_of_old_firmware_is_read_as_well(tmp_path: Path) -> None:
-    for robot in robot_of(tmp_path, {'old_status': True}):
+    with robot_of(tmp_path, {'old_status': True}) as robot:
         robot.run(1000)
         robot.twin.inject('overcurrent', 1.0)
         robot.run(500)
@@ -340,7 +283,7 @@ def test_the_status_of_old_firmware_is_read_as_well(tmp_path: Path) -> None:
         assert robot.counters()['timeouts'] == 1, 'it has to be found out once'
 
 
-def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Robot) -> None:
+def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)
     robot.unplug()
@@ -357,7 +300,7 @@ def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Robot)
     assert robot.twin.unit.drive.moves
 
 
-def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Robot) -> None:
+def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)
     robot.unplug()
@@ -368,7 +311,7 @@ def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Robot) -
     assert robot.faults() == 0
 
 
-def test_another_unit_in_its_place_is_noticed(robot: Robot) -> None:
+def test_another_unit_in_its_place_is_noticed(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)
     before = robot.device.counters.position_rad
@@ -387,7 +330,7 @@ def test_another_unit_in_its_place_is_noticed(robot: Robot) -> None:
 
 
 def test_a_unit_of_another_kind_is_refused(tmp_path: Path) -> None:
-    for robot in robot_of(tmp_path, {}, identity='2x30A'):
+    with robot_of(tmp_path, {}, identity='2x30A') as robot:
         robot.steer(0.3)
         robot.run(1000)
         assert not robot.twin.unit.drive.moves
@@ -395,7 +338,7 @@ def test_a_unit_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_unit_with_another_address_is_silent(tmp_path: Path) -> None:
-    for robot in robot_of(tmp_path, {}):
+    with robot_of(tmp_path, {}) as robot:
         robot.twin.unit.address = 0x81
         robot.run(1500)
         assert robot.managed.faults >= 1

@@ -154,7 +154,7 @@ class SerialBench:
         driver, simulator = DRIVERS.load(kind), SIMULATORS.load(kind)
         fields = driver.fields()
         values = {f.name: f.default for f in fields} | {
-            f.name: GIVEN[f.name] for f in fields if f.name in GIVEN}
+            f.name: GIVEN[f.name] for f in fields if f.default is REQUIRED and f.name in GIVEN}
         topics = {f.name: f'{name}/{f.default}' for f in fields
                   if f.name == 'topic' or f.name.endswith('_topic') and f.default}
         values.update({**topics, 'port': name, 'baud': simulator.BAUD, **settings})

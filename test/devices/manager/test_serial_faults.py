@@ -66,6 +66,8 @@ CASES = {
     'hokuyo': Case(10, topic='scan', silent='silent for 1 s: check its power .it needs up to'),
     'hokuyo that scans': Case(10, {'configure': False}, {'scanning': True}, 'scan',
                               silent='silent for 1 s: check its power .it needs up to'),
+    'kobuki': Case(50, topic='joint_states', silent='silent for 1 s: check that it is switched '
+                   'on, and its USB cable'),
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
     'roboclaw': Case(30, topic='joint_states', silent='silent for 1 s: check its power and its '
                      'wiring, that it is in packet serial mode'),
