@@ -123,6 +123,25 @@ def test_each_server_of_nav2_has_its_parameters_and_is_managed() -> None:
     assert managed == [name for name in names[1:] if not name.startswith('lifecycle')]
 
 
+def test_nav2_finds_the_topics_and_frames_of_the_service_robot() -> None:
+    launch = (ROOT / 'launch' / 'service_robot_nav2.launch.xml').read_text()
+    modules = re.findall(r'-p modules:=\[([\w,]+)\]', launch)[0].split(',')
+    robot = load([CONFIG / 'service_robot.yaml'], {'modules': modules})
+    assert [module.name for module in robot.modules] == modules
+    out = {'/' + m.ros_topic.lstrip('/'): m for m in robot.mirrors if m.direction == 'out'}
+    nav2 = (CONFIG / 'nav2.yaml').read_text()
+    topics = set(re.findall(r'topic: (/\w+)', nav2))
+    assert topics == {'/odom', '/scan'} and topics <= set(out)
+    frames = set(re.findall(r'(?:frame|base_frame): (\w+)', nav2))
+    assert frames == {'map', 'odom', 'base_link'}
+    steered = [m for m in robot.mirrors if m.direction == 'in' and m.ros_topic == 'cmd_vel']
+    assert steered and steered[0].message == 'geometry_msgs/msg/Twist'
+    scan = next(device for device in robot.devices if device.type == 'hokuyo')
+    assert robot.mountings[scan.settings['frame_id']].parent == 'base_link'
+    transforms = {m.topic for m in robot.mirrors if m.as_ == 'tf2_msgs/msg/TFMessage'}
+    assert transforms == {'odom_to_base', 'map_to_odom'}
+
+
 @pytest.mark.parametrize('name', ['robot', 'rover'])
 def test_the_default_configuration_is_for_a_node_of_any_name(name: str) -> None:
     assert [device.name for device in load([CONFIG / 'robot.yaml'], node=name).devices] == [
