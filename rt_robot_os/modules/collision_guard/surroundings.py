@@ -140,8 +140,8 @@ class Surroundings:
         blocked = self._pushed(v, w)
         if blocked:
             self._stands = True
-            return Verdict(0.0, f'{blocked}: touched', f'{blocked}: something touches the robot, or '
-                           'is too near to measure')
+            return Verdict(0.0, f'{blocked}: touched', f'{blocked}: something touches the robot, '
+                           'or is too near to measure')
         slow = min(1.0, s['slow_m_s'] / speed) if self.is_close else 1.0
         cause = 'close' if slow < 1.0 else ''
         if not self._x.size:
