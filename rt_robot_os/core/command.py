@@ -34,6 +34,7 @@ from rt_robot_os.core.app import Core
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.part import installed_parts
 from rt_robot_os.core.placement import choose_cpu
+from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.service import Services
@@ -140,7 +141,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
     simulators, services = Simulators(), Services()
     writer: BlackBoxWriter | None = None
     try:
-        ports = simulators.start(settings, _device_folder(path))
+        ports = simulators.start(settings, device_folder(path))
         offered = services.start([DRIVERS.load(device.type) for device in settings.devices
                                   if device.port != SIM_PORT], path)
         signals = (*END_SIGNALS, DUMP_SIGNAL)
@@ -169,11 +170,6 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         simulators.stop()
         services.stop()
     return OK
-
-
-def _device_folder(path: Path) -> Path:
-    """Return the folder of the simulated devices, beside the socket."""
-    return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
 
 
 @contextmanager

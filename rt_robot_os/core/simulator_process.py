@@ -24,16 +24,22 @@ from pathlib import Path
 import select
 import sys
 from typing import Any
+from typing import TYPE_CHECKING
 
+from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import SIMULATORS
+from rt_robot_os.sim.orders import obey
+from rt_robot_os.sim.orders import OrderSocket
 from rt_robot_os.sim.server import SimServer
-from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
 
 
 def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = None,
@@ -45,14 +51,26 @@ def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = 
     :param mountings: where the frames of all devices are, by name.
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
-    place = Place(folder, None if world is None else World(WorldSettings(**world)),
+    there = None if world is None else _world(world)
+    place = Place(folder, there,
                   {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
                                    each['parent']) for frame, each in (mountings or {}).items()})
-    made = [SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
-            for name, d in devices.items()]
-    for device in made:
+    made = {name: SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
+            for name, d in devices.items()}
+    for device in made.values():
         device.port.plug()
-    return SimServer(made, report=tell)
+    server = SimServer(tuple(made.values()), report=tell)
+    try:
+        server.watch(OrderSocket(folder, lambda line: obey(line, made, there)))
+    except DeviceError as error:
+        tell(f'they take no orders: {error}')
+    return server
+
+
+def _world(settings: dict[str, Any]) -> World:
+    # Late: it needs NumPy, and most twins do not.
+    from rt_robot_os.sim.world.world import World
+    return World(WorldSettings(**settings))
 
 
 def tell(text: str) -> None:

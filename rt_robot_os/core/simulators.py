@@ -131,6 +131,15 @@ class Simulators:
         clear(self._folder)  # it may have been killed
 
 
+def device_folder(path: Path) -> Path:
+    """
+    Return the folder of a robot's simulated devices.
+
+    :param path: of the core's socket; it lies beside that.
+    """
+    return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
+
+
 def clear(folder: Path) -> None:
     """Remove the links and sockets of simulated devices that are no more, and their folder."""
     if folder.is_symlink() or not folder.is_dir():

@@ -24,22 +24,27 @@ from pathlib import Path
 import sys
 from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
+from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.errors import StartError
+from rt_robot_os.link.paths import socket_path
+from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
 from rt_robot_os.settings.world import load_world
-from rt_robot_os.settings.world import SECTION as WORLD
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.sim.faults import FAULTS
-from rt_robot_os.sim.faults import I2C_FAULTS
-from rt_robot_os.sim.faults import MOTOR_FAULTS
+from rt_robot_os.sim.faults import FAULT_HELP
+from rt_robot_os.sim.orders import obey
+from rt_robot_os.sim.orders import order
+from rt_robot_os.sim.orders import WORLD
 from rt_robot_os.sim.paths import hold_paths
 from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
@@ -51,10 +56,10 @@ from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.sim.world.scene import HAPPENINGS
-from rt_robot_os.sim.world.world import World
 
-_MORE: Final = ', '.join(fault for fault in MOTOR_FAULTS if fault not in FAULTS)
-_FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_MORE}'
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
+
 _PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
 _BAUD: Final = 9600
 _SCAN_BAUD: Final = 500000
@@ -67,9 +72,14 @@ def simulator(argv: Sequence[str]) -> int:
     :param argv: without the program's name.
     :return: the exit status, 2 when the arguments are wrong.
     """
-    arguments = _simulator_parser().parse_args(argv)
+    parser = _simulator_parser()
+    arguments = parser.parse_args(argv)
+    if arguments.tell:
+        return _tell(arguments)
+    if not arguments.devices:
+        parser.error('name a device, such as imu:witmotion')
     try:
-        world = World(load_world(Path(arguments.world))) if arguments.world else None
+        world = _world(Path(arguments.world)) if arguments.world else None
         devices = build_devices(arguments, world)
     except ConfigError as error:
         return _fail(error)
@@ -91,6 +101,12 @@ def simulator(argv: Sequence[str]) -> int:
         server.close()
         release(held)
     return OK
+
+
+def _world(path: Path) -> World:
+    # Late: it needs NumPy, and most twins do not.
+    from rt_robot_os.sim.world.world import World
+    return World(load_world(path))
 
 
 def player(argv: Sequence[str]) -> int:
@@ -183,9 +199,9 @@ def _simulator_parser() -> argparse.ArgumentParser:
         prog='simulator', description='Simulated devices, with faults on demand: serial ones '
         'on ptys, chips on an emulated I2C bus.',
         epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
-        f'seconds. Faults: {_FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
+        f'seconds. Faults: {FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
         f'stand there, and so on: {HAPPENINGS}.')
-    parser.add_argument('devices', nargs='+', metavar='NAME:TYPE',
+    parser.add_argument('devices', nargs='*', metavar='NAME:TYPE',
                         help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
     parser.add_argument('--dir', help='folder of the paths, '
                         'by default $XDG_RUNTIME_DIR/rt_robot_os')
@@ -200,6 +216,9 @@ def _simulator_parser() -> argparse.ArgumentParser:
     parser.add_argument('--world', metavar='FILE', help='what the devices look at: a YAML file '
                         'with a map, people, marks and so on; see docs/world.md')
     parser.add_argument('--seed', type=int, default=1, help='of noise and faults')
+    parser.add_argument('--tell', metavar='ORDER', help='simulate nothing: give the simulated '
+                        'devices of a running robot such a line, and end')
+    add_robot_option(parser)
     _add_keep_running(parser)
     return parser
 
@@ -275,20 +294,20 @@ def _folder(given: str | None, problems: list[str]) -> Path:
 
 def _inject(devices: dict[str, Simulated], line: str, world: World | None) -> None:
     """Obey a line such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
-    if not line:
-        return
-    words = line.split()
     try:
-        if words[0] == WORLD and world is not None:
-            world.inject(words[1:])
-            return
-        name, fault, duration = words
-        devices[name].inject(fault, float(duration))
+        obey(line, devices, world)
     except ConfigError as error:
         _complain(str(error))
-    except (KeyError, ValueError):
-        _complain(f'{line!r} is not understood: write DEVICE FAULT SECONDS with one of the '
-                  f'devices {", ".join(devices)} and one of the faults {_FAULT_HELP}')
+
+
+def _tell(arguments: argparse.Namespace) -> int:
+    """Give the simulated devices of a running robot an order."""
+    try:
+        order(Path(arguments.dir) if arguments.dir else device_folder(
+            socket_path(arguments.robot)), arguments.tell)
+    except (ConfigError, DeviceError, StartError) as error:
+        return _fail(error)
+    return OK
 
 
 def _run(server: SimServer, keep_running: bool, until: Callable[[], bool] | None = None) -> None:

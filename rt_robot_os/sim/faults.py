@@ -67,6 +67,10 @@ MOTOR_FAULTS: Final = {
     'overcurrent': 'reports that a motor draws too much',
 }
 
+# All of them, for messages.
+_MORE: Final = ', '.join(fault for fault in MOTOR_FAULTS if fault not in FAULTS)
+FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_MORE}'
+
 _MAX_S: Final = 1e6
 _MAX_EVENTS: Final = 256
 _EVENT: Final = re.compile(r'(\S+)\s+at\s+(\S+)\s+for\s+(\S+)').fullmatch

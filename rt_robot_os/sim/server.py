@@ -59,6 +59,19 @@ class Pumped(Protocol):
         """Unplug."""
 
 
+class Watched(Protocol):
+    """What is served when it is readable."""
+
+    def fileno(self) -> int:
+        """Return its file descriptor."""
+
+    def serve(self) -> None:
+        """Take what has come; never waits."""
+
+    def close(self) -> None:
+        """Take no more; may be called twice."""
+
+
 class SimServer:
     """
     The loop.
@@ -83,6 +96,7 @@ class SimServer:
         self._last_problem = ''
         self._input_fd: int | None = None
         self._on_line: Callable[[str], None] | None = None
+        self._orders: Watched | None = None
         self._received = b''
         self._stopped = False
         self._wake_read, self._wake_write = os.pipe()
@@ -96,6 +110,10 @@ class SimServer:
         """
         self._input_fd = fd
         self._on_line = on_line
+
+    def watch(self, orders: Watched) -> None:
+        """Serve something else, too, whenever it is readable."""
+        self._orders = orders
 
     def run(self, *, on_start: Callable[[], None] | None = None,
             until: Callable[[], bool] | None = None) -> None:
@@ -141,6 +159,9 @@ class SimServer:
         """Unplug every device; may be called twice."""
         for device in self._devices:
             device.close()
+        if self._orders is not None:
+            self._orders.close()
+            self._orders = None
         if self._wake_read >= 0:
             os.close(self._wake_read)
             os.close(self._wake_write)
@@ -160,11 +181,15 @@ class SimServer:
         if self._input_fd is not None:
             watched.append(self._input_fd)
         # Without a reader a pty is readable for ever (hang-up), so only the others are watched.
+        if self._orders is not None:
+            watched.append(self._orders.fileno())
         watched += [d.port.fileno() for d in self._devices if d.port.has_reader()]
         # select, because its time-out has microseconds where poll and epoll have milliseconds.
         readable, _, _ = select.select(watched, [], [], wait_ns / NS_PER_S)
         if self._input_fd in readable:
             self._take_input()
+        if self._orders is not None and self._orders.fileno() in readable:
+            self._orders.serve()
 
     def _take_input(self) -> None:
         fd, on_line = self._input_fd, self._on_line

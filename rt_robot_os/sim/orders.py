@@ -1,0 +1,133 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Orders to simulated devices and their world: lines such as ``imu silent 3``, ``world walk anna``.
+
+They come on the standard input of `simulator`, or through a socket in the folder of the devices
+that a robot has started.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+import socket
+from typing import Final
+from typing import TYPE_CHECKING
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.faults import FAULT_HELP
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
+
+# The first word of an order to the world.
+WORLD: Final = 'world'
+
+_NAME: Final = '.orders'
+_LONGEST: Final = 4096
+_PATIENCE_S: Final = 5.0
+_DONE: Final = b'ok'
+
+
+def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> None:
+    """
+    Do what a line says; an empty one says nothing.
+
+    :raises ConfigError: it cannot be done.
+    """
+    words = line.split()
+    if not words:
+        return
+    if words[0] == WORLD and WORLD not in devices:
+        if world is None:
+            raise ConfigError([f'{line!r}: there is no world: give one, see docs/world.md'])
+        world.inject(words[1:])
+        return
+    try:
+        name, fault, duration = words
+        device, duration_s = devices[name], float(duration)
+    except (KeyError, ValueError):
+        raise ConfigError([
+            f'{line!r} is not understood: write DEVICE FAULT SECONDS with one of the devices '
+            f'{", ".join(devices)} and one of the faults {FAULT_HELP}'
+            + (f', or {WORLD} and what happens' if world is not None else '')]) from None
+    device.inject(fault, duration_s)
+
+
+class OrderSocket:
+    """
+    Takes orders in a folder that only its user can enter, and answers each.
+
+    :param folder: of the devices.
+    :param obey: does what a line says, or raises ConfigError.
+    """
+
+    def __init__(self, folder: Path, obey: Callable[[str], None]) -> None:
+        self._path = folder / _NAME
+        self._obey = obey
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._path.unlink(missing_ok=True)
+            self._socket.bind(str(self._path))
+            self._socket.setblocking(False)
+        except OSError as error:
+            self._socket.close()
+            raise DeviceError(f'{self._path} cannot be made: {error.strerror or error}') from error
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when an order has come."""
+        return self._socket.fileno()
+
+    def serve(self) -> None:
+        """Obey one order and answer it; never waits."""
+        with suppress(OSError):
+            line, sender = self._socket.recvfrom(_LONGEST)
+            try:
+                self._obey(line.decode('utf-8', 'replace').strip())
+                answer = _DONE
+            except ConfigError as error:
+                answer = str(error).encode()
+            if sender:
+                self._socket.sendto(answer, sender)
+
+    def close(self) -> None:
+        """Take no more; may be called twice."""
+        self._socket.close()
+        self._path.unlink(missing_ok=True)
+
+
+def order(folder: Path, line: str) -> None:
+    """
+    Give an order to the devices of a folder, and wait until it is done.
+
+    :raises ConfigError: it cannot be done; the text says why.
+    :raises DeviceError: nobody takes orders there.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
+        mine.settimeout(_PATIENCE_S)
+        try:
+            mine.bind('')  # Linux gives it a name, for the answer
+            mine.sendto(line.encode()[:_LONGEST], str(folder / _NAME))
+            answer = mine.recv(_LONGEST)
+        except OSError as error:
+            raise DeviceError(f'{folder}: no simulated devices take orders there '
+                              f'({error}): is the robot running, and simulated?') from error
+    if answer != _DONE:
+        raise ConfigError([answer.decode('utf-8', 'replace')])
