@@ -26,6 +26,7 @@ _OWN: Final = {
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
     'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
+    'planner': 'rt_robot_os.modules.planner:Planner',
     'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',

@@ -26,9 +26,9 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.collision_guard.sensors import Bumper
+from rt_robot_os.modules.collision_guard.sensors import place_of
 from rt_robot_os.modules.collision_guard.sensors import RangeFinder
 from rt_robot_os.modules.collision_guard.sensors import Scanner
 from rt_robot_os.modules.collision_guard.sensors import Sensor
@@ -40,8 +40,6 @@ from rt_robot_os.modules.collision_guard.surroundings import FREE
 from rt_robot_os.modules.collision_guard.surroundings import Surroundings
 from rt_robot_os.modules.collision_guard.surroundings import Verdict
 from rt_robot_os.modules.wake_up import WakeUp
-from rt_robot_os.motion.mounting import BASE_FRAME
-from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
@@ -162,14 +160,7 @@ class CollisionGuard(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _mounting(self, read: Subscription) -> Mounting:
-        frame = str(read.msg.header.frame_id)
-        found = in_base(self.mountings, frame)
-        if frame != BASE_FRAME and found.parent == frame:
-            known = ', '.join(sorted(self.mountings)) or 'none'
-            raise ConfigError([
-                f'{self.name}: nobody says where {frame!r} is, the frame of {read.topic.name}: it '
-                f'must be {BASE_FRAME} or the frame_id of a device ({known})'])
-        return found
+        return place_of(read, self.mountings, self.name)
 
     def _count_way(self, now_ns: int) -> None:
         """Count what the fastest point of the robot may have driven since the last job."""

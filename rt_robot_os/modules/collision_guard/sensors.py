@@ -23,11 +23,15 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
+from collections.abc import Mapping
 import math
 from typing import Final
 
 import numpy as np
 
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.mounting import BASE_FRAME
+from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.zones import Array
 from rt_robot_os.motion.zones import Footprint
@@ -41,6 +45,23 @@ _RAY_RAD: Final = 0.1
 _RAYS_MAXIMUM: Final = 31
 _NONE: Final[Array] = np.empty(0)
 _NO_CONTACTS: Final[Array] = np.empty((0, 4))
+
+
+def place_of(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
+    """
+    Return where on the robot the frame of a topic is.
+
+    :param name: of the module that asks, for errors.
+    :raises ConfigError: nobody says where it is.
+    """
+    frame = str(read.msg.header.frame_id)
+    found = in_base(mountings, frame)
+    if frame != BASE_FRAME and found.parent == frame:
+        known = ', '.join(sorted(mountings)) or 'none'
+        raise ConfigError([
+            f'{name}: nobody says where {frame!r} is, the frame of {read.topic.name}: it must be '
+            f'{BASE_FRAME} or the frame_id of a device ({known})'])
+    return found
 
 
 class Sensor(ABC):

@@ -1,0 +1,336 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Plan ways on a map to goals, and plan anew when something stands in the way.
+
+Planning takes from milliseconds to seconds. It is done in pieces that more important tasks
+preempt, a few in each job, with pauses in which less important ones run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from collections.abc import Mapping
+import math
+from typing import Any
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.collision_guard.sensors import place_of
+from rt_robot_os.modules.collision_guard.sensors import Scanner
+from rt_robot_os.modules.planner.strangers import Strangers
+from rt_robot_os.modules.trajectory.whereabouts import planar
+from rt_robot_os.modules.wake_up import WakeUp
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.route import Route
+from rt_robot_os.motion.route import RouteError
+from rt_robot_os.motion.route import RoutePlanner
+from rt_robot_os.motion.terrain import Terrain
+from rt_robot_os.motion.zones import Circle
+from rt_robot_os.schema import Field
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+_TEXT: Final = 'std_msgs/msg/String'
+_TEXT_LENGTH: Final = 200
+_POSES_MAXIMUM: Final = 1000
+# Pieces of planning in a job, some 3 ms, and the pause after it.
+_PIECES: Final = 40
+_PAUSE_NS: Final = 3 * NS_PER_MS
+# Whoever follows the plan repeats its state that often, so that an old one is no answer.
+_ANSWER_NS: Final = NS_PER_S
+_AHEAD_M: Final = 3.0
+_PROGRESS_M: Final = 0.5
+
+
+class Planner(Module):
+    """Plan ways to goals."""
+
+    goal = Input('goal_pose', wake=True, message='geometry_msgs/msg/PoseStamped')
+    pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
+    followed = Input('trajectory/state', wake=True, message=_TEXT)
+    plan = Output('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3 * _POSES_MAXIMUM)
+    state = Output('planner/state', _TEXT, tail=_TEXT_LENGTH)
+
+    SETTINGS = (
+        Field('map', str, REQUIRED, 'The map: a YAML file as map_saver writes it, beside the file '
+              'that names it or in config/', is_file=True),
+        Field('robot_radius_m', float, 0.2, 'What must stay free round base_link: the distance of '
+              'the corner that is furthest away', 'm', 0.0, 10.0),
+        Field('clearance_m', float, 0.05, 'What must stay free besides', 'm', 0.0, 5.0),
+        Field('prefer_m', float, 0.5, 'Where there is room, the middle of the robot keeps so far '
+              'from walls', 'm', 0.0, 10.0),
+        Field('unknown_is_free', bool, False, 'Drive where the map does not know what is there'),
+        Field('goal_tolerance_m', float, 0.5, 'A goal at which the robot cannot stand is moved so '
+              'far at most; beyond it is refused', 'm', 0.0, 10.0),
+        Field('start_tolerance_m', float, 0.5, 'How far from free ground the robot may be when it '
+              'sets out', 'm', 0.0, 10.0),
+        Field('pose_timeout_s', float, 1.0, 'Age of a pose from which nothing is planned', 's',
+              0.02, 60.0, live=True),
+        Field('scan_topics', list, [], 'Laser scanners that show what is not on the map, each a '
+              'sensor_msgs/msg/LaserScan'),
+        Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
+              'itself; 0: its own range_min', 'm', 0.0, 5.0),
+        Field('obstacle_range_m', float, 2.5, 'How far from the robot that is believed', 'm', 0.1,
+              30.0),
+        Field('obstacle_memory_s', float, 5.0, 'How long it is remembered', 's', 0.1, 600.0),
+        Field('map_tolerance_m', float, 0.2, 'What is seen so near to what the map has, is that',
+              'm', 0.0, 2.0),
+        Field('blocked_s', float, 1.0, 'How long something may stand in the way before a way '
+              'round it is looked for', 's', 0.0, 60.0, live=True),
+        Field('retry_s', float, 2.0, 'How often a way round is looked for', 's', 0.1, 60.0,
+              live=True),
+        Field('patience_s', float, 30.0, 'How long, before the goal is given up', 's', 0.0,
+              3600.0, live=True),
+    )
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """Keep the settings; the map is read later."""
+        super().__init__(name, settings)
+        self._planner: RoutePlanner | None = None
+        self._pose: Pose = (0.0, 0.0, 0.0)
+        self._pose_ns = -1
+        self._goal: Pose | None = None
+        self._is_wanted = False
+        self._job: Generator[None, None, Route] | None = None
+        self._route: Route | None = None
+        self._route_ns = self._begun_ns = 0
+        self._is_followed = False
+        self._blocked_ns = self._failed_ns = -1
+        self._failed_at: Pose = (0.0, 0.0, 0.0)
+        self._retry_ns = 0
+        self._goals = self._plans = self._refused = self._expanded = 0
+        self._took_ms = 0.0
+        self._told = ''
+
+    # ---- ports -------------------------------------------------------------------------------
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        return bool(self.topic_of(attribute))
+
+    def listed_inputs(self) -> Mapping[str, Input]:
+        """Return an input for each scanner; they release nothing."""
+        return {topic: Input(topic, message='sensor_msgs/msg/LaserScan')
+                for topic in self.settings['scan_topics']}
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """
+        Read the map.
+
+        :raises ConfigError: it cannot be read, or poses and goals are in other frames.
+        """
+        s = self.settings
+        frames = {self.topic_of(port): str(getattr(self, port).msg.header.frame_id)
+                  for port in ('goal', 'pose')}
+        if len(set(frames.values())) > 1:
+            told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
+            raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
+        self._radius_m = s['robot_radius_m'] + s['clearance_m']
+        terrain = Terrain(GridMap.load(s['map']), self._radius_m, s['prefer_m'],
+                          s['unknown_is_free'])
+        self._planner = RoutePlanner(terrain, s['goal_tolerance_m'], s['start_tolerance_m'],
+                                     _POSES_MAXIMUM)
+        outline = Circle(max(s['robot_radius_m'], 1e-3))
+        self._strangers = Strangers(
+            terrain, [Scanner(read, place_of(read, self.mountings, self.name), outline,
+                              s['scan_minimum_m']) for read in self.listed.values()],
+            s['map_tolerance_m'], s['obstacle_range_m'], round(s['obstacle_memory_s'] * NS_PER_S))
+        self._wake_up = WakeUp(self.kernel, self.task)
+
+    def activate(self) -> None:
+        """Begin without a goal, also after a failure."""
+        self._goal = self._job = self._route = None
+        self._is_wanted = False
+
+    def step(self) -> None:
+        """Take what came, and plan on."""
+        now_ns = self.plan.topic.kernel.now_ns()
+        self._take_pose(now_ns)
+        if self.goal.latest():
+            self._take_goal(now_ns)
+        if self.connected('followed'):
+            while self.followed.take():
+                self._take_state(str(self.followed.msg.data), self.followed.stamp_ns, now_ns)
+        if self._goal is None:
+            return
+        if self._pose_is_fresh(now_ns):
+            self._strangers.look(self._pose, now_ns)
+            self._look_ahead(now_ns)
+        if self._is_wanted and now_ns >= self._retry_ns:
+            self._begin(now_ns)
+        if self._job is not None:
+            self._go_on(now_ns)
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell what is planned, how long it took, and what is in the way."""
+        refused = self._told.startswith('refused: ')
+        return {'warning': self._told if refused else '', 'state': self._told,
+                'goals': self._goals, 'goals_refused': self._refused, 'plans': self._plans,
+                'planned_in_ms': self._took_ms, 'cells_expanded': self._expanded,
+                'obstacle_cells': len(self._strangers) if self._planner else 0,
+                'length_m': self._route.length_m if self._route else 0.0}
+
+    # ---- what comes --------------------------------------------------------------------------
+
+    def _take_pose(self, now_ns: int) -> None:
+        if self.pose.latest():
+            pose = planar(self.pose.msg.pose.pose)
+            if pose is not None:
+                self._pose, self._pose_ns = pose, min(self.pose.stamp_ns, now_ns)
+
+    def _pose_is_fresh(self, now_ns: int) -> bool:
+        return self._pose_ns >= 0 and (
+            now_ns - self._pose_ns <= self.settings['pose_timeout_s'] * NS_PER_S)
+
+    def _take_goal(self, now_ns: int) -> None:
+        goal = planar(self.goal.msg.pose)
+        self._goals += 1
+        self._goal, self._job, self._route = goal, None, None
+        self._failed_ns = self._blocked_ns = -1
+        self._retry_ns = now_ns
+        self._is_wanted = goal is not None
+        if goal is None:
+            self._refuse('the goal is no pose', now_ns)
+
+    def _take_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
+        """Take how it goes with whoever follows the plan."""
+        if self._goal is None or self._route is None or stamp_ns < self._route_ns:
+            return
+        if state in ('driving', 'turning'):
+            self._is_followed = True
+            return
+        if not self._is_followed and stamp_ns < self._route_ns + _ANSWER_NS:
+            return  # that was said of what was before
+        if state == 'done':
+            self._end('done', now_ns)
+        elif state.startswith('stopped: blocked'):
+            if self._is_followed:
+                self._is_followed = False
+                self._ask_again(now_ns)
+        elif state.startswith('stopped: '):
+            self._end(state, now_ns)
+
+    def _look_ahead(self, now_ns: int) -> None:
+        """Plan anew when something has stood in the way for a while."""
+        if self._route is None or self._is_wanted or self._job is not None:
+            return
+        if not self._strangers.is_on(self._way_ahead(self._route), self._radius_m):
+            self._blocked_ns = -1
+            return
+        if self._blocked_ns < 0:
+            self._blocked_ns = now_ns
+        if now_ns - self._blocked_ns >= self.settings['blocked_s'] * NS_PER_S:
+            self._blocked_ns = now_ns
+            self._ask_again(now_ns)
+
+    def _way_ahead(self, route: Route) -> list[tuple[float, float]]:
+        """Return the next points of the way, from the nearest one on."""
+        x, y, _ = self._pose
+        points = [pose[:2] for pose in route.poses]
+        near = min(range(len(points)), key=lambda i: math.dist(points[i], (x, y)))
+        found, length_m = points[near:near + 1], 0.0
+        for a, b in zip(points[near:], points[near + 1:]):
+            length_m += math.dist(a, b)
+            if length_m > _AHEAD_M:
+                break
+            found.append(b)
+        return found
+
+    # ---- planning ----------------------------------------------------------------------------
+
+    def _ask_again(self, now_ns: int) -> None:
+        if self._failed_ns < 0 or math.dist(self._pose[:2], self._failed_at[:2]) > _PROGRESS_M:
+            self._failed_ns, self._failed_at = now_ns, self._pose
+        elif now_ns - self._failed_ns > self.settings['patience_s'] * NS_PER_S:
+            self._refuse(f'blocked for {self.settings["patience_s"]:g} s', now_ns)
+            return
+        self._is_wanted = True
+
+    def _begin(self, now_ns: int) -> None:
+        if self._planner is None or self._goal is None:
+            return
+        if not self._pose_is_fresh(now_ns):
+            self._tell('waiting: no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
+            return
+        self._is_wanted = False
+        self._begun_ns = now_ns
+        self._job = self._planner.plan(self._pose, self._goal, self._strangers.cells())
+        self._tell('planning', now_ns)
+
+    def _go_on(self, now_ns: int) -> None:
+        """Do some pieces of the planning."""
+        job = self._job
+        try:
+            for _ in range(_PIECES):
+                if job is not None:
+                    next(job)
+        except StopIteration as ended:
+            self._job = None
+            self._planned(ended.value)
+        except RouteError as error:
+            self._job = None
+            self._failed(str(error), now_ns)
+        else:
+            self._wake_up.no_later_than(self.plan.topic.kernel.now_ns() + _PAUSE_NS)
+
+    def _planned(self, route: Route) -> None:
+        now_ns = self.plan.topic.kernel.now_ns()
+        self._route, self._route_ns = route, now_ns
+        self._is_followed = False
+        self._blocked_ns = -1
+        self._plans += 1
+        self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
+        if self._planner is not None:
+            self._expanded = self._planner.search.expanded
+        self.plan.msg.data = [number for pose in route.poses for number in pose]
+        self.plan.publish(now_ns)
+        moved = f', goal moved by {route.moved_m:.2f} m' if route.moved_m > 0.0 else ''
+        self._tell(f'planned: {route.length_m:.2f} m{moved}', now_ns)
+
+    def _failed(self, why: str, now_ns: int) -> None:
+        """Wait for what stands in the way to go; refuse what the map forbids."""
+        if not len(self._strangers):
+            self._refuse(why, now_ns)
+            return
+        self._ask_again(now_ns)
+        if self._goal is not None:
+            self._retry_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
+            self._wake_up.no_later_than(self._retry_ns)
+            self._tell(f'waiting: {why}', now_ns)
+
+    def _refuse(self, why: str, now_ns: int) -> None:
+        self._refused += 1
+        self.log.warn('goal refused: %s', why)
+        self._end(f'refused: {why}', now_ns)
+
+    def _end(self, state: str, now_ns: int) -> None:
+        self._goal = self._route = self._job = None
+        self._is_wanted = False
+        self._tell(state, now_ns)
+
+    def _tell(self, state: str, now_ns: int) -> None:
+        if state == self._told:
+            return
+        self._told = state
+        self.state.msg.data = state[:_TEXT_LENGTH]
+        self.state.publish(now_ns)

@@ -1,0 +1,318 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The planner: goals in, ways out, and what it does when something stands in the way."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.planner import Planner
+from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.settings import default_path
+from rt_robot_os.settings import load
+from rt_robot_os.testing.module_bench import ModuleBench
+
+pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
+
+S = 1_000_000_000
+RAYS = 360
+ANGLES = -math.pi + 2 * math.pi / RAYS * np.arange(RAYS)
+
+
+def write_map(path: Path, door: bool = True) -> str:
+    """Write a map of 6 m x 4 m: two rooms, a wall between them, and a door in it, or two."""
+    cells = np.zeros((80, 120), np.int8)
+    cells[0] = cells[-1] = 100
+    cells[:, 0] = cells[:, -1] = 100
+    cells[:, 60] = 100
+    cells[15:35, 60] = 0  # from 0.75 m to 1.75 m
+    if door:
+        cells[55:75, 60] = 0
+    GridMap(cells, 0.05).save(path / 'rooms.yaml')
+    return str(path / 'rooms.yaml')
+
+
+class Planned:
+    """A planner, and what comes out of it."""
+
+    def __init__(self, folder: Path, doors: int = 2, **changes: Any) -> None:
+        self.bench = ModuleBench()
+        self.bench.mountings['laser'] = Mounting((0.1, 0.0, 0.2))
+        fixed = {'header.frame_id': 'map'}
+        self.goal_out = self.bench.topic('goal_pose', 'geometry_msgs/msg/PoseStamped', fixed)
+        self.pose_out = self.bench.topic(
+            'pose', 'geometry_msgs/msg/PoseWithCovarianceStamped', fixed)
+        self.bench.bus.declare('trajectory/state', 'std_msgs/msg/String', tail=200)
+        self.state_out = self.bench.bus.publisher('trajectory/state')
+        self.scan = self.bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
+            'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0})
+        self.planner = self.bench.add(
+            Planner, 'planner', rate_hz=10.0, priority=5,
+            **{'map': write_map(folder, doors == 2), 'scan_topics': ['scan'], **changes})
+        self.plans: list[tuple[float, list[tuple[float, float, float]]]] = []
+        self.states: list[tuple[float, str]] = []
+        kernel, bus = self.bench.kernel, self.bench.bus
+        task = kernel.add_task('note', self._note, priority=60)
+        self._plan = bus.subscribe('plan', 'note', task=task)
+        self._state = bus.subscribe('planner/state', 'note', task=task)
+        self.pose: tuple[float, float] | None = (1.0, 1.25)
+        self.seen: tuple[float, float] | None = None
+        kernel.add_task('localiser', self._localise, priority=50, rate_hz=20.0)
+
+    def _localise(self) -> None:
+        if self.pose is None:
+            return
+        message = self.pose_out.msg.pose.pose
+        message.position.x, message.position.y = self.pose
+        message.orientation.w = 1.0
+        self.pose_out.publish()
+        message = self.scan.msg
+        message.angle_min, message.angle_increment = -math.pi, 2 * math.pi / RAYS
+        message.range_min, message.range_max = 0.02, 10.0
+        message.ranges[:] = math.inf
+        if self.seen is not None:
+            for shift in np.linspace(-0.2, 0.2, 9):
+                x, y = self.seen[0] - self.pose[0] - 0.1, self.seen[1] + shift - self.pose[1]
+                ray = round((math.atan2(y, x) + math.pi) / (2 * math.pi / RAYS)) % RAYS
+                message.ranges[ray] = math.hypot(x, y)
+        self.scan.publish()
+
+    def _note(self) -> None:
+        now_s = self.bench.kernel.now_ns() / S
+        while self._plan.take():
+            data = [float(each) for each in self._plan.msg.data]
+            self.plans.append((now_s, list(zip(data[0::3], data[1::3], data[2::3]))))
+        while self._state.take():
+            self.states.append((now_s, str(self._state.msg.data)))
+
+    def go(self, x: float, y: float, at_s: float = 0.2) -> None:
+        def do() -> None:
+            pose = self.goal_out.msg.pose
+            pose.position.x, pose.position.y, pose.orientation.w = x, y, 1.0
+            self.goal_out.publish()
+        self.bench.at(at_s, do)
+
+    def say(self, state: str, at_s: float) -> None:
+        def do() -> None:
+            self.state_out.msg.data = state
+            self.state_out.publish()
+        self.bench.at(at_s, do)
+
+    def told(self) -> list[str]:
+        return [text for _, text in self.states]
+
+
+def through(plan: list[tuple[float, float, float]]) -> float:
+    """Return where a plan passes the wall."""
+    return next(y for x, y, _ in plan if x > 3.0)
+
+
+def test_a_goal_becomes_a_way_through_the_door(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25)
+    robot.bench.run(1.0)
+    [(at_s, plan)] = robot.plans
+    assert plan[0][:2] == (1.0, 1.25)
+    assert plan[-1] == (5.0, 1.25, 0.0)
+    assert 0.95 < through(plan) < 1.55
+    assert 0.2 <= at_s < 0.8
+    assert robot.told() == ['planning', 'planned: 4.00 m']
+    assert robot.planner.statistics()['plans'] == 1
+
+
+def test_a_done_of_the_goal_before_ends_nothing_and_that_of_this_one_does(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.say('done', 0.1)
+    robot.go(5.0, 1.25)
+    robot.say('done', 0.9)  # said again, each second
+    robot.say('driving', 1.0)
+    robot.bench.run(1.1)
+    assert robot.told()[-1] == 'planned: 4.00 m'
+    robot.say('done', 0.2)
+    robot.bench.run(0.5)
+    assert robot.told()[-1] == 'done'
+
+
+def test_something_in_the_door_is_gone_round_through_the_other(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, obstacle_range_m=4.0)
+    robot.go(5.0, 1.25)
+    robot.say('driving', 1.0)
+
+    def appear() -> None:
+        robot.seen = (3.0, 1.25)
+
+    robot.bench.at(2.0, appear)
+    robot.bench.run(4.0)
+    assert len(robot.plans) == 2
+    assert 3.0 <= robot.plans[1][0] < 4.0  # it waits whether it goes away
+    assert through(robot.plans[1][1]) > 2.7
+
+
+def test_who_only_passes_makes_no_new_way(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, obstacle_range_m=4.0, obstacle_memory_s=0.3)
+
+    def place(where: tuple[float, float] | None) -> None:
+        robot.seen = where
+
+    robot.go(5.0, 1.25)
+    robot.bench.at(2.0, lambda: place((3.0, 1.25)))
+    robot.bench.at(2.5, lambda: place(None))
+    robot.bench.run(5.0)
+    assert len(robot.plans) == 1
+
+
+def test_without_a_way_round_it_waits_and_gives_up_when_its_patience_ends(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, patience_s=6.0)
+    robot.seen = (3.0, 1.25)
+    robot.go(5.0, 1.25)
+    robot.bench.run(12.0)
+    assert robot.plans == []
+    assert robot.told()[1] == (
+        'waiting: no way to the goal is wide enough beside what stands there now')
+    assert robot.told()[-1] == 'refused: blocked for 6 s'
+
+
+def test_when_the_obstacle_leaves_the_door_it_goes_on(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, obstacle_memory_s=1.0)
+    robot.seen = (3.0, 1.25)
+
+    def leave() -> None:
+        robot.seen = None
+
+    robot.go(5.0, 1.25)
+    robot.bench.at(3.0, leave)
+    robot.bench.run(8.0)
+    assert [at_s > 4.0 for at_s, _ in robot.plans] == [True]
+    assert robot.told()[-1].startswith('planned')
+
+
+def test_a_follower_that_is_blocked_gets_a_way_round_at_once(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, obstacle_range_m=4.0, blocked_s=50.0)
+    robot.go(5.0, 1.25)
+    robot.say('driving', 1.0)
+
+    def appear() -> None:
+        robot.seen = (3.0, 1.25)
+
+    robot.bench.at(1.5, appear)
+    robot.say('stopped: blocked: no progress for 5 s', 2.0)
+    robot.bench.run(3.0)
+    assert len(robot.plans) == 2
+    assert through(robot.plans[1][1]) > 2.7
+
+
+def test_a_follower_that_stopped_for_another_reason_is_left_alone(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25)
+    robot.say('driving', 1.0)
+    robot.say('stopped: cancelled', 2.0)
+    robot.bench.run(5.0)
+    assert len(robot.plans) == 1
+    assert robot.told()[-1] == 'stopped: cancelled'
+
+
+@pytest.mark.parametrize(('goal', 'text'), [
+    ((50.0, 1.0), 'off the map'), ((math.nan, 1.0), 'the goal is no pose'),
+    ((3.02, 2.3), 'planned')])
+def test_goals_that_cannot_be_are_refused_or_moved_and_it_says_so(
+        tmp_path: Path, goal: tuple[float, float], text: str) -> None:
+    robot = Planned(tmp_path)
+    robot.go(*goal)
+    robot.bench.run(1.0)
+    assert text in robot.told()[-1]
+    if text == 'planned':
+        assert 'goal moved by 0.' in robot.told()[-1]
+    else:
+        assert robot.plans == []
+        assert robot.told()[-1].startswith('refused: ')
+        assert robot.planner.statistics()['goals_refused'] == 1
+        assert robot.planner.statistics()['warning']
+
+
+def test_without_a_pose_it_waits_for_one(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.pose = None
+    robot.go(5.0, 1.25)
+    robot.bench.run(1.0)
+    assert (robot.told(), robot.plans) == (['waiting: no pose yet'], [])
+    robot.pose = (1.0, 1.25)
+    robot.bench.run(1.0)
+    assert len(robot.plans) == 1
+
+
+def test_planning_leaves_pauses_in_which_others_run(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25)
+    robot.bench.run(1.0)
+    task = robot.planner.task
+    assert task is not None
+    assert task.runs > 12  # ten a second, and more while it plans
+    [(at_s, _)] = robot.plans
+    assert at_s > 0.2
+
+
+def test_a_new_goal_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25, at_s=0.2)
+    robot.go(5.0, 3.0, at_s=0.203)
+    robot.bench.run(1.0)
+    assert [plan[-1][:2] for _, plan in robot.plans][-1] == (5.0, 3.0)
+
+
+@pytest.mark.parametrize(('changes', 'text'), [
+    ({'map': '/nowhere/map.yaml'}, '/nowhere/map.yaml'),
+    ({'goal_topic': 'other'}, 'declare both in the frame of the map')])
+def test_a_map_that_is_not_there_and_frames_that_differ_are_told(
+        tmp_path: Path, changes: dict[str, Any], text: str) -> None:
+    bench = ModuleBench()
+    for name, frame in (('goal_pose', 'map'), ('other', 'odom')):
+        bench.topic(name, 'geometry_msgs/msg/PoseStamped', {'header.frame_id': frame})
+    bench.topic('pose', 'geometry_msgs/msg/PoseWithCovarianceStamped', {'header.frame_id': 'map'})
+    bench.add(Planner, 'planner', **{'map': write_map(tmp_path), 'followed_topic': '', **changes})
+    with pytest.raises(ConfigError, match=text):
+        bench.run(0.1)
+
+
+@pytest.mark.parametrize(('name', 'found'), [
+    ('rooms.yaml', '{folder}/rooms.yaml'), ('maps/flat.yaml', '{config}/maps/flat.yaml'),
+    ('/srv/map.yaml', '/srv/map.yaml')])
+def test_the_map_is_looked_for_beside_the_file_that_names_it_and_in_config(
+        tmp_path: Path, name: str, found: str) -> None:
+    write_map(tmp_path)
+    file = tmp_path / 'robot.yaml'
+    file.write_text(ROBOT.replace('MAP', name))
+    [planner] = load([file]).modules
+    assert planner.settings['map'] == found.format(
+        folder=tmp_path, config=default_path().parent)
+
+
+ROBOT = """
+robot:
+  ros__parameters:
+    devices: []
+    modules: [planner]
+    planner: {type: planner, map: MAP, followed_topic: ''}
+    topics: [goal_pose, pose]
+    goal_pose: {message: geometry_msgs/msg/PoseStamped, fixed: {header.frame_id: map}}
+    pose: {message: geometry_msgs/msg/PoseWithCovarianceStamped, fixed: {header.frame_id: map}}
+    mirrors: []
+"""
