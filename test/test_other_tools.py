@@ -71,6 +71,25 @@ def test_the_foxglove_layout_shows_what_the_default_robot_publishes() -> None:
             assert isinstance(field_of(topics[topic], field), float), path
 
 
+def test_the_foxglove_layout_of_the_service_robot_shows_and_commands_what_there_is() -> None:
+    saved = json.loads((CONFIG / 'foxglove_service_robot.json').read_text())
+    panel = saved['configById']
+    assert sorted(panels(saved['layout'])) == sorted(panel)
+    mirrors = load([CONFIG / 'service_robot.yaml']).mirrors
+    out = {f'/{m.ros_topic}': m.message for m in mirrors if m.direction == 'out'}
+    into = {f'/{m.ros_topic}': m.message for m in mirrors if m.direction == 'in'}
+    scene = panel['3D!scene']
+    assert set(scene['topics']) | {panel['Image!camera']['imageMode']['imageTopic']} <= set(out)
+    assert into[scene['publish']['poseTopic']] == 'geometry_msgs/msg/PoseStamped'
+    assert into[scene['publish']['poseEstimateTopic']].endswith('PoseWithCovarianceStamped')
+    assert into[panel['Teleop!hand']['topic']] == 'geometry_msgs/msg/Twist'
+    for name, each in panel.items():
+        assert each.get('topicToRender', '/rosout') in ROS_TOPICS, name
+        for path in each.get('paths', ()):
+            topic, _, field = path['value'].partition('.')
+            assert field_of(out[topic], field.partition('[')[0]) is not None, path
+
+
 def test_every_status_of_the_robot_is_in_one_group_of_the_aggregator() -> None:
     groups = yaml.safe_load((CONFIG / 'diagnostics_aggregator.yaml').read_text())[
         '/**']['ros__parameters']
