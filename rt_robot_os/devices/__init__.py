@@ -35,10 +35,13 @@ if TYPE_CHECKING:
     from rt_robot_os.devices.device import DeviceStatistics
     from rt_robot_os.devices.device import SamplePublisher
     from rt_robot_os.devices.framing import FrameDecoder
+    from rt_robot_os.devices.framing import LineDecoder
     from rt_robot_os.devices.framing import StreamDecoder
     from rt_robot_os.devices.i2c.device import i2c_settings
     from rt_robot_os.devices.i2c.device import I2cDevice
     from rt_robot_os.devices.imu import ImuFiller
+    from rt_robot_os.devices.motor_board import MotorBoard
+    from rt_robot_os.devices.motor_faults import MotorFault
     from rt_robot_os.devices.partial_sums import PartialSums
     from rt_robot_os.devices.parts import DeviceParts
     from rt_robot_os.devices.parts import Recogniser
@@ -61,6 +64,9 @@ _PLACES: Final = {
     'I2cDevice': 'i2c.device',
     'ImuFiller': 'imu',
     'Input': '.topics.ports',
+    'LineDecoder': 'framing',
+    'MotorBoard': 'motor_board',
+    'MotorFault': 'motor_faults',
     'Output': '.topics.ports',
     'PartialSums': 'partial_sums',
     'RangeFiller': 'ranging',
@@ -82,6 +88,9 @@ __all__ = [
     'I2cDevice',
     'ImuFiller',
     'Input',
+    'LineDecoder',
+    'MotorBoard',
+    'MotorFault',
     'Output',
     'PartialSums',
     'RangeFiller',
