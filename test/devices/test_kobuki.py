@@ -32,7 +32,8 @@ from rt_robot_os.devices.kobuki.twin import SimulatedKobuki
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.sim.world import DriveBase
+from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 
@@ -176,15 +177,21 @@ def test_the_bumper(robot: Any, contact_deg: float, bits: int) -> None:
     assert (robot.take('bumper') or [0])[-1] == bits
 
 
-def test_a_base_that_runs_into_a_wall_tells_it_at_once(robot: Any) -> None:
-    wall = [(1.0, y / 100) for y in range(-50, 50)]
-    robot.twin.base = DriveBase(obstacles=lambda x, y, reach: wall)
-    robot.twin.base.fit(wire.WHEEL_RADIUS_M, wire.SEPARATION_M)
+def test_in_the_world_it_bumps_into_who_stands_there(robot: Any) -> None:
+    # Somebody stands 1 m ahead.
+    robot.twin.world = World(WorldSettings(map='open', people=('anna 0.0 1.0 0.0',)))
+    robot.twin.prepare()
     robot.steer(0.3)
     robot.run(2000)
     assert set(robot.take('bumper')) == {0}
     robot.run(1500)
     assert robot.take('bumper')[-1] == 2
+    base = robot.twin.world.base
+    assert 0.3 < base.pose[0] < 0.8
+    assert base.wheel_radius_m == 0.035
+    robot.steer(-0.3)
+    robot.run(500)
+    assert robot.take('bumper')[-1] == 0
 
 
 def test_a_base_that_is_lifted_tells_cliff_and_wheel_drop(robot: Any) -> None:

@@ -32,6 +32,8 @@ from rt_robot_os.devices.roboclaw.driver import RoboClaw
 from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import settings_of
 
@@ -117,6 +119,17 @@ def test_wheels_wired_otherwise_turn_the_same_way(
         assert robot.device.counters.velocity_rad_s == pytest.approx((-3.0, 3.0), abs=0.2)
 
 
+def test_in_the_world_it_moves_the_robot_there(robot: Any) -> None:
+    robot.twin.world = World(WorldSettings(map='open', start=(1.0, 2.0, math.pi / 2)))
+    robot.twin.prepare()
+    robot.steer(0.3)
+    robot.run(2000)
+    x, y, yaw = robot.twin.world.base.pose
+    assert (x, yaw) == (pytest.approx(1.0), pytest.approx(math.pi / 2))
+    wheel_rad = robot.device.counters.position_rad[0]
+    assert y - 2.0 == pytest.approx(wheel_rad * 0.05, abs=0.02)
+
+
 def test_its_own_watchdog_is_set_and_stops_it(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
@@ -184,6 +197,10 @@ def test_a_stop_goes_before_everything_else(tmp_path: Path) -> None:
             robot.publish(0.0)
             robot.run(2)
             assert not robot.twin.unit.drive.moves, 'the stop waited for an answer'
+        robot.run(500)
+        assert robot.counters()['retries'] == 0, 'nothing was lost'
+        assert not robot.faults() & MotorFault.LINE
+        assert robot.device.statistics().rejected_bytes == 0
 
 
 # --- what befalls it -----------------------------------------------------------------------------
@@ -343,3 +360,14 @@ def test_a_unit_with_another_address_is_silent(tmp_path: Path) -> None:
         robot.run(1500)
         assert robot.managed.faults >= 1
         assert 'packet serial mode with this address' in robot.managed.reason
+
+
+def test_a_unit_that_does_not_know_a_command_is_told_so(tmp_path: Path) -> None:
+    with robot_of(tmp_path, {}) as robot:
+        size = robot.twin.unit._size
+        robot.twin.unit._size = lambda buffer: -1 if buffer[1:2] == b'\x0f' else size(buffer)
+        robot.run(1500)
+        assert robot.managed.state is not DeviceState.ACTIVE
+        texts = [r.text for r in robot.reports.since(0)[2]]
+        assert texts == ['it answers, but not to command 15 (read serial timeout): update its '
+                         'firmware']

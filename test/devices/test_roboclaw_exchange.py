@@ -118,11 +118,29 @@ def test_a_stop_does_not_wait(bench: Bench) -> None:
     stop = bench.exchange.interrupt(lambda: STOP)
     assert stop == STOP.data
     # Its acknowledgement comes behind the answer that is on its way.
-    bench.hear(first)
-    bench.hear(bench.send(stop))
+    bench.hear(first[:4])
+    bench.hear(first[4:] + bench.send(stop))
+    bench.run(200)
+    assert [r.request for r in bench.answers] == [ENCODERS, STOP]
+    assert bench.sent == [STOP.data], 'nothing was lost'
+    assert bench.exchange.is_idle
+
+
+def test_a_stop_behind_a_lost_answer_is_repeated_first(bench: Bench) -> None:
+    bench.exchange.add(lambda: ENCODERS)
+    first = bench.unit.obey(bench.exchange.due(10**9), 10**9)
+    bench.hear(first[1:] + bench.send(bench.exchange.interrupt(lambda: STOP)))
     bench.run(200)
     assert [r.request for r in bench.answers] == [STOP, ENCODERS]
     assert bench.sent == [STOP.data, STOP.data, ENCODERS.data]
+
+
+def test_stops_that_nobody_answers_are_no_end_of_them(bench: Bench) -> None:
+    for _ in range(1000):
+        assert bench.exchange.interrupt(lambda: STOP) == STOP.data
+    assert bench.exchange.given_up >= 990
+    bench.run(1000)
+    assert bench.exchange.is_idle
 
 
 def test_one_that_is_put_first_is_asked_once(bench: Bench) -> None:

@@ -58,6 +58,13 @@ from rt_robot_os.units import period_from_rate
 # Asked for in turn, one a turn.
 _IN_TURN: Final = (wire.STATUS, wire.MAIN_BATTERY, wire.STATUS, wire.CURRENTS, wire.STATUS,
                    wire.TEMPERATURE, wire.STATUS, wire.READ_TIMEOUT)
+# How often a request of the set-up, itself repeated, may be given up.
+_ATTEMPTS: Final = 3
+_NAMES: Final = {
+    wire.VERSION: 'firmware version', wire.SET_TIMEOUT: 'set serial timeout',
+    wire.READ_TIMEOUT: 'read serial timeout', wire.SET_PID_1: 'set velocity PID of M1',
+    wire.SET_PID_2: 'set velocity PID of M2', wire.ENCODERS: 'read encoders',
+    wire.SET_ENCODER_1: 'set encoder 1', wire.SET_ENCODER_2: 'set encoder 2'}
 # The voltage is looked at more often than it is told.
 _BATTERY_NS: Final = round(0.9 * NS_PER_S)
 # Where the counters begin; a unit whose counters are far from it has lost its power.
@@ -134,6 +141,7 @@ class RoboClaw(MotorBoard[Reply]):
         self._period_ns = period_from_rate(settings['output_rate_hz'])
         self._now_ns = self._due_ns = self._battery_ns = 0
         self._turn = self._failures = self._set_ups = self._late_turns = 0
+        self._attempts = self._frames_before = 0
         self._version = ''
         self._status = 0
         self._voltage_v = 0.0
@@ -182,12 +190,14 @@ class RoboClaw(MotorBoard[Reply]):
         self._orders = self._stop
         self._due_ns = 0
         self._problem = ''
+        self._frames_before = self._decoder.frames
         self._set_up()
 
     def _set_up(self) -> None:
         """Begin the set-up, which everything but commands to stand waits for."""
         ask = functools.partial(wire.ask, self._address)
         self._set_ups += 1
+        self._attempts = 0
         self._setup = [ask(wire.VERSION), self._watchdog, ask(wire.READ_TIMEOUT), *self._gains,
                        ask(wire.ENCODERS)]
 
@@ -207,7 +217,7 @@ class RoboClaw(MotorBoard[Reply]):
         is_idle = self._exchange.is_idle
         if self._setup:
             if is_idle:
-                self._exchange.add(self._next_of_setup)
+                self._try_set_up()
         elif now_ns >= self._due_ns - self._period_ns // 4:
             if is_idle:
                 self._begin_turn(now_ns)
@@ -215,6 +225,19 @@ class RoboClaw(MotorBoard[Reply]):
                 self._late_turns += 1
                 self._due_ns += self._period_ns
         self._send_what_is_due()
+
+    def _try_set_up(self) -> None:
+        """
+        Send what comes next of the set-up, again if it has been given up.
+
+        :raises DeviceError: it never answers that, although it answers other things.
+        """
+        self._attempts += 1
+        if self._attempts > _ATTEMPTS and self._decoder.frames > self._frames_before:
+            command = self._setup[0].command
+            raise DeviceError(f'{self.name}: it answers, but not to command {command} '
+                              f'({_NAMES[command]}): update its firmware')
+        self._exchange.add(self._next_of_setup)
 
     def _begin_turn(self, now_ns: int) -> None:
         late = now_ns - self._due_ns >= self._period_ns
@@ -272,8 +295,9 @@ class RoboClaw(MotorBoard[Reply]):
             self._setup += [wire.encoder(self._address, each, _BEGINNING)
                             for each in (wire.SET_ENCODER_1, wire.SET_ENCODER_2)]
         self._setup.pop(0)
+        self._attempts = 0
         if self._setup:
-            self._exchange.add(self._next_of_setup)
+            self._try_set_up()
 
     def _identify(self, version: str) -> None:
         wanted: str = self.settings['identity']

@@ -18,7 +18,8 @@ The dialogue with a RoboClaw: one request in flight, the others wait for their t
 It never waits: whoever owns it asks what is to be sent, and tells what came. A request without an
 answer is sent again, and given up after a few times. Before anything follows a failure the line is
 left alone for longer than the unit remembers half a request, so that what comes late is not taken
-for the next answer.
+for the next answer. Only what cannot wait is sent while an answer is on its way; the unit answers
+in the order in which it was asked.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from rt_robot_os.units import NS_PER_S
 TRIES: Final = 3
 # Several are made for each turn; more than that waits only for a unit that answers nothing.
 MOST_WAITING: Final = 16
+# One, and some that interrupted it.
+_MOST_FLYING: Final = 4
 
 # When a request was sent that did not know the time.
 _NOW: Final = -1
@@ -62,24 +65,24 @@ class Exchange:
         self._decoder = decoder
         self._answer_ns = answer_ns
         self._waiting: deque[Make] = deque()
-        self._current: Make | None = None
+        # With the number of times that they have been sent.
+        self._flying: deque[tuple[Make, int]] = deque()
+        self._again: deque[tuple[Make, int]] = deque()
         self._last: Make | None = None
-        self._flying = False
-        self._tries = 0
         self._sent_ns = 0
         self._quiet_ns = 0
 
     @property
     def is_idle(self) -> bool:
         """Return whether nothing waits and nothing is in flight."""
-        return self._current is None and not self._waiting
+        return not (self._flying or self._again or self._waiting)
 
     def clear(self) -> None:
         """Forget everything: the port has just been opened."""
         self._decoder.reset()
         self._waiting.clear()
-        self._current = None
-        self._flying = False
+        self._flying.clear()
+        self._again.clear()
         self._quiet_ns = 0
 
     def add(self, make: Make) -> None:
@@ -107,14 +110,15 @@ class Exchange:
         """
         Return a request that cannot wait: it is sent at once, whatever is in flight.
 
-        What was in flight is sent again behind it, and so is this, should its answer be mistaken.
         Its time begins with the next :meth:`due`.
         """
-        if self._current is not None and self._current != make:
-            self._waiting.appendleft(self._current)
-        self._current = make
-        self._tries = 0
-        return self._send(_NOW)
+        if self._decoder.failed:
+            self._put_back()
+        elif len(self._flying) >= _MOST_FLYING:
+            self.given_up += len(self._flying)
+            self._flying.clear()
+            self._decoder.abandon()
+        return self._send(make, 0, _NOW)
 
     def due(self, now_ns: int) -> bytes:
         """Return what is to be sent now, as a rule nothing."""
@@ -126,38 +130,36 @@ class Exchange:
                     return b''
                 self.timeouts += 1
                 self._decoder.learn()
-            self._fail(now_ns)
+            self._put_back()
+            self._quiet_ns = now_ns + _QUIET_NS
         if now_ns < self._quiet_ns:
             return b''
-        if self._current is None:
-            if not self._waiting:
-                return b''
-            self._current = self._last = self._waiting.popleft()
-            self._tries = 0
-        else:
+        if self._again:
             self.retries += 1
-        return self._send(now_ns)
+            return self._send(*self._again.popleft(), now_ns)
+        if not self._waiting:
+            return b''
+        make = self._last = self._waiting.popleft()
+        return self._send(make, 0, now_ns)
 
     def answered(self) -> None:
-        """Take note that the answer to the request in flight came."""
-        self._current = None
-        self._flying = False
+        """Take note that the answer to the request that was sent first came."""
+        if self._flying:
+            self._flying.popleft()
 
-    def _send(self, now_ns: int) -> bytes:
-        current = self._current
-        if current is None:  # somebody of a higher priority was here
-            return b''
-        request = current()
-        self._decoder.expect(request)
-        self._flying = True
-        self._tries += 1
+    def _send(self, make: Make, tries: int, now_ns: int) -> bytes:
+        request = make()
+        self._decoder.expect(request, behind=bool(self._flying))
+        self._flying.append((make, tries + 1))
         self._sent_ns = now_ns
         return request.data
 
-    def _fail(self, now_ns: int) -> None:
+    def _put_back(self) -> None:
+        """Have all that is in flight sent again, what was sent last before the others."""
         self._decoder.abandon()
-        self._flying = False
-        self._quiet_ns = now_ns + _QUIET_NS
-        if self._tries >= TRIES:
-            self._current = None
-            self.given_up += 1
+        while self._flying:
+            make, tries = self._flying.popleft()
+            if tries < TRIES and len(self._again) < MOST_WAITING:
+                self._again.appendleft((make, tries))
+            else:
+                self.given_up += 1

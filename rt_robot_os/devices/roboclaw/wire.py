@@ -27,6 +27,7 @@ tests are made here as well.
 from __future__ import annotations
 
 from binascii import crc_hqx
+from collections import deque
 import struct
 from typing import Final
 from typing import NamedTuple
@@ -124,10 +125,10 @@ class Reply(NamedTuple):
 
 class RoboClawDecoder(StreamDecoder[Reply]):
     """
-    Find the answer to the request that was sent last; safe in the loop, keeps at most 50 bytes.
+    Find the answers to the requests that were sent; safe in the loop, keeps at most 50 bytes.
 
-    An answer begins with the first byte after the request: what else comes is rejected, up to the
-    next request. Of what has a wrong CRC nothing is used.
+    An answer begins with the first byte after the request, or after the answer before. When one is
+    wrong nothing is used of what comes up to the next request.
 
     :ivar failed: the bytes that came were no answer to the request; it is to be sent again.
     :ivar status_bytes: size of a status: 4, of old firmware 2.
@@ -137,19 +138,23 @@ class RoboClawDecoder(StreamDecoder[Reply]):
         super().__init__()
         self.failed = False
         self.status_bytes = _STATUS
-        self._request: Request | None = None
+        self._expected: deque[Request] = deque()
 
-    def expect(self, request: Request) -> None:
-        """Wait for the answer to a request; what is pending is rejected."""
-        super().reset()
-        self.failed = False
-        self._request = request
+    def expect(self, request: Request, behind: bool = False) -> None:
+        """
+        Wait for the answer to a request.
+
+        :param behind: it comes behind those that are waited for; else what is pending is rejected.
+        """
+        if not behind:
+            self.abandon()
+        self._expected.append(request)
 
     def abandon(self) -> None:
         """Expect nothing any more; what comes is rejected."""
         super().reset()
         self.failed = False
-        self._request = None
+        self._expected.clear()
 
     def reset(self) -> None:
         """Reject what is pending: the stream starts anew, perhaps that of another unit."""
@@ -160,29 +165,30 @@ class RoboClawDecoder(StreamDecoder[Reply]):
         """
         Take the next bytes of the stream; never raises.
 
-        :return: the answer, when they complete it; the same however the stream is cut.
+        :return: the answers that they complete, in order; the same however the stream is cut.
         """
-        request = self._request
-        if request is None:
-            self.rejected_bytes += len(data)
-            return []
         held = len(self._pending)
-        buffer = self._pending + data
-        size = self._size(request, buffer)
-        if size == 0:
-            self._pending = buffer
-            return []
-        self._pending = b''
-        self._request = None
-        if size < 0:
-            self.failed = True
-            self.rejected_frames += 1
-            self.rejected_bytes += len(buffer)
-            return []
-        self.frames += 1
-        self.rejected_bytes += len(buffer) - size
-        content = buffer[:size - _CRC] if request.asks else b''
-        return [Reply(request, content, size, size - held)]
+        buffer, self._pending = self._pending + data, b''
+        replies: list[Reply] = []
+        at = 0
+        while self._expected:
+            request, rest = self._expected[0], buffer[at:]
+            size = self._size(request, rest)
+            if size == 0:
+                self._pending = rest
+                return replies
+            if size < 0:
+                self.failed = True
+                self.rejected_frames += 1
+                self._expected.clear()
+                break
+            self._expected.popleft()
+            self.frames += 1
+            at += size
+            replies.append(Reply(request, rest[:size - _CRC] if request.asks else b'', size,
+                                 at - held))
+        self.rejected_bytes += len(buffer) - at
+        return replies
 
     def learn(self) -> bool:
         """
@@ -190,8 +196,10 @@ class RoboClawDecoder(StreamDecoder[Reply]):
 
         To be asked when nothing more has come for a while: only then is it known to be all.
         """
-        request, pending = self._request, self._pending
-        if request is None or request.command != STATUS or self.status_bytes == _OLD_STATUS:
+        if not self._expected or self.status_bytes == _OLD_STATUS:
+            return False
+        request, pending = self._expected[0], self._pending
+        if request.command != STATUS:
             return False
         if len(pending) != _OLD_STATUS + _CRC or crc(request.data + pending):
             return False
