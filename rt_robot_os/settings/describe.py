@@ -33,16 +33,16 @@ from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Lookup
 from rt_robot_os.settings.installed import installed
-from rt_robot_os.settings.model import CoreSettings
 from rt_robot_os.settings.model import DeviceSettings
-from rt_robot_os.settings.model import LogSettings
 from rt_robot_os.settings.model import MirrorSettings
 from rt_robot_os.settings.model import ModuleSettings
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.model import TopicSettings
-from rt_robot_os.settings.model import WatchdogSettings
 from rt_robot_os.settings.problems import description_of
+from rt_robot_os.settings.process_model import CoreSettings
+from rt_robot_os.settings.process_model import LogSettings
+from rt_robot_os.settings.process_model import WatchdogSettings
 from rt_robot_os.settings.tree import show
 from rt_robot_os.sim.world_settings import WorldSettings
 

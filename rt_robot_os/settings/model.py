@@ -32,22 +32,16 @@ from typing import ClassVar
 from typing import Final
 from typing import get_args
 
-from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
-from rt_robot_os.kernel.kernel import SPIN_MAXIMUM_NS
 from rt_robot_os.kernel.spec import BACKLOG_MAXIMUM
 from rt_robot_os.kernel.spec import BudgetPolicy
 from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OVERRUN_LIMIT_MAXIMUM
 from rt_robot_os.kernel.spec import OverrunPolicy
-from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
-from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.conversions import PATH
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
-from rt_robot_os.link.server import COMMAND_PRIORITY
-from rt_robot_os.link.server import SERVICE_PRIORITY
 from rt_robot_os.logger import LEVELS
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.schema import declared
@@ -56,12 +50,15 @@ from rt_robot_os.schema import inline
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import setting
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.settings.process_model import CoreSettings
+from rt_robot_os.settings.process_model import LogSettings
+from rt_robot_os.settings.process_model import priority_setting
+from rt_robot_os.settings.process_model import WatchdogSettings
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.topics.topic import DEPTH_MAXIMUM
 from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
 from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 # The port of a simulated device.
 SIM_PORT: Final = 'sim'
@@ -81,10 +78,6 @@ def _values(kind: type[Enum]) -> tuple[Any, ...]:
     return tuple(each.value for each in kind)
 
 
-def _priority(default: int, description: str) -> Any:
-    return setting(default, description, minimum=PRIORITY_MINIMUM, maximum=PRIORITY_MAXIMUM)
-
-
 def _enabled() -> Any:
     return setting(True, 'false: it is left out, and its topics are silent')
 
@@ -97,70 +90,6 @@ def _max_subscribers() -> Any:
 
 def _log_level() -> Any:
     return setting('info', 'the least severity that it logs', choices=LEVELS, live=True)
-
-
-@dataclass(frozen=True, slots=True)
-class CoreSettings:
-    """The process that runs the kernel."""
-
-    spawn: bool = setting(True, 'start the core as a child; false: attach to one that runs')
-    cpu: int = setting(
-        -1, 'CPU it is pinned to; -1: of those allowed the one with the fewest robots, of these '
-        'the last; -2: not pinned', minimum=-2, maximum=1023)
-    scheduler_priority: int = setting(
-        80, 'SCHED_FIFO priority; 0: stay an ordinary process', minimum=0, maximum=99)
-    lock_memory: bool = setting(True, 'keep all memory resident')
-    heartbeat_s: float = setting(
-        1.0, 'time without a sign of life after which the core is reported; after three times '
-        'that one that the node has started is started anew', 's', 0.1, 60.0)
-    link_priority: int = _priority(
-        SERVICE_PRIORITY, 'kernel priority of what serves clients: below what matters')
-    link_gather_ms: float = setting(
-        5.0, 'samples that are mirrored within this time of those before go out together: the '
-        'core spends less on each; 0: each at once', 'ms', 0.0, 1000.0)
-    command_priority: int = _priority(
-        COMMAND_PRIORITY, 'kernel priority at which samples from ROS are published')
-    spin_us: float = setting(
-        0.0, 'wake this much early and spin up to the release: less jitter for computing time; '
-        '0: sleep', 'us', 0.0, SPIN_MAXIMUM_NS / NS_PER_US)
-    cpu_latency_us: int = setting(
-        -1, 'longest time a sleeping CPU may take to wake, as asked of /dev/cpu_dma_latency; '
-        '-1: leave it', 'us', -1, 1_000_000)
-    dispatcher: str = setting(
-        'preemptive', 'preemptive: the higher priority interrupts the lower; cooperative: it '
-        'waits for the end of the job', choices=('preemptive', 'cooperative'))
-    black_box_records: int = setting(
-        RECORDS_DEFAULT, 'records the black box keeps', 'records', 64, 1 << 20)
-    black_box_folder: str = setting(
-        '', 'where the black box is written after a fault; when absent $ROS_LOG_DIR or ~/.ros/log')
-    record_bytes: bool = setting(
-        False, 'tap bytes of devices and times of jobs from the start, so that record gets all of '
-        'them and replay is exact')
-
-
-@dataclass(frozen=True, slots=True)
-class WatchdogSettings:
-    """What happens when a critical task is unhealthy."""
-
-    timeout_s: float = setting(
-        0.0, 'how long a critical task may be unhealthy; 0: no watchdog', 's', 0.0, 3600.0)
-    action: str = setting(
-        'log', 'what comes then: log it, bring every task with a safe state there and hold it, or '
-        'exit', choices=('log', 'safe_state', 'exit'))
-    exit_code: int = setting(70, 'exit code of the core after exit', minimum=3, maximum=125)
-    device: str = setting(
-        '', 'a watchdog of the machine that is fed as well, such as /dev/watchdog')
-
-
-@dataclass(frozen=True, slots=True)
-class LogSettings:
-    """The file of the log, which the node writes."""
-
-    file: bool = setting(True, "the node writes the core's log to a file")
-    folder: str = setting('', 'where it lies; when absent $ROS_LOG_DIR or ~/.ros/log')
-    file_mb: float = setting(10.0, 'size at which a new file is begun', 'MB', 0.001, 10_000.0)
-    files: int = setting(
-        5, 'files that are kept, the newest included', minimum=1, maximum=1000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +154,7 @@ class DeviceSettings:
     enabled: ClassVar[bool] = _enabled()
     rate_hz: float = setting(
         100.0, 'how often the device is polled', 'Hz', SLOWEST_HZ, FASTEST_HZ, live=True)
-    priority: int = _priority(60, 'priority of its task; higher runs first')
+    priority: int = priority_setting(60, 'priority of its task; higher runs first')
     read: str = setting(
         'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too (a device on I2C '
         'always, but with logical_execution)', choices=('poll', 'interrupt'))
@@ -257,7 +186,7 @@ class ModuleSettings:
     rate_hz: float = setting(
         50.0, 'how often the module steps; 0: only when an input wakes it', 'Hz', 0.0, FASTEST_HZ,
         live=True)
-    priority: int = _priority(40, 'priority of its task; higher runs first')
+    priority: int = priority_setting(40, 'priority of its task; higher runs first')
     max_subscribers: int = _max_subscribers()
     log_level: str = _log_level()
     task: TaskSettings = inline(TaskSettings())
