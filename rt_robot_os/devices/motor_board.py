@@ -73,7 +73,6 @@ from rt_robot_os.motion.wheel_watch import WheelWatch
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 __all__ = ['motor_settings', 'MotorBoard']
@@ -83,7 +82,11 @@ _BEYOND_REASON: Final = 1000.0
 # What wheels can do besides: uphill, downhill, and pushed by hand.
 _MARGIN: Final = 1.5
 _PUSHED_M_S: Final = 2.0
-_MISSING_NS: Final = 400 * NS_PER_MS
+# Counts that stay away for so long, and for so many of their periods, are missing; after a shorter
+# silence already the board may have been reset.
+_MISSING_S: Final = 0.4
+_SILENCE_S: Final = 0.25
+_LATE_PERIODS: Final = 3.0
 _FAULTS_EVERY_NS: Final = NS_PER_S
 _SIDES: Final = ('left', 'right')
 _STILL: Final = (0.0, 0.0)
@@ -122,11 +125,13 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
                        -1.0 if settings['inverted_right'] else 1.0)
         self._swapped: bool = settings['swapped']
         unit_rad = math.tau / self.counts_per_revolution()
+        late_s = _LATE_PERIODS / settings['output_rate_hz']
+        self._missing_ns = round(max(_MISSING_S, late_s) * NS_PER_S)
         self.counters = WheelCounters(
             self._signs[0] * unit_rad, self._signs[1] * unit_rad, bits=self.COUNTER_BITS,
             fastest_rad_s=max(_MARGIN * settings['maximum_wheel_speed_m_s'], _PUSHED_M_S)
             / self._radius_m,
-            most=settings['maximum_jump'])
+            most=settings['maximum_jump'], silence_s=max(_SILENCE_S, late_s))
         self._watches = tuple(WheelWatch(
             patience_s=settings['standstill_s'],
             slowest_rad_s=self.slowest_watched_rad_s(),
@@ -330,7 +335,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         """Look after counts that stay away, and publish the faults."""
         if self.is_driving:
             since_ns = max(self._driven_ns, self.counters.stamp_ns)
-            if now_ns - since_ns > _MISSING_NS:
+            if now_ns - since_ns > self._missing_ns:
                 self.faults.keep(MotorFault.COUNTS_MISSING, True)
                 self.log.error('no counts of its encoders come although it is commanded to drive: '
                                'check the line to the board; brought to rest', throttle_s=1.0)

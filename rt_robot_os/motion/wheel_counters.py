@@ -33,8 +33,6 @@ Counts = tuple[float, float]
 
 # A reading may be later than the one before by this, with all that the wheels turned meanwhile.
 _JITTER_S: Final = 0.02
-# After a longer silence the counters may have been reset.
-_SILENCE_NS: Final = 250_000_000
 # After a longer gap no more is believed than in this time.
 _LONGEST_GAP_S: Final = 1.0
 # A wheel gains or loses its highest speed in this time at least, and half of what it has at once.
@@ -94,7 +92,7 @@ class WheelCounters:
     """
 
     def __init__(self, left_rad: float, right_rad: float, *, bits: int, fastest_rad_s: float,
-                 most: float = 0.0) -> None:
+                 most: float = 0.0, silence_s: float = 0.25) -> None:
         """
         Keep what a count means.
 
@@ -103,9 +101,11 @@ class WheelCounters:
         :param fastest_rad_s: highest speed of a wheel, of a robot that is pushed as well.
         :param most: counts between two readings that are believed; 0 takes those of the highest
             speed.
+        :param silence_s: after a longer one they may have been reset.
         """
         self._units = left_rad, right_rad
         self._bits = bits
+        self._silence_ns = round(silence_s * NS_PER_S)
         self._fastest_rad_s = fastest_rad_s
         self._gain_rad_s2 = fastest_rad_s / _FASTEST_START_S
         self._most_rad = most * max(abs(left_rad), abs(right_rad))
@@ -146,7 +146,7 @@ class WheelCounters:
             self._start(now_ns)
             return self._add((0, 0), counts, now_ns, Reading.TAKEN)
         steps = self._difference(counts, last)
-        doubted = self._doubted or now_ns - self.stamp_ns > _SILENCE_NS
+        doubted = self._doubted or now_ns - self.stamp_ns > self._silence_ns
         self._doubted = False
         if self._are_new(counts, steps, now_ns, doubted):
             self.resets += 1

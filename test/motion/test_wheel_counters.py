@@ -215,3 +215,12 @@ def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) 
     assert ticks(counters)[0] == true - 20_000
     assert counters.resets == 0
     assert furthest < FASTEST_RAD_S
+
+
+def test_slow_readings_are_no_silence() -> None:
+    counters = WheelCounters(TICK_RAD, TICK_RAD, bits=32, fastest_rad_s=FASTEST_RAD_S,
+                             silence_s=1.5)
+    for n, count in enumerate((0, 100, 200, 100, 30, -40)):
+        counters.take(count, count, n * 500 * NS_PER_MS)
+    assert ticks(counters) == (-40, -40)
+    assert counters.resets == 0
