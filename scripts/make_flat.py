@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Make config/maps/flat.yaml and flat.pgm, and the picture of them in docs/images/flat.svg.
+Make config/maps/flat.yaml and flat.pgm, and the pictures of the flat in docs/images.
 
     PYTHONPATH=. .venv/bin/python scripts/make_flat.py
 
-It gives the same bytes each time. All lengths are in m; x goes to the right, y up.
+It gives the same map and the same plan each time. All lengths are in m; x goes to the right, y up.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from rt_robot_os.devices.capture.room_view import RoomView
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.settings.world import load_world
 from rt_robot_os.sim.world import World
@@ -34,6 +35,7 @@ from rt_robot_os.sim.world import World
 ROOT = Path(__file__).resolve().parents[1]
 MAPS = ROOT / 'config' / 'maps'
 PICTURE = ROOT / 'docs' / 'images' / 'flat.svg'
+CAMERA_PICTURE = ROOT / 'docs' / 'images' / 'world_camera.png'
 
 RESOLUTION_M = 0.05
 WIDTH_M, HEIGHT_M = 10.0, 8.0
@@ -170,6 +172,11 @@ def main() -> None:
     made().save(MAPS / 'flat.yaml')
     world = World(load_world(MAPS / 'flat_world.yaml'))
     PICTURE.write_text('\n'.join(drawing(world)), encoding='utf-8')
+    picture = RoomView(640, 480).picture({
+        'map': str(MAPS / 'flat.yaml'), 'camera': (4.1, 0.9, 1.0, 2.0, 0.08), 'ceiling': 2.4,
+        'lux': 300.0, 'people': [(2.75, 3.6), (4.0, 4.0)]})
+    from PIL import Image  # only for this picture
+    Image.fromarray(picture).save(CAMERA_PICTURE, optimize=True)
 
 
 if __name__ == '__main__':

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import re
 
 import pytest
 
@@ -26,6 +27,7 @@ from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world
+from rt_robot_os.sim.world import World
 
 Loader = Callable[..., RobotSettings]
 Judge = Callable[..., tuple[str, ...]]
@@ -113,6 +115,21 @@ def test_a_mistake_is_told(
         problems_of: Judge, maps: Path, lines: tuple[str, ...], problem: str) -> None:
     found = problems_of(with_world(*lines))
     assert len(found) == 1 and problem in found[0]
+
+
+def test_what_the_page_shows_works(load_text: Loader, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (Path(__file__).resolve().parents[2] / 'docs' / 'world.md').read_text(encoding='utf-8')
+    text, = re.findall(r'```yaml\n(robot:.*?)```', page, re.DOTALL)
+    text = text[:text.index('    devices:')]  # the drivers are not those of this test
+    world = World(load_text(text).world)
+    orders = re.findall(r'--tell "world (.*?)"', page)
+    assert len(orders) > 4
+    for order in orders:
+        world.inject(order.split())
+    assert (world.people[0].x, world.base.slip, world.lamps) == (3.4, 0.3, 0.0)
+    code, = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
+    exec(code.replace('my_map.yaml', world.settings.map), {})
+    assert capsys.readouterr().out.startswith('(1.')
 
 
 def test_a_file_of_the_world_names_no_other_and_needs_a_map(maps: Path) -> None:
