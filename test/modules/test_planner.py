@@ -248,6 +248,17 @@ def test_goals_that_cannot_be_are_refused_or_moved_and_it_says_so(
         assert robot.planner.statistics()['warning']
 
 
+def test_a_goal_that_is_refused_stops_who_follows_the_way_to_the_one_before(
+        tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25)
+    robot.say('driving', 1.0)
+    robot.go(50.0, 1.25, at_s=2.0)
+    robot.go(60.0, 1.25, at_s=3.0)
+    robot.bench.run(4.0)
+    assert [bool(plan) for _, plan in robot.plans] == [True, False]  # nobody drives the second
+
+
 def test_without_a_pose_it_waits_for_one(tmp_path: Path) -> None:
     robot = Planned(tmp_path)
     robot.pose = None

@@ -134,11 +134,7 @@ class CollisionGuard(Module):
         if not self._deadline_ns:
             return
         if now_ns >= self._deadline_ns:
-            self._deadline_ns = 0
-            self._timeouts += 1
-            self._verdict = FREE
-            self._publish(0.0, 0.0, now_ns)
-            self._tell('', '', now_ns)
+            self._end(now_ns)
             return
         self._pass_on(is_new, now_ns)
         self._wake_up.no_later_than(min(self._deadline_ns, self._next_silence_ns(now_ns)))
@@ -158,6 +154,15 @@ class CollisionGuard(Module):
             **{f'{sensor.topic}_unusable': sensor.unusable for sensor, _ in self._sensors}}
 
     # ---- work --------------------------------------------------------------------------------
+
+    def _end(self, now_ns: int) -> None:
+        """Stop, as commands have ended; after one to stand there is nothing to do."""
+        self._deadline_ns = 0
+        self._verdict = FREE
+        if self._v or self._w:
+            self._timeouts += 1
+            self._publish(0.0, 0.0, now_ns)
+        self._tell('', '', now_ns)
 
     def _mounting(self, read: Subscription) -> Mounting:
         return place_of(read, self.mountings, self.name)

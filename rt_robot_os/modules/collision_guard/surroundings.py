@@ -40,6 +40,9 @@ from rt_robot_os.motion.zones import TOUCHING_M
 # The last of the way to where it stands is not driven: it would take for ever.
 _NEAR_M: Final = 0.01
 _NONE: Final[Array] = np.empty(0)
+_BUMPER: Final = 'bumper'
+_CLIFF: Final = 'cliff'
+_TOUCHED: Final = {_BUMPER: 'something touches the robot', _CLIFF: 'an edge is ahead'}
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ class Surroundings:
         self._contact_owners = [each.topic for each in sensors for _ in each.contacts]
         if self._bumper is not None:
             contacts.append(self._bumper.contacts)
-            cause = 'cliff' if self._bumper.cliff else 'bumper'
+            cause = _CLIFF if self._bumper.cliff else _BUMPER
             self._contact_owners += [cause] * len(self._bumper.contacts)
         room = self._footprint.room(x, y)
         touching = room < TOUCHING_M
@@ -140,8 +143,8 @@ class Surroundings:
         blocked = self._pushed(v, w)
         if blocked:
             self._stands = True
-            return Verdict(0.0, f'{blocked}: touched', f'{blocked}: something touches the robot, '
-                           'or is too near to measure')
+            what = _TOUCHED.get(blocked, 'something touches the robot, or is too near to measure')
+            return Verdict(0.0, f'{blocked}: touched', f'{blocked}: {what}')
         slow = min(1.0, s['slow_m_s'] / speed) if self.is_close else 1.0
         cause = 'close' if slow < 1.0 else ''
         if not self._x.size:

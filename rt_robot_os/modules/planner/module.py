@@ -113,6 +113,7 @@ class Planner(Module):
         self._route: Route | None = None
         self._route_ns = self._begun_ns = 0
         self._is_followed = False
+        self._is_given = False  # a plan that may still be driven
         self._blocked_ns = self._failed_ns = -1
         self._failed_at: Pose = (0.0, 0.0, 0.0)
         self._retry_ns = 0
@@ -222,12 +223,14 @@ class Planner(Module):
         if not self._is_followed and stamp_ns < self._route_ns + _ANSWER_NS:
             return  # that was said of what was before
         if state == 'done':
+            self._is_given = False
             self._end('done', now_ns)
         elif state.startswith('stopped: blocked'):
             if self._is_followed:
                 self._is_followed = False
                 self._ask_again(now_ns)
         elif state.startswith('stopped: '):
+            self._is_given = False
             self._end(state, now_ns)
 
     def _look_ahead(self, now_ns: int) -> None:
@@ -302,8 +305,7 @@ class Planner(Module):
         self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
         if self._planner is not None:
             self._expanded = self._planner.search.expanded
-        self.plan.msg.data = [number for pose in route.poses for number in pose]
-        self.plan.publish(now_ns)
+        self._give(route, now_ns)
         moved = f', goal moved by {route.moved_m:.2f} m' if route.moved_m > 0.0 else ''
         self._tell(f'planned: {route.length_m:.2f} m{moved}', now_ns)
 
@@ -318,9 +320,17 @@ class Planner(Module):
             self._wake_up.no_later_than(self._retry_ns)
             self._tell(f'waiting: {why}', now_ns)
 
+    def _give(self, route: Route | None, now_ns: int) -> None:
+        """Publish a plan; an empty one stops whoever follows the one before."""
+        self._is_given = route is not None
+        self.plan.msg.data = [number for pose in route.poses for number in pose] if route else []
+        self.plan.publish(now_ns)
+
     def _refuse(self, why: str, now_ns: int) -> None:
         self._refused += 1
         self.log.warn('goal refused: %s', why)
+        if self._is_given:
+            self._give(None, now_ns)
         self._end(f'refused: {why}', now_ns)
 
     def _end(self, state: str, now_ns: int) -> None:
