@@ -117,7 +117,8 @@ class PosePrediction:
         :param period_s: since the last call, in which corrections are taken over.
         """
         stamp_ns, pose = self._odometry[-1]
-        carried_s = min(now_ns - stamp_ns, _CARRIED_MAXIMUM_NS) / NS_PER_S + lead_s
+        # A stamp ahead of now is one of now.
+        carried_s = max(0, min(now_ns - stamp_ns, _CARRIED_MAXIMUM_NS)) / NS_PER_S + lead_s
         linear, angular = self.velocity
         pose = moved(pose, linear * carried_s, angular * carried_s)
         if self._map_to_odom is not None:

@@ -21,6 +21,7 @@ from types import MappingProxyType
 
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.cases import capture
+from rt_robot_os.tools.bench.cases import control
 from rt_robot_os.tools.bench.cases import delay
 from rt_robot_os.tools.bench.cases import frequency
 from rt_robot_os.tools.bench.cases import kernel
@@ -42,5 +43,5 @@ from rt_robot_os.tools.bench.cases import wakeup
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
-    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE, start.START,
-    start.MEMORY)})
+    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
+    control.CASE, start.START, start.MEMORY)})
