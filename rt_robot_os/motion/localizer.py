@@ -75,7 +75,7 @@ class FixCounters:
     :ivar accepted: used.
     :ivar rejected: too far from the estimate.
     :ivar too_late: older than the history.
-    :ivar overflow: dropped, for too many waited for odometry.
+    :ivar overflow: dropped: too many waited for odometry, or were of one step of it.
     :ivar recovered: times that the robot had been carried away, and was found.
     """
 
@@ -140,6 +140,11 @@ class Localizer:
         """Return how many measurements wait for the odometry of their moment."""
         return len(self._waiting)
 
+    @property
+    def waiting_ns(self) -> int:
+        """Return the newest moment of those; 0 when there are none."""
+        return max((fix.stamp_ns for fix in self._waiting), default=0)
+
     def begin(self, pose: Pose, covariance: PoseCovariance) -> None:
         """Take over a pose that somebody gives, of the moment of the last step."""
         self.state.begin(pose, covariance)
@@ -165,21 +170,14 @@ class Localizer:
         history = self._history
         if not history.stamp_ns:
             history.begin(step.stamp_ns)
+            self._take_due(step.stamp_ns)
             return True
         if step.stamp_ns <= history.stamp_ns:
             return False
-        due: list[Fix] = []
-        if self._waiting:
-            due = [fix for fix in self._waiting if fix.stamp_ns <= step.stamp_ns]
-            self._waiting = [fix for fix in self._waiting if fix.stamp_ns > step.stamp_ns]
-            due.sort(key=lambda fix: fix.stamp_ns)
         if self._candidate is not None:
             step.predict(self._candidate.state)
-        if self.located:
-            step.fixes = [fix for fix in due if fix.stamp_ns > history.stamp_ns]
         history.append(step)
-        for fix in due:
-            self._judge(fix)
+        self._take_due(step.stamp_ns)
         return True
 
     def fix(self, fix: Fix) -> None:
@@ -202,9 +200,19 @@ class Localizer:
         self.latest_ns = max(self.latest_ns, behind_ns)
         if behind_ns > _LATE_NS:
             self.late += 1
-        if self.located:
-            history.insert(fix)
+        if self.located and not history.insert(fix):
+            self.counters.overflow += 1
+            return
         self._judge(fix)
+
+    def _take_due(self, stamp_ns: int) -> None:
+        """Take the measurements that waited for the odometry of their moment."""
+        if self._waiting:
+            due = [fix for fix in self._waiting if fix.stamp_ns <= stamp_ns]
+            self._waiting = [fix for fix in self._waiting if fix.stamp_ns > stamp_ns]
+            due.sort(key=lambda fix: fix.stamp_ns)
+            for fix in due:
+                self.fix(fix)
 
     def transform(self, odometry: Pose) -> Pose:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""

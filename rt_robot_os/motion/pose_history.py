@@ -38,6 +38,8 @@ from rt_robot_os.units import NS_PER_S
 
 # At 200 Hz these are 2.5 s.
 _STEPS_MOST: Final = 512
+# Each of them is computed again with the step.
+_FIXES_MOST: Final = 16
 
 
 @dataclass
@@ -171,7 +173,7 @@ class PoseHistory:
         """
         Put a measurement from the past in its place.
 
-        :return: False when it is too old for that.
+        :return: False when it is too old for that, or the step has too many.
         """
         steps = self._steps
         if not steps or not steps[0].stamp_ns <= fix.stamp_ns <= steps[-1].stamp_ns:
@@ -186,6 +188,8 @@ class PoseHistory:
             index += 1
         else:
             step = steps[index]
+            if len(step.fixes) >= _FIXES_MOST:
+                return False
             step.fixes.append(fix)
             if len(step.fixes) > 1:
                 step.fixes.sort(key=_stamp)

@@ -66,7 +66,7 @@ class Bench(ModuleBench):
         self.transform = self.watch('map_to_odom')
         self.odom = self.watch('odom')
         self.mark_every = 5
-        self.with_imu = True
+        self.with_imu = self.with_wheels = True
         self.attitude: tuple[float, float] | None = None
         self.delay_s = 0.0
         self.time_s = 0.0
@@ -85,8 +85,9 @@ class Bench(ModuleBench):
         for index in range(steps):
             def go(index: int = index) -> None:
                 self.robot.step()
-                self.joints.msg.position[:] = self.robot.angles
-                self.joints.publish()
+                if self.with_wheels:
+                    self.joints.msg.position[:] = self.robot.angles
+                    self.joints.publish()
                 if self.with_imu:
                     self.inertial()
                 if marks and index % self.mark_every == 0:
@@ -369,13 +370,42 @@ def test_odometry_that_is_silent_is_told_and_nothing_old_is_published() -> None:
         assert 'no samples yet on odom' in bench.warning
         bench.drive(3.0)
         count = bench.pose.topic.head
-        bench.mark(robot.pose)
         bench.run(2.5)
         assert 'odom has been silent' in bench.warning
         assert bench.pose.topic.head == count
         bench.drive(1.0)
         assert bench.warning == ''
         assert off(bench.newest(), robot.pose) < 0.03
+
+
+@pytest.mark.parametrize('use_gyro', [False, True])
+def test_without_odometry_the_measured_poses_go_on(use_gyro: bool) -> None:
+    robot = far_robot()
+    with Bench(robot, use_gyro=use_gyro) as bench:
+        bench.drive(6.0)
+        bench.with_wheels = False  # the motor board is unplugged, the robot is pushed on
+        for _ in range(4):
+            bench.drive(1.0)
+            assert off(bench.newest(), robot.pose) < 0.08
+            assert bench.kernel.now_ns() - bench.pose.stamp_ns < NS_PER_S // 5
+        assert 'that of measured poses alone' in bench.warning
+        assert bench.found['recovered'] == 0
+        before = bench.newest()
+        bench.with_wheels = True  # what the wheels turned meanwhile is not counted twice
+        bench.drive(0.3, marks=False)
+        assert off(bench.newest(), before) < 0.2
+        bench.drive(2.0)
+        assert off(bench.newest(), robot.pose) < 0.03
+        assert bench.warning == ''
+
+
+def test_measured_poses_alone_are_enough() -> None:
+    robot = far_robot()
+    with Bench(robot) as bench:
+        bench.with_wheels = False
+        bench.drive(5.0)
+        assert off(bench.newest(), robot.pose) < 0.08
+        assert 'no samples yet on odom' in bench.warning
 
 
 def publish_odometry(odom: Publisher, x: float, stamp_ns: int = 0) -> None:
@@ -451,3 +481,25 @@ def test_a_gyroscope_that_is_silent_is_told_and_odometry_turns_instead() -> None
         bench.drive(5.0)
         assert 'no samples of imu/data' in bench.warning
         assert off(bench.newest(), robot.pose) < 0.03
+
+
+def test_odometry_that_is_slow_is_not_taken_for_silent() -> None:
+    bench = ModuleBench()
+    odom = bench.topic('odom', 'nav_msgs/msg/Odometry',
+                       {'header.frame_id': 'odom', 'child_frame_id': 'base_link'})
+    marks = bench.topic('stargazer/pose', POSE, {'header.frame_id': 'map'})
+    marks.msg.pose.pose.orientation.w = 1.0
+    marks.msg.pose.covariance[[0, 7, 35]] = 1e-4, 1e-4, 3e-4
+    with bench:
+        module = bench.add(Localization, initial_pose_known=True)
+        pose = bench.watch('pose')
+        for index in range(8):
+            bench.at(0.1 + index, lambda index=index: publish_odometry(odom, 0.1 * index))
+            bench.at(0.6 + index, marks.publish)
+        bench.run(8.5)
+        stamps = []
+        while pose.take():
+            stamps.append(round(pose.stamp_ns / NS_PER_S, 1))
+        # Of the first two there is no telling what the period is.
+        assert [stamp for stamp in stamps if stamp > 2] == [2.1, 3.1, 4.1, 5.1, 6.1, 7.1]
+        assert module.statistics()['accepted'] + module.statistics()['rejected'] == 7

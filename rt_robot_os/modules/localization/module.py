@@ -16,7 +16,8 @@
 Where the robot is on its map: ``pose`` and ``map_to_odom``, at the rate and the stamp of ``odom``.
 
 Between measured poses it follows odometry, which never jumps; what it learns from them moves the
-frame ``odom`` on the map (REP 105). Without any it goes on, and says how unsure it is.
+frame ``odom`` on the map (REP 105). Without any it goes on, and says how unsure it is. While
+odometry is silent, such as of a board that was unplugged, each measured pose gives one.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ _POSE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 _FIXES: Final = ('fix', 'second_fix', 'third_fix')
 _GYRO_GAP_S: Final = 0.1
 _SILENT_S: Final = 1.0
+# Odometry that is silent for so long, and for three of its periods, is not waited for.
+_ODOM_WAIT_NS: Final = 3 * NS_PER_S // 10
 # A pause of measured poses that is counted as dead time.
 _DEAD_NS: Final = NS_PER_S
 # Of a covariance that is right the mean is 1; of so many its standard deviation is below 0.15.
@@ -60,9 +63,9 @@ class Localization(Module):
 
     odom = Input('odom', message='nav_msgs/msg/Odometry', wake=True)
     imu = Input('imu/data', message='sensor_msgs/msg/Imu')
-    fix = Input('stargazer/pose', message=_POSE)
-    second_fix = Input('second_fix', message=_POSE)
-    third_fix = Input('third_fix', message=_POSE)
+    fix = Input('stargazer/pose', message=_POSE, wake=True)
+    second_fix = Input('second_fix', message=_POSE, wake=True)
+    third_fix = Input('third_fix', message=_POSE, wake=True)
     initial_pose = Input('initialpose', message=_POSE)
     pose = Output('pose', _POSE)
     map_to_odom = Output('map_to_odom', 'geometry_msgs/msg/TransformStamped')
@@ -71,6 +74,7 @@ class Localization(Module):
 
     _intake: OdometryIntake | None = None
     _gyro: VerticalGyro | None = None
+    _first_ns = 0
     _begun_ns = 0
     _arrived_ns = 0
     _dead_ns = 0
@@ -132,6 +136,7 @@ class Localization(Module):
             return
         kernel = self.odom.topic.kernel
         now_ns = kernel.now_ns()
+        self._first_ns = self._first_ns or now_ns
         located, recovered = localizer.located, localizer.counters.recovered
         if self._initial is not None:
             given = self._initial.next(now_ns)
@@ -145,6 +150,10 @@ class Localization(Module):
                 localizer.fix(fix)
                 fix = source.next(now_ns)
         step = intake.next()
+        silent_ns = now_ns - (self._arrived_ns or self._first_ns)
+        if step is None and localizer.waiting_ns and (
+                silent_ns > max(_ODOM_WAIT_NS, 3 * intake.period_ns)):
+            self._go_on_without(localizer, intake)
         while step is not None:
             self._arrived_ns = now_ns
             if intake.restarted:
@@ -155,6 +164,10 @@ class Localization(Module):
                 if localizer.located:
                     self._publish(localizer, intake)
             step = intake.next()
+        self._tell(localizer, located, recovered)
+
+    def _tell(self, localizer: Localizer, located: bool, recovered: int) -> None:
+        """Log what a person wants to know: the robot was found, or carried away."""
         if not located and localizer.located:
             self.log.info('found at (%.2f m, %.2f m), %.0f degrees', localizer.state.x,
                           localizer.state.y, math.degrees(localizer.state.heading))
@@ -208,6 +221,14 @@ class Localization(Module):
         transform.rotation = 0.0, 0.0, *half_turn(heading)
         self.map_to_odom.publish(stamp_ns)
 
+    def _go_on_without(self, localizer: Localizer, intake: OdometryIntake) -> None:
+        """Let measured poses alone move the estimate, up to the newest of them."""
+        before_ns = localizer.stamp_ns
+        if localizer.move(intake.without(localizer.waiting_ns)):
+            self._count_dead_time(before_ns)
+            if localizer.located:
+                self._publish(localizer, intake)
+
     def _count_dead_time(self, before_ns: int) -> None:
         """Count the time beyond a second without a measured pose that was used."""
         stamp_ns = self._localizer.stamp_ns
@@ -224,7 +245,8 @@ class Localization(Module):
             return f'no samples yet on {topic}'
         silent_s = (kernel.now_ns() - self._arrived_ns) / NS_PER_S
         if silent_s > _SILENT_S:
-            return f'{topic} has been silent, or its clock has stood still, for {silent_s:.1f} s'
+            return (f'{topic} has been silent, or its clock has stood still, for {silent_s:.1f} s:'
+                    ' the pose is that of measured poses alone')
         for source in self._fixes:
             if (why := source.warning()):
                 return why

@@ -31,6 +31,9 @@ from rt_robot_os.units import NS_PER_S
 
 # A pose may jitter by so much beside the fastest speed.
 _SLACK_M: Final = 0.05
+# How fast a robot may go, or be pushed, while its odometry is silent.
+_UNKNOWN_M_S: Final = 0.5
+_UNKNOWN_RAD_S: Final = 1.0
 _STANDING_M_S: Final = 5e-4
 _STANDING_RAD_S: Final = 1e-3
 _STANDING_S: Final = 0.5
@@ -86,6 +89,7 @@ class OdometryIntake:
     :param gyro: takes the place of the turn of odometry; None: that is taken as it is.
     :param by_gyro: use its turn; else only its heading.
     :ivar pose: of odometry, of the last step.
+    :ivar period_ns: between its last two samples.
     :ivar restarted: with the last step its stamps began anew.
     """
 
@@ -99,6 +103,7 @@ class OdometryIntake:
         self.counters = StepCounters()
         self.pose: Pose = (0.0, 0.0, 0.0)
         self.restarted = False
+        self.period_ns = 0
         self._odom = odom
         self._tuning = tuning
         self._gyro = gyro
@@ -108,6 +113,7 @@ class OdometryIntake:
         self._twist_covariance = odom.msg.twist.covariance
         self._stamp_ns = 0
         self._standing_s = 0.0
+        self._silent_ns = 0
 
     def next(self) -> Step | None:  # noqa: A003
         """Return what happened up to the next sample that can be used."""
@@ -128,13 +134,33 @@ class OdometryIntake:
             first = not self._stamp_ns
             self._stamp_ns = odom.stamp_ns
             self.counters.steps += 1
+            if self._silent_ns and not self.restarted:
+                # Measured poses have moved the estimate meanwhile: its way is known already.
+                return self.without(odom.stamp_ns, back=True)
             if self.restarted or first:
                 self.counters.restarts += self.restarted
                 if self._gyro is not None:
                     self._gyro.until(odom.stamp_ns)
                 return Step(odom.stamp_ns)
+            self.period_ns = dt_ns
             return self._step(before, dt_ns / NS_PER_S)
         return None
+
+    def without(self, stamp_ns: int, back: bool = False) -> Step:
+        """
+        Return what is known of a time without odometry: the turn, when there is a gyroscope.
+
+        :param stamp_ns: end of that time.
+        :param back: odometry is back, with that moment.
+        """
+        begin_ns = self._silent_ns or self._stamp_ns
+        self._silent_ns = 0 if back else stamp_ns
+        dt_s = max(0, stamp_ns - begin_ns) / NS_PER_S if begin_ns else 0.0
+        step = Step(stamp_ns, distance_variance=(_UNKNOWN_M_S * dt_s) ** 2,
+                    turn_variance=(_UNKNOWN_RAD_S * dt_s) ** 2)
+        if self._gyro is not None:
+            self._turn_by(self._gyro, step, dt_s or 1.0, False)
+        return step
 
     def _step(self, before: Pose, dt_s: float) -> Step:
         tuning, gyro = self._tuning, self._gyro
