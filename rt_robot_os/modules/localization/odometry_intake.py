@@ -34,6 +34,7 @@ _SLACK_M: Final = 0.05
 # How fast a robot may go, or be pushed, while its odometry is silent.
 _UNKNOWN_M_S: Final = 0.5
 _UNKNOWN_RAD_S: Final = 1.0
+_PERIOD_MOST_NS: Final = 2 * NS_PER_S
 _STANDING_M_S: Final = 5e-4
 _STANDING_RAD_S: Final = 1e-3
 _STANDING_S: Final = 0.5
@@ -134,6 +135,7 @@ class OdometryIntake:
             first = not self._stamp_ns
             self._stamp_ns = odom.stamp_ns
             self.counters.steps += 1
+            self.period_ns = 0 if first or self.restarted else min(dt_ns, _PERIOD_MOST_NS)
             if self._silent_ns and not self.restarted:
                 # Measured poses have moved the estimate meanwhile: its way is known already.
                 return self.without(odom.stamp_ns, back=True)
@@ -142,7 +144,6 @@ class OdometryIntake:
                 if self._gyro is not None:
                     self._gyro.until(odom.stamp_ns)
                 return Step(odom.stamp_ns)
-            self.period_ns = dt_ns
             return self._step(before, dt_ns / NS_PER_S)
         return None
 
