@@ -54,8 +54,9 @@ _ODOM = {'header.frame_id': 'odom', 'child_frame_id': 'base_link'}
 _STEP_NS = 20_000_000
 # A robot that was carried away is back when its error is below, in m.
 _FOUND_M = 0.1
-# Samples of a drive that a plot shows.
-_PLOTTED = 3000
+# Samples of a recording that a plot shows; of a simulated drive it shows each so-many-th.
+_PLOTTED = 1000
+_SHOWN = 5
 
 
 def thousandths(values: Any) -> Samples:
@@ -103,9 +104,9 @@ def _figures(traces: Sequence[Trace], scenario: Mapping[str, Any]) -> dict[str, 
 
 def _way(trace: Trace) -> dict[str, Samples]:
     """Return one drive as it is drawn."""
-    found = {'time_ms': thousandths(trace.time_s),
-             'error_um': thousandths(np.array(trace.errors_m()) * 1000)}
-    for name, poses in (('truth', trace.truth), ('estimate', trace.estimate),
+    found = {'time_ms': thousandths(trace.time_s[::_SHOWN]),
+             'error_um': thousandths(np.array(trace.errors_m()[::_SHOWN]) * 1000)}
+    for name, poses in (('truth', trace.truth[::_SHOWN]), ('estimate', trace.estimate[::_SHOWN]),
                         ('fixes', trace.fixes)):
         found[f'{name}_x_mm'] = thousandths([pose[0] for pose in poses])
         found[f'{name}_y_mm'] = thousandths([pose[1] for pose in poses])
