@@ -184,6 +184,16 @@ def test_what_waits_is_bounded() -> None:
     assert localizer.counters.overflow == 84
 
 
+def test_a_source_that_floods_costs_only_so_much() -> None:
+    localizer = located()
+    for index in range(3):
+        localizer.move(step(index, speed=0.0, rate=0.0))
+    for index in range(100):
+        localizer.fix(Fix(localizer.stamp_ns - index * 1000, (0.0, 0.0, 0.0), SURE))
+    assert localizer.counters.accepted == 16
+    assert localizer.counters.overflow == 84
+
+
 def test_a_step_that_is_not_newer_is_left_out() -> None:
     localizer = located()
     assert localizer.move(step(5))
