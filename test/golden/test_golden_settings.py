@@ -48,7 +48,12 @@ HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.
 UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
          'docs/attitude.md 1': HEAD + '    devices: [imu]\n'
-         '    imu: {type: witmotion, port: sim, frame_id: imu_link}\n'}
+         '    imu: {type: witmotion, port: sim, frame_id: imu_link}\n',
+         'docs/frames.md 1': HEAD + '    devices: [laser]\n',
+         'docs/frames.md 2': HEAD + '    topics: [odom_to_base, map_to_odom]\n'
+         '    odom_to_base: {message: geometry_msgs/msg/TransformStamped}\n'
+         '    map_to_odom: {message: geometry_msgs/msg/TransformStamped}\n',
+         'docs/frames.md 3': HEAD + '    devices: []\n'}
 
 
 def whole_files() -> dict[str, str]:
@@ -100,10 +105,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     before = set(sys.modules)
     install(EXAMPLE / 'setup.py', tmp_path, monkeypatch)
     monkeypatch.syspath_prepend(str(ROOT / 'docs' / 'examples'))
+    monkeypatch.syspath_prepend(str(ROOT / 'examples' / 'robot_base'))
     monkeypatch.chdir(tmp_path)
     yield tmp_path
     for name in set(sys.modules) - before:
-        if name.split('.')[0] in ('courier', 'my_robot', 'rt_robot_example', 'trouble'):
+        if name.split('.')[0] in ('courier', 'my_robot', 'rt_robot_example', 'square', 'trouble'):
             del sys.modules[name]
 
 
