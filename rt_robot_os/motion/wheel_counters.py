@@ -38,6 +38,8 @@ _LONGEST_GAP_S: Final = 1.0
 # A wheel gains or loses its highest speed in this time at least, and half of what it has at once.
 _FASTEST_START_S: Final = 0.15
 _TOLERANCE_RAD: Final = 0.02
+# Counts by which a coarse encoder is off as well.
+_ROUNDING: Final = 1.5
 # Readings in a row that have to fit to each other before what they say is believed, and before
 # they are those of counters that were reset.
 _SURE: Final = 3
@@ -105,6 +107,9 @@ class WheelCounters:
         """
         self._units = left_rad, right_rad
         self._bits = bits
+        # Numbers that do not wrap have no steps to speak of.
+        self._tolerance_rad = max(_TOLERANCE_RAD, _ROUNDING * max(
+            abs(left_rad), abs(right_rad)) if bits else 0.0)
         self._silence_ns = round(silence_s * NS_PER_S)
         self._fastest_rad_s = fastest_rad_s
         self._gain_rad_s2 = fastest_rad_s / _FASTEST_START_S
@@ -220,7 +225,7 @@ class WheelCounters:
         :param gain_rad_s2: what they may have gained or lost, besides half of their speed.
         """
         took_s = min(max(took_ns, 0) / NS_PER_S, _LONGEST_GAP_S)
-        gained_rad = gain_rad_s2 * took_s * took_s + _TOLERANCE_RAD
+        gained_rad = gain_rad_s2 * took_s * took_s + self._tolerance_rad
         for step, unit, speed in zip(steps, self._units, speeds_rad_s):
             off_rad = abs(step * unit - speed * took_s)
             if off_rad > abs(speed) * (took_s / 2 + _JITTER_S) + gained_rad:
@@ -231,7 +236,7 @@ class WheelCounters:
         """Return whether wheels can turn so far."""
         took_s = min(max(took_ns, 0) / NS_PER_S, _LONGEST_GAP_S)
         most_rad = self._most_rad or (
-            self._fastest_rad_s * (took_s + _JITTER_S) + _TOLERANCE_RAD)
+            self._fastest_rad_s * (took_s + _JITTER_S) + self._tolerance_rad)
         return (abs(steps[0] * self._units[0]) <= most_rad
                 and abs(steps[1] * self._units[1]) <= most_rad)
 

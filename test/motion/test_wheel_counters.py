@@ -224,3 +224,10 @@ def test_slow_readings_are_no_silence() -> None:
         counters.take(count, count, n * 500 * NS_PER_MS)
     assert ticks(counters) == (-40, -40)
     assert counters.resets == 0
+
+
+def test_a_coarse_encoder_surprises_nobody() -> None:
+    counters = WheelCounters(math.tau / 20, math.tau / 20, bits=32, fastest_rad_s=FASTEST_RAD_S)
+    for n in range(400):
+        count = math.floor(n * 0.13)
+        assert counters.take(count, -count, (n + 1) * 10 * NS_PER_MS) is Reading.TAKEN
