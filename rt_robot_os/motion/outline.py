@@ -60,28 +60,29 @@ def _loops(occupied: Mask) -> list[list[Corner]]:
     """Follow the edges between occupied and other cells; give the corners of each closed loop."""
     steps = _steps(occupied)
     loops = []
-    while steps:
-        at = start = next(iter(steps))
-        heading = (0, 0)
-        corners: list[Corner] = []
-        while True:
-            ways = steps[at]
-            # Where two cells touch at a corner the loop stays with the cell on its right.
-            way = ways[0] if len(ways) == 1 else max(
-                ways, key=lambda w: heading[1] * w[0] - heading[0] * w[1])
-            ways.remove(way)
-            if not ways:
-                del steps[at]
-            if way != heading:
-                corners.append(at)
-            heading = way
-            at = (at[0] + way[0], at[1] + way[1])
-            if at == start:
-                break
-        if len(corners) > 1 and _heading(corners[-1], start) == _heading(start, corners[1]):
-            del corners[0]  # it began in the middle of an edge
-        loops.append(corners)
+    for start, ways in steps.items():
+        while ways:
+            loops.append(_loop(start, steps))
     return loops
+
+
+def _loop(start: Corner, steps: dict[Corner, list[Corner]]) -> list[Corner]:
+    """Follow edges from a corner until they lead there again; they are taken out of the steps."""
+    at, heading = start, (0, 0)
+    corners: list[Corner] = []
+    while not corners or at != start:
+        ways = steps[at]
+        # Where two cells touch at a corner the loop stays with the cell on its right.
+        way = ways[0] if len(ways) == 1 else max(
+            ways, key=lambda w: heading[1] * w[0] - heading[0] * w[1])
+        ways.remove(way)
+        if way != heading:
+            corners.append(at)
+        heading = way
+        at = (at[0] + way[0], at[1] + way[1])
+    if len(corners) > 1 and _heading(corners[-1], start) == _heading(start, corners[1]):
+        del corners[0]  # it began in the middle of an edge
+    return corners
 
 
 def _steps(occupied: Mask) -> dict[Corner, list[Corner]]:

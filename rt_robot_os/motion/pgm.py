@@ -28,8 +28,8 @@ import numpy.typing as npt
 
 Grey = npt.NDArray[np.uint16]
 
-# As many cells as 400 m x 400 m have at 2 cm; more is a mistake in the header.
-MOST_PIXELS: Final = 400_000_000
+# As many cells as 500 m x 500 m have at 5 cm; more is a mistake in the header.
+MOST_PIXELS: Final = 100_000_000
 _HIGHEST: Final = 65535
 
 # Magic, width, height, highest value; any of them may be followed by a comment; one white space.

@@ -28,11 +28,16 @@ from rt_robot_os.motion.outline import Segments
 
 Floats = npt.NDArray[np.float64]
 Segment = tuple[float, float, float, float]
+Square = tuple[int, int, float]
 
 # A ray this near the end of a segment counts as on it, so that no ray slips through a joint.
 _JOINT_RAD: Final = 1e-9
-# Edge of the squares in which nearby segments are looked up.
+# Edge of the squares in which nearby segments are looked up, to stop at and to look at.
 _SQUARE_M: Final = 0.5
+_WIDE_SQUARE_M: Final = 4.0
+# So many segments are looked at all at once.
+_FEW: Final = 1000
+_SQUARES_KEPT: Final = 4096
 
 
 class Walls:
@@ -44,7 +49,8 @@ class Walls:
 
     def __init__(self, segments: Segments) -> None:
         self.segments = np.asarray(segments, dtype=np.float64).reshape(-1, 4)
-        self._near: dict[tuple[int, int, float], tuple[Segment, ...]] = {}
+        self._near: dict[Square, tuple[Segment, ...]] = {}
+        self._within: dict[Square, Segments] = {}
 
     @classmethod
     def of(cls, grid: GridMap) -> Walls:
@@ -85,7 +91,7 @@ class Walls:
     def _facing(self, x: float, y: float, maximum_m: float
                 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Return the first bearing, the angle, both components and the area of those in sight."""
-        ends = self.segments - np.array((x, y, x, y))
+        ends = self._candidates(x, y, maximum_m) - np.array((x, y, x, y))
         px, py, qx, qy = ends.T
         area = px * qy - py * qx
         along_x, along_y = qx - px, qy - py
@@ -101,11 +107,29 @@ class Walls:
         key = (math.floor(x / _SQUARE_M), math.floor(y / _SQUARE_M), reach_m)
         found = self._near.get(key)
         if found is None:
-            middle = ((key[0] + 0.5) * _SQUARE_M, (key[1] + 0.5) * _SQUARE_M)
-            distance = self._distances(*middle)
-            close = distance <= reach_m + _SQUARE_M * math.sqrt(0.5)
-            found = self._near[key] = tuple(map(tuple, self.segments[close].tolist()))
+            if len(self._near) >= _SQUARES_KEPT:
+                self._near.clear()
+            close = self._around(key, _SQUARE_M)
+            found = self._near[key] = tuple(map(tuple, close.tolist()))
         return found
+
+    def _candidates(self, x: float, y: float, maximum_m: float) -> Segments:
+        """Return the segments that may be within a distance: of a large map only some."""
+        if len(self.segments) <= _FEW or not math.isfinite(maximum_m):
+            return self.segments
+        key = (math.floor(x / _WIDE_SQUARE_M), math.floor(y / _WIDE_SQUARE_M), maximum_m)
+        found = self._within.get(key)
+        if found is None:
+            if len(self._within) >= _SQUARES_KEPT:
+                self._within.clear()
+            found = self._within[key] = self._around(key, _WIDE_SQUARE_M)
+        return found
+
+    def _around(self, square: Square, edge_m: float) -> Segments:
+        """Return the segments within a distance of any point of a square."""
+        column, row, reach_m = square
+        distance = self._distances((column + 0.5) * edge_m, (row + 0.5) * edge_m)
+        return self.segments[distance <= reach_m + edge_m * math.sqrt(0.5)]
 
     def _distances(self, x: float, y: float) -> Floats:
         ax, ay, bx, by = self.segments.T

@@ -123,8 +123,11 @@ def _check_map(section: Section, problems: Problems) -> None:
     path = path_near(name, origin.file)
     section.values['map'] = str(path)
     from rt_robot_os.motion.grid_map import GridMap
+    from rt_robot_os.sim.world.world import start_problem
     try:
-        GridMap.load(path)
+        problem = start_problem(GridMap.load(path), section.values.get('start', ()))
+        if problem:
+            problems.add(section.where('start'), f'{SECTION}.start: {problem}')
     except ConfigError as error:
         for text in error.problems:
             problems.add(origin, f'{SECTION}.map: {text}')

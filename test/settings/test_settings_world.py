@@ -48,7 +48,8 @@ def maps(tmp_path: Path) -> Path:
     (folder / 'flat.yaml').write_text(MAP)
     (folder / 'flat.pgm').write_bytes(b'P5 2 1 255\n\x00\xff')
     (folder / 'world.yaml').write_text(
-        'map: flat.yaml\nseed: 5\npeople: [anna 0.8 1 2 3 4]\nlandmarks: ["7 1 2 0.5"]\n')
+        'map: flat.yaml\nstart: [0.07, 0.02, 0.0]\nseed: 5\npeople: [anna 0.8 1 2 3 4]\n'
+        'landmarks: ["7 1 2 0.5"]\n')
     return folder
 
 
@@ -108,6 +109,8 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
     (('file: nowhere.yaml',), 'nowhere.yaml: cannot be read: No such file'),
     (('file: maps/flat.pgm',), 'maps/flat.pgm'),
     (('map: open', 'events: [person bob 1 2 at 3]'), 'no such person; there are none'),
+    (('map: maps/flat.yaml', 'start: [0.01, 0.02, 0.0]'), 'robot.yaml:5: world.start: in the map '
+     'there stands something at 0.01, 0.02: choose a free place from 0, 0 to 0.1, 0.05'),
     (('file: [1]',), 'world.file = [1]: must be a text'),
     (('map: 5',), 'world.map = 5: must be a text'),
 ])
@@ -117,7 +120,8 @@ def test_a_mistake_is_told(
     assert len(found) == 1 and problem in found[0]
 
 
-def test_what_the_page_shows_works(load_text: Loader, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_page_shows_works(
+        load_text: Loader, capsys: pytest.CaptureFixture[str]) -> None:
     page = (Path(__file__).resolve().parents[2] / 'docs' / 'world.md').read_text(encoding='utf-8')
     text, = re.findall(r'```yaml\n(robot:.*?)```', page, re.DOTALL)
     text = text[:text.index('    devices:')]  # the drivers are not those of this test
@@ -129,7 +133,7 @@ def test_what_the_page_shows_works(load_text: Loader, capsys: pytest.CaptureFixt
     assert (world.people[0].x, world.base.slip, world.lamps) == (3.4, 0.3, 0.0)
     code, = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
     exec(code.replace('my_map.yaml', world.settings.map), {})
-    assert capsys.readouterr().out.startswith('(1.')
+    assert capsys.readouterr().out.startswith('(3.')
 
 
 def test_a_file_of_the_world_names_no_other_and_needs_a_map(maps: Path) -> None:

@@ -314,6 +314,23 @@ def test_what_cannot_happen_is_refused(line: str, text: str) -> None:
     assert text in str(caught.value)
 
 
+def test_a_robot_cannot_begin_in_a_wall(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match='world.start: in the map there stands something'):
+        World(replace(rooms(tmp_path), start=(-0.95, 0.0, 0.0)))
+
+
+def test_after_a_long_halt_it_goes_on_at_the_present_time() -> None:
+    alone, world = DriveBase(), World(OPEN)
+    for each in (alone, world):
+        each.advance(0)
+        each.advance(3600 * NS_PER_S)
+    world.base.set_wheel_speeds(5.0, 5.0)
+    alone.set_wheel_speeds(5.0, 5.0)
+    for each in (alone, world):
+        each.advance(3601 * NS_PER_S)
+    assert world.base.pose[0] == alone.pose[0] == pytest.approx(0.25, abs=0.03)
+
+
 def test_every_problem_of_a_world_is_told_at_once() -> None:
     with pytest.raises(ConfigError) as caught:
         World(WorldSettings(

@@ -38,6 +38,8 @@ from rt_robot_os.sim.world_settings import WorldSettings
 # All simulation is done on this grid of time.
 STEP_NS: Final = 2_000_000
 STEP_S: Final = STEP_NS / 1e9
+# After a longer stop of the whole process, ten minutes, it goes on at the present time.
+LONGEST_STEPS: Final = 300_000
 
 Pair: TypeAlias = tuple[float, float]
 # Finds the points of whatever stands within a distance of a place.
@@ -163,7 +165,11 @@ class DriveBase:
         """
         if self._start_ns is None:
             self._start_ns = now_ns
-        while self._start_ns + self._steps * STEP_NS < now_ns - STEP_NS + 1:
+        due = (now_ns - self._start_ns) // STEP_NS
+        if due - self._steps > LONGEST_STEPS:
+            self._start_ns += (due - self._steps) * STEP_NS
+            return
+        while self._steps < due:
             self.step()
 
     def step(self) -> None:

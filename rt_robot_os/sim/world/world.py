@@ -42,6 +42,7 @@ from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.motion.walls import nearest_point
 from rt_robot_os.motion.walls import Walls
 from rt_robot_os.sim.world.drive_base import DriveBase
+from rt_robot_os.sim.world.drive_base import LONGEST_STEPS
 from rt_robot_os.sim.world.drive_base import Pair
 from rt_robot_os.sim.world.drive_base import STEP_NS
 from rt_robot_os.sim.world.fields import light_lux
@@ -61,8 +62,6 @@ Floats = npt.NDArray[np.float64]
 # People are moved once in so many steps.
 _PEOPLE_STEPS: Final = 10
 _PEOPLE_S: Final = _PEOPLE_STEPS * STEP_NS / NS_PER_S
-# After a longer stop of the whole process the world goes on at the present time.
-_LONGEST_STEPS: Final = 600 * NS_PER_S // STEP_NS
 
 
 class World:
@@ -96,6 +95,8 @@ class World:
         if settings.map and settings.map != OPEN_FLOOR:
             self.map_path = Path(settings.map)
             self.map = GridMap.load(self.map_path)
+            if (problem := start_problem(self.map, settings.start)):
+                raise ConfigError([f'world.start: {problem}'])
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
         self.people: tuple[Person, ...] = tuple(map(Person, scene['people']))
         self.landmarks = tuple(scene['landmarks'])
@@ -124,7 +125,7 @@ class World:
         if self._start_ns is None:
             self._start_ns = now_ns
         target = (now_ns - self._start_ns) // STEP_NS
-        if target - self._steps > _LONGEST_STEPS:
+        if target - self._steps > LONGEST_STEPS:
             self._start_ns += (target - self._steps) * STEP_NS
             return
         while self._steps < target:
@@ -240,6 +241,15 @@ class World:
                 points.append((person.x + dx / away * PERSON_RADIUS_M,
                                person.y + dy / away * PERSON_RADIUS_M))
         return points
+
+
+def start_problem(grid: GridMap, start: Sequence[float]) -> str | None:
+    """Return what is wrong with the place where the robot is to stand at first."""
+    if len(start) == 3 and grid.occupied(start[0], start[1]):
+        low_x, low_y, high_x, high_y = grid.bounds
+        return (f'in the map there stands something at {start[0]:g}, {start[1]:g}: choose a free '
+                f'place from {low_x:g}, {low_y:g} to {high_x:g}, {high_y:g}')
+    return None
 
 
 def _scene(settings: WorldSettings) -> Mapping[str, list[Any]]:
