@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OneShot
 from rt_robot_os.kernel import Task
@@ -31,14 +33,16 @@ class WakeUp:
 
     def __init__(self, kernel: Kernel | None, task: Task | None) -> None:
         """Take the task; None for either, as in a test of the module alone, wakes nobody."""
+        self._kernel = kernel
         self._timer: OneShot | None = kernel.timer(task) if kernel and task else None
         self._at_ns = 0
 
     def no_later_than(self, time_ns: float) -> None:
         """Release the task at that time, or before; infinite asks for nothing."""
-        timer = self._timer
-        if timer is None or time_ns == float('inf'):
+        timer, kernel = self._timer, self._kernel
+        if timer is None or kernel is None or time_ns == math.inf:
             return
-        if not timer.started or time_ns < self._at_ns:
+        # One whose time has come is of an earlier run of the kernel, and never fires.
+        if not timer.started or time_ns < self._at_ns or self._at_ns < kernel.now_ns():
             self._at_ns = int(time_ns)
             timer.start_at(self._at_ns)

@@ -336,6 +336,7 @@ def test_the_guard_runs_within_the_publication_while_something_computes() -> Non
 @pytest.mark.parametrize(('changes', 'text'), [
     ({'scan_topics': []}, 'it would guard nothing'),
     ({'range_topics': ['scan']}, "'scan' stands there twice"),
+    ({'safe_topic': 'cmd_vel_mux'}, 'it would hear itself'),
     ({'footprint_m': [0.2, 0.2]}, 'must be four distances')])
 def test_settings_that_guard_nothing_are_told(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):

@@ -171,15 +171,16 @@ def test_it_drives_through_a_door_to_a_goal_behind_the_wall(tmp_path: Path) -> N
     assert robot.said('steering')[-1] == 'nobody'
 
 
+@pytest.mark.parametrize('until_s', [15.0, 26.0], ids=['soon', 'when the follower has stopped'])
 def test_it_stops_for_somebody_in_the_only_door_and_goes_on_when_they_left(
-        tmp_path: Path) -> None:
+        tmp_path: Path, until_s: float) -> None:
     robot = Robot(tmp_path, doors=1, obstacle_memory_s=2.0)
     robot.drive_to(5.0, 1.25, 0.0)
     robot.stand((3.0, 1.3), 2.0)
-    robot.stand(None, 15.0)
     robot.bench.run(14.0)
     assert robot.velocity == (0.0, 0.0)
     assert 1.2 < robot.pose[0] < 2.9
+    robot.stand(None, until_s - 14.0)
     robot.bench.run(46.0)
     assert robot.is_at(5.0, 1.25, 0.0), (robot.pose, robot.said('planner/state'))
     assert robot.nearest_person_m > 0.1

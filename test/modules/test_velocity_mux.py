@@ -226,6 +226,15 @@ def test_motor_faults_stop_where_that_is_set_and_the_robot_can_begin_stopped() -
                             'nobody: e-stop, motor faults 0x4', 'nobody', 'ros']
 
 
+def test_a_time_out_that_an_earlier_run_of_the_kernel_left_is_not_waited_for() -> None:
+    robot = Steered()
+    robot.steer('ros', 0.3, 0.1)
+    robot.run(0.3)
+    robot.bench.kernel.clock.spend(2_000_000_000)
+    robot.steer('ros', 0.4, 0.1)
+    assert [speed for _, speed in robot.run(1.0)] == [0.4, 0.0]
+
+
 def test_the_safe_state_is_a_standstill_that_an_old_command_does_not_end() -> None:
     robot = Steered()
     robot.steer('ros', 0.3, 0.1)
@@ -239,6 +248,7 @@ def test_the_safe_state_is_a_standstill_that_an_old_command_does_not_end() -> No
     ({'source_topics': ['a', 'a', 'b', 'c']}, "mux.source_topics: 'a' stands there twice"),
     ({'locks': ['pause']}, 'mux.lock_topics has 0 items, locks has 1'),
     ({'dead_man_topic': 'held', 'dead_man_sources': ['telop']}, "'telop' is none of the sources"),
+    ({'command_topic': 'cmd_vel'}, "mux.source_topics: 'cmd_vel' is what it writes"),
     ({'estop_release_topic': ''}, 'nothing could free the e-stop')])
 def test_lists_that_do_not_fit_are_told(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):

@@ -104,5 +104,8 @@ def check_sensors(name: str, settings: Mapping[str, Any]) -> None:
     if not topics and not settings['bumper_topic']:
         problems.append(f'{name}: scan_topics, range_topics and bumper_topic are empty: it would '
                         'guard nothing; twist_guard is what only limits speeds')
+    if settings['safe_topic'] == settings['command_topic']:
+        problems.append(f'{name}.safe_topic and command_topic are both '
+                        f'{settings["safe_topic"]!r}: it would hear itself')
     if problems:
         raise ConfigError(problems)

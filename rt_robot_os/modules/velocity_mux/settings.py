@@ -86,6 +86,10 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[Source]:
             settings['estop_topic'] or settings['estop_at_start']
             or settings['motor_faults_topic']):
         problems.append(f'{name}.estop_release_topic is empty: nothing could free the e-stop')
+    problems += [
+        f'{name}.{key}: {settings[written]!r} is what it writes, as {written}: it would hear '
+        f'itself' for key in ('source_topics', 'lock_topics')
+        for written in ('command_topic', 'steering_topic') if settings[written] in settings[key]]
     if problems:
         raise ConfigError(problems)
     made = [Source(each, priority, round(timeout_s * NS_PER_S),
