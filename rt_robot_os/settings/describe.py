@@ -199,6 +199,8 @@ def _cells(field: Field) -> Sequence[str]:
         limits = ', '.join(f'`{choice}`' for choice in field.choices)
     else:
         limits = field.limits().removeprefix(' from ').removeprefix(' of ')
+        if field.length:
+            limits = f'{field.length} items {limits}'.rstrip()
     return (f'`{field.name}`', kind, default, limits, field.unit, 'yes' if field.live else '',
             description_of(field))
 

@@ -40,6 +40,7 @@ from rt_robot_os.clients.ros.log_relay import LogRelay
 from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.clients.ros.parameters import NodeParameters
 from rt_robot_os.clients.ros.ros_time import RosTime
+from rt_robot_os.clients.ros.static_transforms import loose_parents
 from rt_robot_os.clients.ros.static_transforms import published_frames
 from rt_robot_os.clients.ros.static_transforms import StaticTransforms
 from rt_robot_os.clients.ros.static_transforms import TOPIC
@@ -122,8 +123,12 @@ class RobotNode(LifecycleNode):
         process = CoreProcess(self._for_core(self.settings), self.path) if (
             self.settings.core.spawn) else None
         self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn)
-        self._static = StaticTransforms(self, published_frames(self.settings))
+        frames = published_frames(self.settings)
+        self._static = StaticTransforms(self, frames)
         self._tell_what_is_lacking()
+        for parent in loose_parents(frames):
+            self._log.note(int(Severity.INFO), f'/tf_static: frames are mounted on {parent!r}, '
+                           'which is no frame of a device: a robot description has to have it')
         self._supervisor = Supervisor(
             self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
             on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 from typing import Final
 
@@ -29,6 +30,7 @@ from rt_robot_os.clients.ros.conversions import is_lacking
 from rt_robot_os.link.conversions import transform
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.conversions import transforms_of
+from rt_robot_os.motion.mounting import BASE_FRAME
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import MountedFrame
 from rt_robot_os.topics.resolve import message_class
@@ -41,6 +43,13 @@ def published_frames(settings: RobotSettings) -> tuple[MountedFrame, ...]:
     which = settings.static_transforms
     return tuple(each for each in settings.frames
                  if which == 'all' or which == 'mounted' and each.stated)
+
+
+def loose_parents(frames: Sequence[MountedFrame]) -> tuple[str, ...]:
+    """Name the frames that carry others and that nothing here is mounted on the robot with."""
+    known = {each.frame_id for each in frames} | {BASE_FRAME}
+    return tuple(dict.fromkeys(
+        each.mounting.parent for each in frames if each.mounting.parent not in known))
 
 
 class StaticTransforms:
