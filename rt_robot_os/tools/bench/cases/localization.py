@@ -280,5 +280,5 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, tables, _aims(outcomes), _plots(outcomes))
 
 
-CASE = Case('localization', 'localisation: simulated drives, a recording (--data), step times',
+CASE = Case('localization', 'simulated drives, a recording (--data), times of a step',
             _plan, _evaluate, takes_data=True)
