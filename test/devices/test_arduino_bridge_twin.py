@@ -24,40 +24,24 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any
-from typing import NamedTuple
 
 import pytest
 from rt_robot_os.devices.arduino_bridge import wire
 from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.sim.base import Site
-from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
+from rt_robot_os.tools.bench.agreement.transcript import Board
+from rt_robot_os.tools.bench.agreement.transcript import Cable
+from rt_robot_os.tools.bench.agreement.transcript import Line
+from rt_robot_os.tools.bench.agreement.transcript import read
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 START_NS = 100 * NS_PER_S
 PING_END_NS = 7893 * NS_PER_MS
-# Its motors: 3000 counts a second at full voltage, and 83 ms to follow.
-MOTORS = WorldSettings(motor_lag_s=0.083, coast_s=0.083, motor_speed_rad_s=3000 * math.tau / 1440,
-                       motor_acceleration_rad_s2=1e5)
-
-
-class Line(NamedTuple):
-    """
-    One line of the recording.
-
-    :ivar data: bytes of an order or of an answer; empty for the state of the motors.
-    :ivar pwm: share of the voltage, left and right.
-    """
-
-    time_ns: int
-    kind: str
-    data: bytes = b''
-    pwm: tuple[float, float] = (0.0, 0.0)
-    ticks: tuple[int, int] = (0, 0)
 
 
 @pytest.fixture(scope='module')
@@ -65,61 +49,9 @@ def recording(data_dir: Path) -> list[Line]:
     path = data_dir / 'motor' / 'ros_arduino_bridge_firmware_1.txt'
     if not path.exists():
         pytest.skip(f'no recording at {path}')
-    lines = []
-    for text in path.read_text().splitlines():
-        words = text.split()
-        if len(words) == 10 and words[1] == 'plant':
-            lines.append(Line(round(float(words[0]) * NS_PER_S), 'plant', b'',
-                              (float(words[3]), float(words[5])), (int(words[7]), int(words[9]))))
-        elif len(words) == 3 and '->' in words[1]:
-            lines.append(Line(round(float(words[0]) * NS_PER_S), words[1],
-                              bytes.fromhex(words[2])))
+    lines = read(path.read_text(), path.name)
     assert len(lines) > 150
     return lines
-
-
-class Cable:
-    """What the twin is plugged into: bytes both ways, without a pty."""
-
-    bytes_sent = bytes_dropped = 0
-
-    def __init__(self) -> None:
-        self.to_board = self.from_board = b''
-
-    def plug(self) -> None:
-        """Do nothing."""
-
-    def unplug(self) -> None:
-        """Do nothing."""
-
-    def read(self) -> bytes:
-        data, self.to_board = self.to_board, b''
-        return data
-
-    def write(self, data: bytes) -> None:
-        self.from_board += data
-
-
-class Board:
-    """The twin on a cable, with time in the test's hand."""
-
-    def __init__(self, **sim: Any) -> None:
-        self.cable: Any = Cable()
-        self.twin = SimulatedArduinoBridge('twin', sim, self.cable)
-        self.twin.base = DriveBase(MOTORS)
-        self.now_ns = START_NS
-        self.twin.pump(self.now_ns)
-
-    def run(self, until_ns: int) -> None:
-        while self.now_ns < until_ns:
-            self.now_ns = min(self.now_ns + NS_PER_MS, until_ns)
-            self.twin.pump(self.now_ns)
-
-    def answers(self, data: bytes, wait_ms: int = 10) -> bytes:
-        self.cable.from_board = b''
-        self.cable.to_board += data
-        self.run(self.now_ns + wait_ms * NS_PER_MS)
-        return bytes(self.cable.from_board)
 
 
 # --- the recording -------------------------------------------------------------------------------
@@ -146,7 +78,7 @@ def test_the_twin_answers_and_drives_as_the_firmware_did(recording: list[Line]) 
     told_ns = 0
     checked = 0
     for line in recording:
-        board.run(START_NS + line.time_ns)
+        board.run_to(line.time_ns)
         if line.kind == 'host->board':
             board.cable.to_board += line.data
             told_ns = line.time_ns

@@ -23,6 +23,7 @@ from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.cases import capture
 from rt_robot_os.tools.bench.cases import control
 from rt_robot_os.tools.bench.cases import delay
+from rt_robot_os.tools.bench.cases import devices
 from rt_robot_os.tools.bench.cases import frequency
 from rt_robot_os.tools.bench.cases import kernel
 from rt_robot_os.tools.bench.cases import load
@@ -44,4 +45,4 @@ CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
     throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
-    control.CASE, start.START, start.MEMORY)})
+    control.CASE, devices.CASE, start.START, start.MEMORY)})
