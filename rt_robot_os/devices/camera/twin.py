@@ -44,6 +44,7 @@ class SimulatedCamera(SimulatedCapture):
         :raises ConfigError: a setting is wrong.
         """
         super().__init__(name, settings, path, site)
+        self._look_ns = 0
         if self.world is not None:
             self.port.scene = SceneMemory.create()
 
@@ -53,15 +54,16 @@ class SimulatedCamera(SimulatedCapture):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        if self.world is not None and self.port.scene is not None:
+        if self.world is not None and self.port.scene is not None and now_ns >= self._look_ns:
             self.world.advance(now_ns)
             self.port.scene.write(self.scene())
+            self._look_ns = now_ns + _LOOK_NS
         super().pump(now_ns)
 
     def next_event_ns(self) -> int:
         """Return when ``pump`` has to be called next."""
         next_ns = super().next_event_ns()
-        return next_ns if self.world is None else min(next_ns, self._now_ns + _LOOK_NS)
+        return next_ns if self.world is None else min(next_ns, self._look_ns)
 
     def close(self) -> None:
         """Unplug the device; may be called twice."""
