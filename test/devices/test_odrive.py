@@ -39,6 +39,7 @@ from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.faults import MOTOR_FAULTS
+from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing import settings_of
@@ -110,14 +111,32 @@ def test_the_lines_are_those_of_the_manual() -> None:
     assert wire.line(b'r vbus_voltage') == b'r vbus_voltage *93\n'
     assert wire.line(wire.velocity(0, -1.5), checked=False) == b'v 0 -1.50000\n'
     assert wire.write('axis0.requested_state', 8) == b'w axis0.requested_state 8'
-    reply, = OdriveDecoder().feed(said('1.5 -0.25'))
+    reply, = OdriveDecoder().feed(b'1.500000 -0.250000*14\r\n')
     assert (reply.numbers, reply.refusal) == ((1.5, -0.25), b'')
+    # Of a property nine characters are told.
+    cut, = OdriveDecoder().feed(said('12345678.'))
+    assert cut.numbers == (12345678.0,)
 
 
 def test_its_bytes_are_recognised() -> None:
     assert wire.is_odrive(b'0*48\r\n' + said('24.15', '1.5 2.5') + b'12')
     assert wire.is_odrive(b'mand\r\nunknown command\r\nunknown command\r\n')
     assert not wire.is_odrive(b'12\r\n24.15\r\n24.16\r\n')
+
+
+@pytest.mark.parametrize('line, answer', [
+    (b'\n', b'unknown command\r\n'), (b'sc\n', b''), (b'f 0\n', b'0.000000 0.000000\r\n'),
+    (b'f 7\n', b'invalid motor 7\r\n'), (b'v 0\n', b'invalid command format\r\n'),
+    (b'f\n', b'invalid command format\r\n'), (b'r axis0.errors\n', b'invalid property\r\n'),
+    (b'r vbus_voltage *93\n', said('12.300000')), (b'r vbus_voltage *94\n', b''),
+    (b'r vbus_voltage *93v 0 1\n', said('12.300000')), (b'x *88\n', said('unknown command'))])
+def test_the_twin_answers_as_the_firmware_does(tmp_path: Path, line: bytes, answer: bytes
+                                               ) -> None:
+    twin = SimulatedOdrive('twin', {}, PtyPort(tmp_path / 'odrive'), 0)
+    heard: list[bytes] = []
+    twin.reply = lambda data: bool(heard.append(data)) or True  # type: ignore[method-assign]
+    twin.obey(line)
+    assert b''.join(heard) == answer
 
 
 # --- a robot of one controller ------------------------------------------------------------------

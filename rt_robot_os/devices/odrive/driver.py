@@ -300,7 +300,7 @@ class Odrive(MotorBoard[Reply]):
     def _set_up(self) -> tuple[Question, ...]:
         """Set the watchdogs, and ask whether they are."""
         if not self._was_set_up:
-            self._tell(b'', wire.CLEAR_ERRORS)
+            self._tell(wire.CLEAR_ERRORS)
         for axis in self._axes:
             self._tell(wire.write(f'axis{axis}.config.watchdog_timeout',
                                   self.settings['watchdog_s']),

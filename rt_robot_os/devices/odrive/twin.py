@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Final
 
 from rt_robot_os.devices.odrive import wire
@@ -29,6 +30,9 @@ _MOTOR_FAILED: Final = 0x40
 _INVALID_STATE: Final = 0x1
 _CURRENT_A: Final = 0.4
 _LONGEST: Final = 256
+# What stands behind the checksum does not matter.
+_DIGITS: Final = re.compile(rb'\s*(\d{1,9})').match
+_MOST_OF_A_PROPERTY: Final = 9
 
 
 class _Axis:
@@ -102,7 +106,8 @@ class SimulatedOdrive(SimulatedMotorBoard):
         self._pending = self._pending[-_LONGEST:]
         for text in lines:
             command, star, given = text.strip().partition(b'*')
-            if star and given != b'%d' % wire.checksum(command):
+            digits = _DIGITS(given)
+            if star and (digits is None or int(digits[1]) != wire.checksum(command)):
                 continue
             answer = self._answer(command.decode('ascii', 'replace').split())
             if answer:
@@ -146,10 +151,12 @@ class SimulatedOdrive(SimulatedMotorBoard):
         if command in ('r', 'w') and len(rest) == (1 if command == 'r' else 2):
             return self._read(rest[0]) if command == 'r' else self._write(*rest)
         if command not in ('v', 'f', 'u'):
-            return '' if command in ('', 'ss', 'se', 'sr') else 'unknown command'
+            return '' if command[:1] == 's' else 'unknown command'
         number = _number(rest[0]) if rest else None
-        if number is None or number not in self._numbers:
-            return 'invalid motor 9'
+        if number is None:
+            return 'invalid command format'
+        if number not in self._numbers:
+            return f'invalid motor {number:.0f}'
         side = self._numbers.index(number)
         axis = self.axes[side]
         if command == 'f':
@@ -178,9 +185,9 @@ class SimulatedOdrive(SimulatedMotorBoard):
                 'config.enable_watchdog': axis.watched}
             return f'{known[rest]:d}' if rest in known else 'invalid property'
         if name == 'vbus_voltage':
-            return f'{self.settings["battery_v"]:.6f}'
+            return f'{self.settings["battery_v"]:.6f}'[:_MOST_OF_A_PROPERTY]
         if name == 'ibus':
-            return f'{_CURRENT_A * sum(map(abs, self.speeds())):.6f}'
+            return f'{_CURRENT_A * sum(map(abs, self.speeds())):.6f}'[:_MOST_OF_A_PROPERTY]
         return 'invalid property'
 
     def _write(self, name: str, text: str) -> str:

@@ -17,12 +17,13 @@ The bytes of the ASCII protocol of ODrive motor controllers.
 
 A command is a line; a question is answered by one that does not say what it answers. With a
 checksum, ``line *N`` where N is the XOR of all bytes before the asterisk, the answer has one too,
-and a line with a wrong one is ignored::
+and a line with a wrong one is ignored. An empty line is an unknown command; of a property no more
+than nine characters are told::
 
-    r vbus_voltage *93   24.150000*49      the value of a property
-    f 0 *102             1.5 -0.25*...     position and speed of a motor, in turns
+    r vbus_voltage *93   24.150000*44              the value of a property
+    f 0 *86              1.500000 -0.250000*14     position and speed of a motor, in turns
 
-Source: the page "ASCII Protocol" of the documentation of ODrive.
+Source: the firmware, 0.5.6, and the page "ASCII Protocol" of the documentation of ODrive.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ ERRORS: Final = {
     0x1000: 'end stop pressed', 0x2000: 'end stop pressed', 0x4000: 'e-stop',
     0x20000: 'homing without end stop', 0x40000: 'over temperature'}
 
-_NUMBER: Final = rb'(-?\d{1,10}(?:\.\d{1,9})?|-?nan|-?inf)'
+_NUMBER: Final = rb'(-?\d{1,10}(?:\.\d{0,9})?|-?nan|-?inf)'
 _REFUSALS: Final = (rb'(unknown command|invalid property|invalid command format|not implemented'
                     rb'|invalid motor \d{1,3})')
 _REPLY: Final = re.compile(
