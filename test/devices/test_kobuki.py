@@ -36,6 +36,7 @@ from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
+from rt_robot_os.testing.fakes import scripted
 
 CORE = wire.Core(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
 
@@ -267,6 +268,22 @@ def test_a_base_that_was_switched_off_and_on_costs_no_wrong_odometry(
     assert robot.faults() & MotorFault.COUNTS_NEW
     assert robot.managed.faults == 0
     assert any(robot.twin.told), 'it goes on by the commands that come'
+
+
+def test_a_computer_that_stood_still_takes_no_base_for_another() -> None:
+    def packets(begin_ms: int, end_ms: int) -> bytes:
+        return b''.join(wire.packet([wire.core(CORE._replace(
+            time_ms=ms & 0xFFFF, left=ms & 0xFFFF, right=ms & 0xFFFF))])
+            for ms in range(begin_ms, end_ms, 20))
+
+    # For five seconds nothing is read; for what came in the last three there was no room.
+    chunks = [packets(30_000, 31_000), packets(31_000, 33_000), packets(36_000, 37_000)]
+    with scripted(Kobuki, chunks) as (device, _):
+        for at_s in (31, 36, 37):
+            device.read(at_s * 10**9)
+        assert device.counters.resets == 0
+        # It would have been brought to rest, and what it went since then be lost.
+        assert device.counters.position_rad[0] / wire.TICK_RAD >= 980 + 1980
 
 
 def test_lost_bytes_cost_packets_and_no_wrong_odometry(robot: Any) -> None:

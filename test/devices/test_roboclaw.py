@@ -328,6 +328,16 @@ def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Any) -> 
     assert robot.faults() == 0
 
 
+def test_a_watchdog_that_changed_is_set_again(robot: Any) -> None:
+    robot.steer(0.3)
+    robot.run(1000)
+    robot.twin.unit.timeout_tenths = 0
+    robot.run(400)
+    assert robot.twin.unit.timeout_tenths == 5
+    robot.run(200)
+    assert robot.twin.unit.drive.moves, 'it goes on by the commands that come'
+
+
 def test_another_unit_in_its_place_is_noticed(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)

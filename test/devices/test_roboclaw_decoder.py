@@ -77,6 +77,10 @@ def test_a_speed_beyond_32_bits_is_limited_and_never_wraps(first: int, second: i
         assert sent == max(min(given_, 2**31 - 1), -2**31 + 1)
 
 
+def test_an_acceleration_that_has_no_room_is_limited() -> None:
+    assert wire.speeds(0x80, 1, 1, 10**12).data[2:6] == b'\x7f\xff\xff\xff'
+
+
 @given(exchange=st.sampled_from(EXCHANGES), cuts=st.lists(st.integers(0, 40), max_size=6))
 def test_an_answer_is_read_however_it_is_cut(
         exchange: tuple[wire.Request, bytes, bytes], cuts: list[int]) -> None:

@@ -91,6 +91,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         stddev('yaw_stddev', 0.1, 'rad', 'the heading, which drifts'),
     )
     description = 'Kobuki mobile base (TurtleBot 2)'
+    ANSWERS = True
     COUNTER_BITS = wire.ENCODER_BITS
     COUNTS_SURVIVE = True
     IF_SILENT = 'check that it is switched on, and its USB cable'
@@ -206,7 +207,10 @@ class Kobuki(MotorBoard[KobukiFrame]):
             return self._standing < _STANDS
         self._standing = 0
         passed_ms = (arrival_ns - before_ns) // NS_PER_MS
-        if abs(tick_difference(core.time_ms, before.time_ms + passed_ms, _CLOCK_BITS)) > _LATE_MS:
+        off_ms = tick_difference(core.time_ms, before.time_ms + passed_ms, _CLOCK_BITS)
+        # A clock that is off and has not run for longer than that began meanwhile. Otherwise it is
+        # this computer that stood still, and what has been waiting is read late.
+        if abs(off_ms) > _LATE_MS and core.time_ms <= passed_ms + _LATE_MS:
             self.counters.resets += 1
             self.counters.forget()
             self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)

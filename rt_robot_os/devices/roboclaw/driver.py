@@ -329,7 +329,9 @@ class RoboClaw(MotorBoard[Reply]):
 
     def _use_timeout(self, data: bytes, arrival_ns: int) -> int:
         if data != self._watchdog.data[2:3]:
-            self.log.warn('its watchdog has changed by itself: it is set up again', throttle_s=1.0)
+            self.log.warn('its watchdog has changed by itself: brought to rest and set up again',
+                          throttle_s=1.0)
+            self.rest()
             self._set_up()
         return 0
 

@@ -244,12 +244,13 @@ def speeds(address: int, first: int, second: int, acceleration: int = 0) -> Requ
     """
     Make the command of both speeds.
 
-    :param first: of motor M1, in quadrature pulses a second; limited to 32 bits.
+    :param first: of motor M1, in quadrature pulses a second; limited to 32 bits, as the others.
     :param acceleration: in quadrature pulses a second squared; 0 goes there at once.
     """
     both = _limited(first), _limited(second)
     if acceleration:
-        return order(address, SPEED_ACCEL, struct.pack('>Iii', acceleration, *both))
+        return order(address, SPEED_ACCEL, struct.pack(
+            '>Iii', min(acceleration, MAX_SPEED), *both))
     return order(address, SPEED, struct.pack('>ii', *both))
 
 
