@@ -34,6 +34,7 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.reference import Reference
 from rt_robot_os.motion.reference_path import checked
+from rt_robot_os.motion.reference_path import is_pose
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.reference_path import PathError
 from rt_robot_os.motion.reference_path import SAME_M
@@ -121,6 +122,8 @@ class Follower:
         :raises PathError: it cannot be followed; the text says why. The robot brakes.
         """
         try:
+            if not is_pose(pose):
+                raise PathError('pose of the robot is no place')
             self._poses = checked(poses)
             goal, self._goal = self._goal, self._poses[-1]
             self._attempts = self.tuning.attempts
@@ -181,6 +184,8 @@ class Follower:
             return None
         wanted = _STANDSTILL
         self._time_s += period_s
+        if not is_pose(pose):
+            self.stop('pose is no place')
         if self.phase is Phase.DRIVE:
             wanted = self._driving(pose, period_s, velocity)
         if self.phase is Phase.TURN:

@@ -333,3 +333,36 @@ def test_the_law_beats_regulated_pure_pursuit_in_the_same_world() -> None:
     assert away['kanayama'] < 0.02
     assert away['kanayama'] < away['regulated_pure_pursuit']
     assert away['samson'] < away['regulated_pure_pursuit']
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+NEAR = st.floats(-3.0, 3.0)
+ANYWHERE = st.one_of(st.tuples(ANY, ANY, ANY), st.tuples(NEAR, NEAR, NEAR))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.lists(ANYWHERE, max_size=6), ANYWHERE, st.integers(1, 8)),
+                min_size=1, max_size=6),
+       st.sampled_from(LAWS), st.sampled_from([0.02, 0.3]), st.sampled_from(['spline', 'line']))
+def test_whatever_comes_commands_are_numbers_within_limits(
+        wishes: list[tuple[list[Pose], Pose, int]], law: str, period: float, shape: str) -> None:
+    limits = VelocityLimits(wheel_max_m_s=0.35)
+    run = drive(law, period_s=period, limits=limits, tuning=FollowerTuning(path_shape=shape))
+    before = (0.0, 0.0)
+    for poses, seen, steps in wishes:
+        try:
+            run.follower.go(poses, run.pose)
+        except PathError:
+            assert run.follower.state.startswith('stopped: ')
+        for step in range(steps):
+            command = run.follower.step(seen if step == 0 else run.pose, period, run.velocity)
+            if command is None:
+                break
+            v, w = command
+            assert abs(v) + abs(w) * 0.15 <= 0.35 + 1e-9
+            assert abs(v - before[0]) <= 0.3 * period + 1e-9
+            assert abs(w - before[1]) <= 1.5 * period + 1e-9
+            before = command
+            run.velocity = command
+        assert all(map(math.isfinite, run.follower.error))
+        assert 0.0 <= run.follower.progress <= 1.0
