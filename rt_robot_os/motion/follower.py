@@ -191,7 +191,6 @@ class Follower:
         if self.phase is Phase.TURN:
             wanted = self._turning(pose, period_s)
         if self.phase is Phase.SETTLE:
-            wanted = _STANDSTILL
             if self._time_s >= max(_REST_S, period_s):
                 self._settled(pose)
         if self.phase is Phase.BRAKE:
@@ -230,7 +229,7 @@ class Follower:
         elif self._stuck(pose, period_s):
             self.stop(f'blocked: no progress for {self.tuning.blocked_after_s:g} s')
         elif self._at_end(reference, pose, finished):
-            self._arrived(pose)
+            self._arrived()
         elif self.controller.TIMED and not finished:
             linear = max(0.0, linear)
         return linear, angular
@@ -343,7 +342,7 @@ class Follower:
         self.controller.restart()
         self._enter(Phase.DRIVE)
 
-    def _arrived(self, pose: Pose) -> None:
+    def _arrived(self) -> None:
         """Go on with the next leg, or with the heading of the goal."""
         leg = self._legs.pop(0)
         self._driven_m += leg.length_m - self._start_m
