@@ -45,7 +45,7 @@ def paper_drive() -> Drive:
     """Return the paper's run: it turns by 30 degrees while it drives, in 21 periods."""
     return Drive(
         PAPER_START, (PAPER_GOAL,), PAPER_PERIOD_NS,
-        VelocityLimits(speed_m_s=0.222, linear_max_m_s=0.30, acceleration_m_s2=0.6,
+        VelocityLimits(speed_m_s=0.23, linear_max_m_s=0.30, acceleration_m_s2=0.6,
                        deceleration_m_s2=0.6, angular_acceleration_rad_s2=2.0,
                        wheel_separation_m=SEPARATION_M),
         FollowerTuning(turn_above_rad=0.7, goal_tolerance_m=0.012, attempts=0), gains=_STIFF)
