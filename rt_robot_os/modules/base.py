@@ -46,6 +46,7 @@ from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics.ports import PortOwner
+from rt_robot_os.units import period_from_rate
 
 
 class Module(PortOwner):
@@ -144,6 +145,15 @@ class Module(PortOwner):
 
     # ---- declarations ------------------------------------------------------------------------
 
+    @property
+    def period_ns(self) -> int:
+        """
+        Return the time from one step to the next as it is set; 0 without a rate.
+
+        Of the same value in a replay, where the recording and no rate releases the module.
+        """
+        return period_from_rate(self._rate_hz) if self._rate_hz else 0
+
     @classmethod
     def is_coroutine(cls) -> bool:
         """Return whether it has a ``run()`` of its own, which takes the place of ``step()``."""
@@ -175,7 +185,8 @@ class Module(PortOwner):
         """
         if name == 'rate_hz' and self.task is not None:
             self.task.set_rate_hz(value)
-            return float(value)
+            self._rate_hz = float(value)
+            return self._rate_hz
         return super().change(name, value)
 
     def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:

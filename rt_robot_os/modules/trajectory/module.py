@@ -142,7 +142,7 @@ class Trajectory(Module):
 
         :raises ConfigError: they are not, or the module has no rate.
         """
-        if self.task is not None and not self.task.period_ns:
+        if not self.period_ns:
             raise ConfigError([f'{self.name}.rate_hz is missing: commands are computed for a '
                                'period, such as that of rate_hz: 50.0'])
         frame = self.pose.msg.header.frame_id
@@ -191,11 +191,11 @@ class Trajectory(Module):
 
     def step(self) -> None:
         """Take what has come, and publish the command for the period that begins now."""
-        where, follower, s, task = self._whereabouts, self._follower, self.settings, self.task
-        if where is None or task is None or self.kernel is None:
+        where, follower, s = self._whereabouts, self._follower, self.settings
+        if where is None or self.kernel is None:
             return
         now_ns = self.kernel.now_ns()
-        period_s = task.period_ns / NS_PER_S
+        period_s = self.period_ns / NS_PER_S
         where.take(now_ns)
         problem = where.problem(now_ns, s['pose_timeout_s'], s['position_stddev_max_m'],
                                 s['heading_stddev_max_rad'])
