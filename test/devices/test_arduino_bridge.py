@@ -55,7 +55,7 @@ class TestArduinoBridge(ActuatorContract):
 
 
 class TestReplyDecoder(DecoderContract):
-    stream = b'OK\r\n57600\r\n-12 1440\r\n0 -3\r\nInvalid Command\r\n1023\r\n'
+    stream = b'OK\r\n57600\r\n-12 1440\r\n0 -3\r\nInvalid Command\r\n1023\r\n 57600\r\n'
     tokens = (b'\r\n', b'\n', b'OK', b'OK\r\n', b'-', b'12 ', b'12 13\r\n', b'57600\r\n', b'x\r\n')
 
     def decoder(self) -> Any:
@@ -367,6 +367,11 @@ def test_the_battery_is_read_from_its_pin(tmp_path: Path) -> None:
 def test_gains_are_four(gains: list[int]) -> None:
     with pytest.raises(ConfigError, match='base: pid_gains .*: give four, Kp, Kd, Ki, Ko'):
         ArduinoBridge('base', settings_of(ArduinoBridge, port='x', **ROBOT, pid_gains=gains))
+
+
+def test_a_space_before_the_speed_of_the_line_does_not_matter() -> None:
+    reply, = ReplyDecoder().feed(b' 57600\r\n')
+    assert reply.numbers == (57600,)
 
 
 def test_its_bytes_are_recognised() -> None:

@@ -20,7 +20,7 @@ its answer, ended by CR LF, which does not say what it answers::
 
     e            1024 -17     counts of both encoders
     m 20 -20     OK           ticks that each wheel shall make in a round of the control loop
-    b            57600        speed of the line
+    b            57600        speed of the line; some put a space before it
 
 Source: hbrobotics/ros_arduino_bridge and its descendants.
 """
@@ -45,7 +45,7 @@ PID_RATE_HZ: Final = 1000 / 33
 FASTEST: Final = 32767
 
 _REPLY: Final = re.compile(
-    rb'(?:OK|Invalid Command|(-?\d{1,10})(?: (-?\d{1,10}))?)\r?\n').fullmatch
+    rb' ?(?:OK|Invalid Command|(-?\d{1,10})(?: (-?\d{1,10}))?)\r?\n').fullmatch
 _SURE: Final = 2
 
 
@@ -86,7 +86,7 @@ class ReplyDecoder(LineDecoder[Reply]):
     There is no checksum: a line that lost a digit may look right.
     """
 
-    LONGEST = 26
+    LONGEST = 27
 
     def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
         """Read a line."""
@@ -94,7 +94,7 @@ class ReplyDecoder(LineDecoder[Reply]):
         if match is None:
             return None
         numbers = tuple(int(each) for each in match.groups() if each is not None)
-        return Reply(b'' if numbers else buffer[at:end].rstrip(), numbers, end - at, arrived)
+        return Reply(b'' if numbers else buffer[at:end].strip(), numbers, end - at, arrived)
 
 
 def is_arduino_bridge(data: bytes) -> bool:
