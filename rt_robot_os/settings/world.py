@@ -123,11 +123,8 @@ def _check_map(section: Section, problems: Problems) -> None:
     path = path_near(name, origin.file)
     section.values['map'] = str(path)
     from rt_robot_os.motion.grid_map import GridMap
-    from rt_robot_os.sim.world.world import start_problem
     try:
-        problem = start_problem(GridMap.load(path), section.values.get('start', ()))
-        if problem:
-            problems.add(section.where('start'), f'{SECTION}.start: {problem}')
+        GridMap.load(path)
     except ConfigError as error:
         for text in error.problems:
             problems.add(origin, f'{SECTION}.map: {text}')
@@ -146,12 +143,13 @@ def _things(
 
 
 def _check_whole(section: Section, problems: Problems) -> None:
-    """Find what only shows when the world is made, such as an event with an unknown person."""
+    """Find what only shows when the world is made, such as a robot that begins in a wall."""
     if not section.values['map']:
         return
     from rt_robot_os.sim.world.world import World
     try:
-        World(made(WorldSettings, frozen({**section.values, 'map': OPEN_FLOOR})))
+        World(made(WorldSettings, frozen(section.values)))
     except ConfigError as error:
         for text in error.problems:
-            problems.add(section.where('events'), text)
+            key = text.partition(':')[0].removeprefix(f'{SECTION}.')
+            problems.add(section.where(key), text)

@@ -319,6 +319,22 @@ def test_a_robot_cannot_begin_in_a_wall(tmp_path: Path) -> None:
         World(replace(rooms(tmp_path), start=(-0.95, 0.0, 0.0)))
 
 
+@pytest.mark.parametrize('away', [3.0, -3.0])
+def test_from_a_person_who_steps_into_it_the_robot_may_go_away(away: float) -> None:
+    world = World(replace(OPEN, people=('anna 0.0 5.0 5.0',)))
+    world.inject(['person', 'anna', str(0.05 * away), '0.0'])
+    assert abs(drive(world, 2.0, away, away).base.pose[0]) < 0.01
+    assert abs(drive(world, 2.0, -away, -away).base.pose[0]) > 0.2
+
+
+def test_it_is_not_put_into_a_wall(tmp_path: Path) -> None:
+    settings = rooms(tmp_path)
+    with pytest.raises(ConfigError, match='world: kidnap: in the map there stands something at 2'):
+        World(settings).inject('kidnap 2.2 0.2 0'.split())
+    with pytest.raises(ConfigError, match='world.events: kidnap: in the map'):
+        World(replace(settings, events=('kidnap 2.2 0.2 0 at 3',)))
+
+
 def test_after_a_long_halt_it_goes_on_at_the_present_time() -> None:
     alone, world = DriveBase(), World(OPEN)
     for each in (alone, world):

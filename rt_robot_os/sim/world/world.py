@@ -95,7 +95,7 @@ class World:
         if settings.map and settings.map != OPEN_FLOOR:
             self.map_path = Path(settings.map)
             self.map = GridMap.load(self.map_path)
-            if (problem := start_problem(self.map, settings.start)):
+            if (problem := self._standing_at(*settings.start[:2])):
                 raise ConfigError([f'world.start: {problem}'])
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
         self.people: tuple[Person, ...] = tuple(map(Person, scene['people']))
@@ -110,7 +110,7 @@ class World:
         self._steps = 0
         self._order = 0
         self._waiting: list[tuple[float, int, Happening]] = []
-        self._check_names(scene['events'])
+        self._check(scene['events'], 'world.events')
         for each in scene['events']:
             self._later(each.at_s, each)
 
@@ -154,16 +154,36 @@ class World:
             what = happening(list(words))
         except ValueError as error:
             raise ConfigError([f'world {" ".join(words)}: {error}']) from None
-        self._check_names([what])
+        self._check([what], 'world')
         self._happen(what)
 
-    def _check_names(self, happenings: Sequence[Happening]) -> None:
+    def _check(self, happenings: Sequence[Happening], where: str) -> None:
+        """
+        Check what is to happen against what there is.
+
+        :raises ConfigError: with every problem.
+        """
         names = [person.name for person in self.people]
-        problems = [f'world: {each.kind} {each.name}: there is no such person; there are '
-                    f'{", ".join(names) or "none"}'
-                    for each in happenings if each.name and each.name not in names]
+        problems = []
+        for each in happenings:
+            problem = None
+            if each.name and each.name not in names:
+                problem = f'there is no such person; there are {", ".join(names) or "none"}'
+            elif each.kind == 'kidnap':
+                problem = self._standing_at(*each.numbers[:2])
+            if problem is not None:
+                told = ' '.join([each.kind, *([each.name] if each.name else [])])
+                problems.append(f'{where}: {told}: {problem}')
         if problems:
             raise ConfigError(problems)
+
+    def _standing_at(self, x: float, y: float) -> str | None:
+        """Return what keeps the robot from being put at a place."""
+        if self.map is None or not self.map.occupied(x, y):
+            return None
+        low_x, low_y, high_x, high_y = self.map.bounds
+        return (f'in the map there stands something at {x:g}, {y:g}: choose a free place from '
+                f'{low_x:g}, {low_y:g} to {high_x:g}, {high_y:g}')
 
     def _later(self, at_s: float, what: Happening) -> None:
         self._order += 1  # of two at one time the first to be told comes first
@@ -237,19 +257,11 @@ class World:
         for person in self.people:
             dx, dy = x - person.x, y - person.y
             away = math.hypot(dx, dy)
-            if 0.0 < away < reach_m + 2 * PERSON_RADIUS_M:
-                points.append((person.x + dx / away * PERSON_RADIUS_M,
-                               person.y + dy / away * PERSON_RADIUS_M))
+            if away < reach_m + 2 * PERSON_RADIUS_M:
+                # From someone who has stepped into it the robot may go away.
+                edge = PERSON_RADIUS_M / away if away > PERSON_RADIUS_M else 0.0
+                points.append((person.x + dx * edge, person.y + dy * edge))
         return points
-
-
-def start_problem(grid: GridMap, start: Sequence[float]) -> str | None:
-    """Return what is wrong with the place where the robot is to stand at first."""
-    if len(start) == 3 and grid.occupied(start[0], start[1]):
-        low_x, low_y, high_x, high_y = grid.bounds
-        return (f'in the map there stands something at {start[0]:g}, {start[1]:g}: choose a free '
-                f'place from {low_x:g}, {low_y:g} to {high_x:g}, {high_y:g}')
-    return None
 
 
 def _scene(settings: WorldSettings) -> Mapping[str, list[Any]]:
