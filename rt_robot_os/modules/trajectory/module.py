@@ -243,9 +243,9 @@ class Trajectory(Module):
     def _goal_poses(self) -> list[Pose]:
         """Return the goal, checked."""
         message = self.goal.msg.pose
-        x, y, z = map(float, message.position)
-        goal = planar((x, y, z, *map(float, message.orientation)))
+        goal = planar(message)
         if goal is None:
+            x, y, _ = message.position
             raise PathError(f'goal is no pose: position {x:g}, {y:g}, orientation '
                             + ', '.join(f'{each:g}' for each in message.orientation))
         return [goal]

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import Any
 
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
@@ -86,7 +87,7 @@ class Whereabouts:
         prediction, odom, pose = self.prediction, self._odom, self._pose
         while odom.take():
             *numbers, linear, angular = self._unpack_odom(odom.buffer)
-            found = planar(numbers)
+            found = planar_of(numbers)
             if found is None or not (math.isfinite(linear) and math.isfinite(angular)):
                 self.counters.odometry_refused += 1
                 continue
@@ -99,7 +100,7 @@ class Whereabouts:
     def _localised(self, now_ns: int) -> None:
         pose = self._pose
         numbers = self._unpack_pose(pose.buffer)
-        found = planar(numbers[:_POSE])
+        found = planar_of(numbers[:_POSE])
         position, heading = numbers[_X_X] + numbers[_Y_Y], numbers[_YAW_YAW]
         # A variance below 0 means that nobody knows it.
         if found is None or not (position >= 0.0 and heading >= 0.0):
@@ -127,7 +128,12 @@ class Whereabouts:
         return '' if self.prediction.known else 'no pose since odometry began anew'
 
 
-def planar(numbers: Sequence[float]) -> Pose | None:
+def planar(pose: Any) -> Pose | None:
+    """Return x, y and heading of a ``geometry_msgs/msg/Pose``; None when it is none."""
+    return planar_of((*map(float, pose.position), *map(float, pose.orientation)))
+
+
+def planar_of(numbers: Sequence[float]) -> Pose | None:
     """
     Return x, y and heading of a pose; None when it is none.
 
