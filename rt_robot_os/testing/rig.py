@@ -52,6 +52,7 @@ class Rig:
         self.publishers = publishers(device)
         self.now_ns = START_NS
         self._missed = 0
+        device.clock_ns = lambda: self.now_ns
         simulated.pump(self.now_ns)
         device.open()
 

@@ -58,6 +58,8 @@ class Case:
 
 
 CASES = {
+    'arduino_bridge': Case(30, topic='joint_states', silent='silent for 1 s: check its cable, '
+                           'that the firmware ros_arduino_bridge is on it'),
     'bno055': Case(100),
     'bno055 that overruns': Case(50, {'output_rate_hz': 50.0}, {'overrun_every': 7}),
     'witmotion': Case(100),
@@ -69,6 +71,8 @@ CASES = {
     'kobuki': Case(50, topic='joint_states', silent='silent for 1 s: check that it is switched '
                    'on, and its USB cable'),
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
+    'odrive': Case(50, topic='joint_states', silent='silent for 1 s: check its power, its cable, '
+                   'and that the ASCII protocol is on'),
     'roboclaw': Case(30, topic='joint_states', silent='silent for 1 s: check its power and its '
                      'wiring, that it is in packet serial mode'),
     'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
