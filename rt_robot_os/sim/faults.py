@@ -67,9 +67,22 @@ MOTOR_FAULTS: Final = {
     'overcurrent': 'reports that a motor draws too much',
 }
 
+# What befalls localisers that look at marks.
+LOCALISER_FAULTS: Final = {
+    **FAULTS,
+    'blind': 'sees no mark',
+    'misread': 'takes each mark for another one, or sees it elsewhere if there is no other',
+}
+
+
+def _besides(known: Mapping[str, str]) -> str:
+    return ', '.join(fault for fault in known if fault not in FAULTS)
+
+
 # All of them, for messages.
-_MORE: Final = ', '.join(fault for fault in MOTOR_FAULTS if fault not in FAULTS)
-FAULT_HELP: Final = f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_MORE}'
+FAULT_HELP: Final = (
+    f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_besides(MOTOR_FAULTS)}; '
+    f'localisers {_besides(LOCALISER_FAULTS)}')
 
 _MAX_S: Final = 1e6
 _MAX_EVENTS: Final = 256

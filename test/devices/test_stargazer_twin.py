@@ -161,6 +161,25 @@ def test_marks_that_are_taken_for_others_are_left_out(tmp_path: Path) -> None:
     assert found[round(0.97 * len(found))] < 0.1
 
 
+def test_faults_of_its_own_begin_and_end(tmp_path: Path) -> None:
+    with connected(tmp_path, {'noise': 0.0, 'form': 'single'}) as made:
+        run(made, 500)
+        made.simulated.inject('blind', 1.0)
+        run(made, 900)
+        more = made.device.statistics().more
+        assert (more['dead_zone'], int(more['dead_zone_sentences']) >= 17) == ('true', True)
+        run(made, 600)
+        assert made.device.statistics().more['dead_zone'] == 'false'
+        before = len(made.publishers[0].samples)
+        made.simulated.inject('misread', 1.0)
+        run(made, 900)
+        assert min(error for error, _ in errors(made)[before + 2:]) > 0.5
+        run(made, 200)
+        before = len(made.publishers[0].samples)
+        run(made, 500)
+        assert max(error for error, _ in errors(made)[before:]) < 0.01
+
+
 def test_where_no_mark_is_near_is_a_dead_zone(tmp_path: Path) -> None:
     with connected(tmp_path, {'circle_m': 5.0, 'circle_s': 20.0, 'range_m': 1.0}) as made:
         run(made, 3_000)

@@ -40,6 +40,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+from rt_robot_os.sim.faults import LOCALISER_FAULTS
 from rt_robot_os.sim.world import NOISE_SETTING
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -68,7 +69,7 @@ _DEFAULTS: Final = {
 class SimulatedStarGazer(SimulatedDevice):
     """A localiser below marks on the ceiling."""
 
-    SETTINGS = common_settings(20.0, 40.0) + (
+    SETTINGS = common_settings(20.0, 40.0, LOCALISER_FAULTS) + (
         Field('form', str, MULTI, 'Form of its sentences: several marks, one mark, or one mark as '
               'until 2008.', choices=(MULTI, SINGLE, OLD)),
         Field('landmarks', list, (), 'Where the marks hang, as for the driver; without any, '
@@ -94,6 +95,7 @@ class SimulatedStarGazer(SimulatedDevice):
               'positions.', minimum=0.0, maximum=1.0),
     )
     BAUD = 115200
+    KNOWN_FAULTS = LOCALISER_FAULTS
 
     @classmethod
     def made_for(
@@ -133,13 +135,15 @@ class SimulatedStarGazer(SimulatedDevice):
         # When what it does in its own time is done, and it says so; 0 when there is nothing.
         self._done_ns = 0
         self._deaf = False
+        self._befalls: frozenset[str] = frozenset()
 
     def sample(self, time_s: float) -> bytes:
         """Return one sentence, nothing while it is stopped."""
         said = self._finished(self._start_ns + round(time_s * NS_PER_S))
         if not self._sends:
             return said
-        marks = self._marks(*self._sensor_pose(time_s))
+        self._befalls = self._plan.active(self._now_ns)
+        marks = [] if 'blind' in self._befalls else self._marks(*self._sensor_pose(time_s))
         if not marks:
             return said + wire.sentence(wire.NOTICE, 'DeadZone')
         form = self.settings['form']
@@ -241,7 +245,7 @@ class SimulatedStarGazer(SimulatedDevice):
         x = cosine * beside_x + sine * beside_y + gauss(0.0, _NOISE_M * noise)
         y = cosine * beside_y - sine * beside_x + gauss(0.0, _NOISE_M * noise)
         angle = heading - landmark.yaw - s['angle_offset_rad'] + gauss(0.0, _NOISE_RAD * noise)
-        if self.random.random() < s['outlier_probability']:
+        if 'misread' in self._befalls or self.random.random() < s['outlier_probability']:
             others = [each for each in self._landmarks if each != number]
             if others:
                 number = self.random.choice(others)
