@@ -65,15 +65,18 @@ class RoutePlanner:
     :param goal_tolerance_m: how far a goal may be moved.
     :param start_tolerance_m: how far the robot may be from where it may drive.
     :param most: poses of a way at most.
+    :param goal_room_m: distance from walls to the middle of the robot at a goal, if there is a
+        place with so much within the tolerance.
     """
 
     def __init__(self, terrain: Terrain, goal_tolerance_m: float, start_tolerance_m: float,
-                 most: int) -> None:
+                 most: int, goal_room_m: float = 0.0) -> None:
         self.terrain = terrain
         self.search = GridSearch(terrain)
         self.goal_tolerance_m = goal_tolerance_m
         self.start_tolerance_m = start_tolerance_m
         self._most = most
+        self._goal_room_m = goal_room_m
 
     def plan(self, start: Pose, goal: Pose, obstacles: Collection[int]
              ) -> Generator[None, None, Route]:
@@ -158,17 +161,18 @@ class RoutePlanner:
                 raise RouteError(f'{where} is off the map, which goes from {x0:g}, {y0:g} to '
                                  f'{x1:g}, {y1:g}')
             here = self._nearest_on_map(inside)
-        if math.isfinite(terrain.cost[here]):
-            return here
-        what = 'in something' if terrain.solid[here] else 'too near to something'
+        is_free = math.isfinite(terrain.cost[here])
         near = terrain.around(here, self.goal_tolerance_m)
-        free = near[np.isfinite(terrain.cost[near])]
-        for cell in free.tolist():
-            place = terrain.place(cell)
+        near = near[np.isfinite(terrain.cost[near])]
+        roomy = near[terrain.has_room(near, self._goal_room_m)]
+        seen_from = (x, y) if terrain.cell(x, y) >= 0 else terrain.place(here)
+        for cell in [*roomy.tolist(), *([here] if is_free else near.tolist())]:
+            place = (x, y) if cell == here else terrain.place(cell)
             if math.dist(place, (x, y)) <= self.goal_tolerance_m and (
                     terrain.solid[here] or not terrain.solid[
-                        terrain.line((x, y), place)].any()):
+                        terrain.line(seen_from, place)].any()):
                 return int(cell)
+        what = 'in something' if terrain.solid[here] else 'too near to something'
         raise RouteError(f'{where} is {what}, and the robot can stand nowhere within '
                          f'{self.goal_tolerance_m:g} m of it')
 

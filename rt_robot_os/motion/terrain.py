@@ -52,7 +52,8 @@ class Terrain:
 
     :param grid: the map.
     :param radius_m: that must stay free round the robot.
-    :param prefer_m: distance from its centre to walls that it keeps where there is room.
+    :param prefer_m: distance from its centre to walls that it keeps where there is room; also the
+        longest that :meth:`has_room` can tell of.
     :param unknown: whether what nobody knows may be driven over.
     :ivar cost: with what was stamped.
     :ivar solid: whether something stands in a cell, or nobody knows it and may not.
@@ -71,8 +72,9 @@ class Terrain:
         occupied = np.zeros((grid.rows + 2 * border, self.width), bool)
         inner = slice(border, -border), slice(border, -border)
         occupied[inner] = grid.occupied_mask()
-        reach_m = max(prefer_m, self._forbidden_m + resolution)
-        distance = distances(occupied, reach_m / resolution) * np.float32(resolution)
+        self._reach_m = reach_m = max(prefer_m, self._forbidden_m + resolution)
+        distance = np.minimum(
+            distances(occupied, reach_m / resolution) * np.float32(resolution), reach_m)
         near = np.clip((reach_m - distance) / (reach_m - self._forbidden_m), 0.0, 1.0)
         cost = (1.0 + (_DEAR - 1.0) * near * near).astype(np.float32)
         solid = np.ones_like(occupied)
@@ -121,6 +123,11 @@ class Terrain:
         keep = ((row + up >= 0) & (row + up < self.static.size // self.width)
                 & (column + across >= 0) & (column + across < self.width))
         return cell + up[keep] * self.width + across[keep]
+
+    def has_room(self, cells: Cells, room_m: float) -> npt.NDArray[np.bool_]:
+        """Return which cells are so far, with their middles, from what the map has."""
+        least_m = min(room_m + 0.49 * self.grid.resolution_m, self._reach_m)
+        return np.asarray(self._wall_m[cells] >= least_m)
 
     def beside_wall(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64],
                     within_m: float) -> npt.NDArray[np.bool_]:

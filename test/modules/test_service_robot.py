@@ -198,6 +198,17 @@ def test_it_takes_the_other_door_when_somebody_stays_in_the_first(tmp_path: Path
     assert len([text for text in robot.said('planner/state') if 'planned' in text]) >= 2
 
 
+def test_a_goal_right_before_a_wall_is_moved_to_where_the_guard_lets_it_go(
+        tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    robot.drive_to(5.7, 1.25, 0.0)
+    robot.bench.run(40.0)
+    states = robot.said('planner/state')
+    assert states[-1] == 'done', states
+    assert 'goal moved by 0.1' in states[-2]
+    assert 5.4 < robot.pose[0] < 5.65
+
+
 def test_a_goal_that_is_refused_on_the_way_stops_it(tmp_path: Path) -> None:
     robot = Robot(tmp_path)
     robot.drive_to(5.0, 3.0, 1.5)

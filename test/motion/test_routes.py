@@ -68,7 +68,8 @@ def planned(job: Generator[None, None, Route]) -> tuple[Route, int]:
 def plan(chart: GridMap, start: tuple[float, float], goal: tuple[float, float],
          radius_m: float = 0.0, obstacles: tuple[tuple[float, float], ...] = (),
          **changes: Any) -> Route:
-    terrain = Terrain(chart, radius_m, radius_m, changes.pop('unknown', False))
+    terrain = Terrain(chart, radius_m, max(radius_m, changes.get('goal_room_m', 0.0) + RESOLUTION),
+                      changes.pop('unknown', False))
     planner = RoutePlanner(terrain, **{'goal_tolerance_m': 0.5, 'start_tolerance_m': 0.5,
                                        'most': 500, **changes})
     cells = {terrain.cell(*place) for place in obstacles}
@@ -195,6 +196,19 @@ def test_a_goal_where_the_robot_cannot_stand_is_moved_a_little(
     route = plan(chart, (0.5, 0.5), goal, 0.1)
     assert route.moved_m == pytest.approx(moved, abs=0.09)
     assert math.dist(route.poses[-1][:2], goal) == pytest.approx(route.moved_m)
+
+
+@pytest.mark.parametrize(('goal', 'moved'), [
+    ((2.5, 1.55), 0.2), ((2.5, 1.0), 0.0), ((0.25, 1.0), 0.0)], ids=['wall', 'free', 'niche'])
+def test_at_a_goal_there_is_more_room_where_the_map_has_it(
+        goal: tuple[float, float], moved: float) -> None:
+    # A niche at the left, in which there is no more room anywhere near.
+    chart = grid(*['#' * 50] * 2, *['.' * 50] * 5, '#' * 10 + '.' * 40, *['.' * 50] * 4,
+                 '#' * 10 + '.' * 40, *['.' * 50] * 7)
+    route = plan(chart, (2.5, 0.5), goal, 0.1, goal_room_m=0.4, goal_tolerance_m=0.3)
+    assert route.moved_m == pytest.approx(moved, abs=0.05)
+    if not moved:
+        assert route.poses[-1][:2] == goal
 
 
 @pytest.mark.parametrize(('goal', 'text'), [

@@ -80,6 +80,9 @@ class Planner(Module):
         Field('unknown_is_free', bool, False, 'Drive where the map does not know what is there'),
         Field('goal_tolerance_m', float, 0.5, 'A goal at which the robot cannot stand is moved so '
               'far at most; beyond it is refused', 'm', 0.0, 10.0),
+        Field('goal_clearance_m', float, 0.2, 'What stays free round the robot at a goal, if '
+              'there is such a place within goal_tolerance_m: a guard stops it before it comes '
+              'nearer', 'm', 0.0, 5.0),
         Field('start_tolerance_m', float, 0.5, 'How far from free ground the robot may be when it '
               'sets out', 'm', 0.0, 10.0),
         Field('pose_timeout_s', float, 1.0, 'Age of a pose from which nothing is planned', 's',
@@ -147,10 +150,13 @@ class Planner(Module):
             told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
             raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
         self._radius_m = s['robot_radius_m'] + s['clearance_m']
-        terrain = Terrain(GridMap.load(s['map']), self._radius_m, s['prefer_m'],
+        goal_room_m = s['robot_radius_m'] + s['goal_clearance_m']
+        grid = GridMap.load(s['map'])
+        terrain = Terrain(grid, self._radius_m,
+                          max(s['prefer_m'], goal_room_m + grid.resolution_m),
                           s['unknown_is_free'])
         self._planner = RoutePlanner(terrain, s['goal_tolerance_m'], s['start_tolerance_m'],
-                                     _POSES_MAXIMUM)
+                                     _POSES_MAXIMUM, goal_room_m)
         outline = Circle(max(s['robot_radius_m'], 1e-3))
         self._strangers = Strangers(
             terrain, [Scanner(read, place_of(read, self.mountings, self.name), outline,
