@@ -346,6 +346,18 @@ def test_a_board_that_does_not_answer_is_told(tmp_path: Path) -> None:
         assert 'does not answer b: check its cable' in made.rig.managed.reason
 
 
+def test_a_firmware_without_a_base_is_told(tmp_path: Path) -> None:
+    with robot(tmp_path) as made:
+        answer = made.twin._answer
+        made.twin._answer = lambda command, *rest: (
+            wire.INVALID if command in 'emru' else answer(command, *rest))
+        made.drive(0.3, 2000)
+        assert made.rig.managed.faults >= 1
+        reasons = [report.text for report in made.rig.reports.since(0)[2]]
+        assert any('build the firmware with USE_BASE' in each for each in reasons)
+        assert not made.moves()
+
+
 # --- what else it does ---------------------------------------------------------------------------
 
 def test_the_battery_is_read_from_its_pin(tmp_path: Path) -> None:

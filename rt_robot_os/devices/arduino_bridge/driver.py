@@ -61,7 +61,8 @@ _REPEAT_NS: Final = 100 * NS_PER_MS
 # Its buffer holds 64 bytes: so many questions at a time, and stops.
 _MOST_WAITING: Final = 6
 _MOST_STOPS: Final = 32
-_LOWEST_BAUD: Final = 300
+# Refusals without one answer of the encoders.
+_SURE: Final = 10
 _FIRMWARE_GAINS: Final = (20, 12, 0, 50)
 _HIGHEST_ANALOG: Final = 1023
 
@@ -83,7 +84,7 @@ class ArduinoBridge(MotorBoard[Reply]):
     IF_SILENT = ('check its cable, that the firmware ros_arduino_bridge is on it, and baud (57600 '
                  'unless it was built otherwise)')
     IF_UNUSED = ('it answers, but not with the counts of its encoders: build the firmware with '
-                 'USE_BASE and encoders')
+                 'USE_BASE and with the kind of encoders that it has')
     SETTINGS = motor_settings(baud=57600, rate_hz=30.0) + (
         Field('pid_rate_hz', float, wire.PID_RATE_HZ, 'Rounds of its control loop in a second: '
               '1000 over the whole milliseconds of PID_INTERVAL.', 'Hz', 1.0, 1000.0),
@@ -120,7 +121,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         self._opened_ns = self._lost_ns = self._asked_baud_ns = 0
         self._counts_due_ns = self._battery_due_ns = self._repeat_ns = 0
         self._was_answered = self._in_step = False
-        self._refused = self._shifts = 0
+        self._refused = self._shifts = self._unknown = 0
 
     def opening_s(self) -> float:
         """Return how long it may be silent after it was opened: its boot loader is."""
@@ -174,6 +175,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         self._opened_ns = self._lost_ns = self.clock_ns()
         self._asked_baud_ns = 0
         self._was_answered = self._in_step = False
+        self._unknown = 0
 
     def is_set_up(self) -> bool:
         """Return whether it has answered."""
@@ -187,8 +189,11 @@ class ArduinoBridge(MotorBoard[Reply]):
         """
         Ask for what is due.
 
-        :raises DeviceError: the port is gone, or the board does not answer.
+        :raises DeviceError: the port is gone, or the board does not answer, or does not know what
+            it is asked.
         """
+        if self._unknown >= _SURE:
+            raise DeviceError(f'{self.name}: {self.IF_UNUSED}')
         if not self._in_step:
             self._find_order(now_ns)
             return
@@ -215,6 +220,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         if self._waiting and _fits(frame, self._waiting[0][0]):
             asked = self._waiting.popleft()[0]
             if asked is Asked.COUNTS:
+                self._unknown = 0
                 left, right = frame.numbers
                 return self.take_counts(left, right, arrival_ns)
             if asked is Asked.ANALOG:
@@ -223,6 +229,7 @@ class ArduinoBridge(MotorBoard[Reply]):
             return 0
         if frame.text == wire.INVALID:
             self._refused += 1
+            self._unknown += 1
         self._shifts += 1
         self._lose_order(arrival_ns)
         return 0
