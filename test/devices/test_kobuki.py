@@ -172,8 +172,9 @@ def test_the_charger(tmp_path: Path, charger: int, status: int, words: str) -> N
 def test_the_bumper(robot: Any, contact_deg: float, bits: int) -> None:
     robot.run(300)
     robot.take('bumper')
-    robot.twin.base.contact_rad = math.radians(contact_deg)
-    robot.twin.base.advance = lambda now_ns: None
+    at = math.radians(contact_deg)
+    reach = robot.twin.base.radius_m + 0.003
+    robot.twin.base._obstacles = lambda x, y, m: [(reach * math.cos(at), reach * math.sin(at))]
     robot.run(25)
     assert (robot.take('bumper') or [0])[-1] == bits
 
@@ -187,6 +188,9 @@ def test_in_the_world_it_bumps_into_who_stands_there(robot: Any) -> None:
     assert set(robot.take('bumper')) == {0}
     robot.run(1500)
     assert robot.take('bumper')[-1] == 2
+    robot.steer(None)
+    robot.run(1000)
+    assert set(robot.take('bumper')) == {2}, 'it still stands against her'
     base = robot.twin.world.base
     assert 0.3 < base.pose[0] < 0.8
     assert base.wheel_radius_m == 0.035

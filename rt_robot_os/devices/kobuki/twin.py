@@ -33,6 +33,8 @@ _AUTO_STOP_NS: Final = round(0.6 * NS_PER_S)
 # What of the robot's outline each of the three parts of the bumper covers, ahead being 0.
 _CENTRE_RAD: Final = math.radians(30)
 _SIDE_RAD: Final = math.radians(90)
+# It has to give way so far before it is free.
+_PRESSED_M: Final = 0.005
 _FASTEST_M_S: Final = 0.7
 _GYRO_NOISE_RAD_S: Final = 0.002
 _UNIQUE_ID: Final = struct.pack('<3I', 0x32373334, 0x47083234, 0x002F0040)
@@ -140,13 +142,14 @@ class SimulatedKobuki(SimulatedMotorBoard):
             3 if self.befallen('overcurrent') else 0)
 
     def _bumper(self) -> int:
-        """Return which parts of the bumper are pressed; there is none behind."""
-        contact = self.base.contact_rad
-        if contact is None or abs(contact) > _SIDE_RAD:
-            return 0
-        if abs(contact) <= _CENTRE_RAD:
-            return 2
-        return 4 if contact > 0 else 1
+        """Return which parts of the bumper are pressed, also of a base that stands."""
+        pressed = 0
+        for direction in self.base.touched(_PRESSED_M):
+            if abs(direction) <= _CENTRE_RAD:
+                pressed |= 2
+            elif abs(direction) <= _SIDE_RAD:  # there is none behind
+                pressed |= 4 if direction > 0 else 1
+        return pressed
 
     def _gyro(self, rate_rad_s: float) -> tuple[int, bytes]:
         noise = self.random.gauss

@@ -157,6 +157,17 @@ class DriveBase:
         self.angular_acceleration = 0.0
         self.contact_rad: float | None = None
 
+    def touched(self, margin_m: float) -> list[float]:
+        """
+        Return the directions, from the robot, of what stands beside it.
+
+        :param margin_m: from its outline.
+        """
+        reach_m = self.radius_m + margin_m
+        return [wrapped(math.atan2(py - self._y, px - self._x) - self._yaw)
+                for px, py in self._obstacles(self._x, self._y, reach_m)
+                if math.hypot(px - self._x, py - self._y) < reach_m]
+
     def advance(self, now_ns: int) -> None:
         """
         Go on to a time when it has no world that does it; the first call sets the start.
