@@ -137,8 +137,8 @@ class GridMap:
                                'or raw'])
         image = file.with_suffix('.pgm')
         described = MapFile(Path(image.name), self.resolution_m, self.origin, mode=mode)
-        image.write_bytes(write_pgm(np.flipud(_grey_of(self.cells, described))))
-        file.write_text(described.text())
+        _replace(image, write_pgm(np.flipud(_grey_of(self.cells, described))))
+        _replace(file, described.text().encode())
 
     # ---- size and place ----------------------------------------------------------------------
 
@@ -256,6 +256,16 @@ class GridMap:
         along = (np.arange(self.columns) + 0.5) * self.resolution_m
         across = ((np.arange(self.rows) + 0.5) * self.resolution_m)[:, None]
         return (x0 + cosine * along - sine * across, y0 + sine * along + cosine * across)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    made = path.with_name(f'.{path.name}.new')
+    try:
+        made.write_bytes(data)
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)
 
 
 def _bytes_of(path: Path, longest: int) -> bytes:

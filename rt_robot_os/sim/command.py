@@ -44,6 +44,7 @@ from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULT_HELP
 from rt_robot_os.sim.orders import obey
 from rt_robot_os.sim.orders import order
+from rt_robot_os.sim.orders import WHERE
 from rt_robot_os.sim.orders import WORLD
 from rt_robot_os.sim.paths import hold_paths
 from rt_robot_os.sim.paths import release
@@ -200,7 +201,7 @@ def _simulator_parser() -> argparse.ArgumentParser:
         'on ptys, chips on an emulated I2C bus.',
         epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
         f'seconds. Faults: {FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
-        f'stand there, and so on: {HAPPENINGS}.')
+        f'stand there, and so on: {HAPPENINGS}. "{WORLD} {WHERE}" prints where all are.')
     parser.add_argument('devices', nargs='*', metavar='NAME:TYPE',
                         help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
     parser.add_argument('--dir', help='folder of the paths, '
@@ -295,16 +296,21 @@ def _folder(given: str | None, problems: list[str]) -> Path:
 def _inject(devices: dict[str, Simulated], line: str, world: World | None) -> None:
     """Obey a line such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
     try:
-        obey(line, devices, world)
+        _say(obey(line, devices, world))
     except ConfigError as error:
         _complain(str(error))
+
+
+def _say(answer: str) -> None:
+    if answer:
+        print(answer, flush=True)
 
 
 def _tell(arguments: argparse.Namespace) -> int:
     """Give the simulated devices of a running robot an order."""
     try:
-        order(Path(arguments.dir) if arguments.dir else device_folder(
-            socket_path(arguments.robot)), arguments.tell)
+        _say(order(Path(arguments.dir) if arguments.dir else device_folder(
+            socket_path(arguments.robot)), arguments.tell))
     except (ConfigError, DeviceError, StartError) as error:
         return _fail(error)
     return OK

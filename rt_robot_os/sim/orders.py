@@ -37,29 +37,33 @@ from rt_robot_os.sim.faults import FAULT_HELP
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
-# The first word of an order to the world.
+# The first word of an order to the world, and the second that asks where everything is.
 WORLD: Final = 'world'
+WHERE: Final = 'where'
 
 _NAME: Final = '.orders'
 _LONGEST: Final = 4096
 _PATIENCE_S: Final = 5.0
-_DONE: Final = b'ok'
+_DONE: Final = b'ok '
 
 
-def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> None:
+def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> str:
     """
     Do what a line says; an empty one says nothing.
 
+    :return: what it asked for, with ``world where``; else nothing.
     :raises ConfigError: it cannot be done.
     """
     words = line.split()
     if not words:
-        return
+        return ''
     if words[0] == WORLD and WORLD not in devices:
         if world is None:
             raise ConfigError([f'{line!r}: there is no world: give one, see docs/world.md'])
+        if words[1:] == [WHERE]:
+            return world.where()
         world.inject(words[1:])
-        return
+        return ''
     try:
         name, fault, duration = words
         device, duration_s = devices[name], float(duration)
@@ -69,6 +73,7 @@ def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> No
             f'{", ".join(devices)} and one of the faults {FAULT_HELP}'
             + (f', or {WORLD} and what happens' if world is not None else '')]) from None
     device.inject(fault, duration_s)
+    return ''
 
 
 class OrderSocket:
@@ -76,10 +81,10 @@ class OrderSocket:
     Takes orders in a folder that only its user can enter, and answers each.
 
     :param folder: of the devices.
-    :param obey: does what a line says, or raises ConfigError.
+    :param obey: does what a line says and returns the answer, or raises ConfigError.
     """
 
-    def __init__(self, folder: Path, obey: Callable[[str], None]) -> None:
+    def __init__(self, folder: Path, obey: Callable[[str], str]) -> None:
         self._path = folder / _NAME
         self._obey = obey
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -100,8 +105,7 @@ class OrderSocket:
         with suppress(OSError):
             line, sender = self._socket.recvfrom(_LONGEST)
             try:
-                self._obey(line.decode('utf-8', 'replace').strip())
-                answer = _DONE
+                answer = _DONE + self._obey(line.decode('utf-8', 'replace').strip()).encode()
             except ConfigError as error:
                 answer = str(error).encode()
             if sender:
@@ -113,10 +117,11 @@ class OrderSocket:
         self._path.unlink(missing_ok=True)
 
 
-def order(folder: Path, line: str) -> None:
+def order(folder: Path, line: str) -> str:
     """
     Give an order to the devices of a folder, and wait until it is done.
 
+    :return: the answer, if it asked for one.
     :raises ConfigError: it cannot be done; the text says why.
     :raises DeviceError: nobody takes orders there.
     """
@@ -129,5 +134,7 @@ def order(folder: Path, line: str) -> None:
         except OSError as error:
             raise DeviceError(f'{folder}: no simulated devices take orders there '
                               f'({error}): is the robot running, and simulated?') from error
-    if answer != _DONE:
-        raise ConfigError([answer.decode('utf-8', 'replace')])
+    text = answer.decode('utf-8', 'replace')
+    if not answer.startswith(_DONE):
+        raise ConfigError([text])
+    return text[len(_DONE):]

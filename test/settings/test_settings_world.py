@@ -27,6 +27,7 @@ from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world
+from rt_robot_os.sim.orders import obey
 from rt_robot_os.sim.world import World
 
 Loader = Callable[..., RobotSettings]
@@ -129,7 +130,7 @@ def test_what_the_page_shows_works(
     orders = re.findall(r'--tell "world (.*?)"', page)
     assert len(orders) > 4
     for order in orders:
-        world.inject(order.split())
+        obey(f'world {order}', {}, world)
     assert (world.people[0].x, world.base.slip, world.lamps) == (3.4, 0.3, 0.0)
     code, = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
     exec(code.replace('my_map.yaml', world.settings.map), {})

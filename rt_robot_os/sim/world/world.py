@@ -210,6 +210,17 @@ class World:
         if what.for_s and back is not None:
             self._later(self.time_s + what.for_s, back)
 
+    def where(self) -> str:
+        """
+        Return where everything that moves is, one line each: for who compares with the truth.
+
+        The robot as ``base_link x y yaw ahead turning`` (m, rad, m/s, rad/s), then each person as
+        ``name x y``; last ``time`` with the seconds since the start.
+        """
+        base = ' '.join(f'{number:.6f}' for number in (*self.base.pose, *self.base.velocity))
+        people = [f'{person.name} {person.x:.6f} {person.y:.6f}' for person in self.people]
+        return '\n'.join([f'base_link {base}', *people, f'time {self.time_s:.3f}'])
+
     # ---- looking at it -------------------------------------------------------------------------
 
     def pose_of(self, mounting: Mounting) -> Pose:
