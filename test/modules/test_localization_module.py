@@ -439,6 +439,24 @@ def test_odometry_that_jumps_is_not_followed_but_makes_the_pose_unsure() -> None
         assert transform.msg.transform.translation.x == pytest.approx(-100.005, abs=1e-6)
 
 
+@pytest.mark.parametrize('variance', [0.0, -1.0, 1e300, math.nan])
+def test_odometry_that_says_nothing_of_its_covariance_gets_one(variance: float) -> None:
+    bench, module, odom = only_localization()
+    odom.msg.twist.covariance[[0, 35]] = variance
+    with bench:
+        for index in range(101):
+            bench.at((index + 1) * DT_S, lambda index=index: publish_odometry(odom, 0.01 * index))
+        pose = bench.watch('pose')
+        bench.run(2.1)
+        while pose.take():
+            pass
+        covariance = pose.msg.pose.covariance
+        # The settings' 0.1 m and 0.1 rad, what unequal wheels may do on this metre, some noise.
+        assert math.sqrt(covariance[35]) == pytest.approx(math.hypot(0.1, 0.05), abs=0.005)
+        assert math.sqrt(covariance[0]) == pytest.approx(0.1, abs=0.01)
+        assert module.statistics()['warning'] == ''
+
+
 def test_odometry_that_is_no_number_or_whose_clock_stands_still_is_left_out() -> None:
     bench, module, odom = only_localization()
     with bench:

@@ -41,6 +41,8 @@ _STANDING_S: Final = 0.5
 # Where odometry says nothing of its covariance: 1 cm and 1 degree after 1 m, and after 1 s.
 _VARIANCE_M: Final = 1e-4
 _VARIANCE_RAD: Final = 3e-4
+# What a step of odometry cannot be unsure by, in m^2 and rad^2: such a covariance says nothing.
+_VARIANCE_MOST: Final = 1e4
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,8 @@ class OdometryIntake:
         step = Step(self._stamp_ns, distance, turn, distance, float(covariance[0]) * dt_s * dt_s,
                     float(covariance[35]) * dt_s * dt_s, float(covariance[5]) * dt_s * dt_s,
                     tuning.drift_walk ** 2 * abs(distance))
-        if not (0.0 < step.distance_variance < math.inf and 0.0 < step.turn_variance < math.inf
+        if not (0.0 < step.distance_variance < _VARIANCE_MOST
+                and 0.0 < step.turn_variance < _VARIANCE_MOST
                 and step.covariance ** 2 <= step.distance_variance * step.turn_variance):
             amount = abs(distance) + 0.01 * dt_s
             step.distance_variance = _VARIANCE_M * amount
