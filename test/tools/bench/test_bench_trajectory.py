@@ -30,11 +30,13 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases.trajectory import CASE
 from rt_robot_os.tools.bench.driving.drives import paper_drive
 from rt_robot_os.tools.bench.driving.loop import ControlLoop
 from rt_robot_os.tools.bench.driving.robot import Robot
 from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.workers.trajectory import laws
@@ -171,6 +173,20 @@ def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
     assert rows['paper, 5 tasks'].quoted
     found = rows['rt_robot_os, 7 inside'].metrics['longest']
     assert found is not None and found.median == pytest.approx(300.0)
+
+
+@pytest.mark.parametrize('key', ['rt 7', 'single 7'])
+def test_a_real_run_that_is_cut_short_says_where_the_robot_is(key: str) -> None:
+    run = next(run for run in CASE.plan(Options(1.0, 1)) if run.key == key)
+    if key == 'single 7':
+        pytest.importorskip('rclpy', reason='rclpy is not installed')
+    found = measure(replace(run, cpu=UNPINNED, priority=0, arguments={
+        **run.arguments, 'inside': 1, 'limit_ns': 700 * NS_PER_MS}))
+    assert found.status is Status.OK, found.reason
+    assert not found.figures['arrived']
+    assert 0.0 < found.figures['travelled_m'] < 1.0
+    assert len(found.samples['time_s']) >= 1
+    assert (found.samples['control_ns'] > 0).all()
 
 
 def test_the_laws_are_compared_on_a_clock_of_their_own() -> None:
