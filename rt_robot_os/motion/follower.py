@@ -110,7 +110,7 @@ class Follower:
 
     # ---- what is wanted ----------------------------------------------------------------------
 
-    def go(self, poses: Sequence[Pose], pose: Pose) -> None:
+    def go(self, poses: Sequence[Pose], pose: Pose, velocity: Velocity = _STANDSTILL) -> None:
         """
         Follow a path, or drive straight to a goal, instead of what was done before.
 
@@ -119,6 +119,7 @@ class Follower:
 
         :param poses: in m and rad; a single one is a goal. The heading of the last one counts.
         :param pose: of the robot.
+        :param velocity: with which it takes over from somebody else.
         :raises PathError: it cannot be followed; the text says why. The robot brakes.
         """
         try:
@@ -130,8 +131,8 @@ class Follower:
             if not self.driving or math.hypot(
                     goal[0] - self._goal[0], goal[1] - self._goal[1]) > _SAME_GOAL_M:
                 self.progress = 0.0
-            if not self.driving:
-                self._stuck_s = 0.0
+            if self.phase is Phase.REST:
+                self._stuck_s, self.command = 0.0, velocity
             if abs(self.command[0]) < _AT_REST_M_S:
                 self._begin(pose)  # a turn in place goes on to another heading without a stop
             else:

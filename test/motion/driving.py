@@ -71,7 +71,7 @@ class Drive:
                 yaw + gauss(0, self.noise[1]) + self.jump[2])
 
     def go(self, *poses: Pose) -> None:
-        self.follower.go(poses, self.seen())
+        self.follower.go(poses, self.seen(), self.velocity)
 
     def run(self, seconds: float = 120.0) -> str:
         """Let the follower steer until it rests, or the time is over."""

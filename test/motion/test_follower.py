@@ -127,6 +127,19 @@ def test_a_new_goal_ahead_is_taken_without_a_stop() -> None:
     assert run.pose[:2] == pytest.approx((4.0, 0.6), abs=0.03)
 
 
+def test_a_robot_that_somebody_else_drives_is_taken_over_without_a_jerk() -> None:
+    run = drive()
+    run.velocity = (0.3, 0.0)
+    run.go((3.0, 0.0, 0.0))
+    run.run(2.0)
+    assert min(v for v, _ in run.commands) > 0.25
+    turning = drive()
+    turning.velocity = (0.3, 0.0)
+    turning.go((-3.0, 0.0, 0.0))
+    assert turning.run() == 'done'
+    assert turning.commands[0][0] == pytest.approx(0.3 - 0.3 * 0.02)
+
+
 def test_a_new_goal_behind_brakes_before_it_turns() -> None:
     run = drive()
     run.go((3.0, 0.0, 0.0))

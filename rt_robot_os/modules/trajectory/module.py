@@ -34,6 +34,7 @@ from rt_robot_os.modules.trajectory.whereabouts import planar
 from rt_robot_os.modules.trajectory.whereabouts import Whereabouts
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.controllers import make_controller
+from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.controllers.table import gain_fields
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower import Follower
@@ -202,7 +203,7 @@ class Trajectory(Module):
         pose = (0.0, 0.0, 0.0)
         if where.prediction.known:
             pose = where.prediction.at(now_ns, s['motor_lag_s'], period_s)
-        self._take_wishes(pose, problem)
+        self._take_wishes(pose, where.prediction.velocity, problem)
         if problem and follower.driving:
             follower.stop(problem)
         command = follower.step(pose, period_s, where.prediction.velocity)
@@ -214,7 +215,7 @@ class Trajectory(Module):
             self.error.publish(now_ns)
         self._tell(now_ns)
 
-    def _take_wishes(self, pose: Pose, problem: str) -> None:
+    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str) -> None:
         """Take the newest goal, path or cancellation."""
         newest: tuple[int, str, Subscription] | None = None
         for wish, source in self._wishes:
@@ -234,7 +235,7 @@ class Trajectory(Module):
             poses = self._goal_poses() if newest[1] == 'goal' else _triplets(newest[2].msg)
             if problem:
                 raise PathError(problem)
-            self._follower.go(poses, pose)
+            self._follower.go(poses, pose, velocity)
         except PathError as error:
             self._refused += 1
             self._follower.stop(str(error))
