@@ -58,6 +58,7 @@ from rt_robot_os.link.requests import Requests
 from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logs
 from rt_robot_os.modules import Module
+from rt_robot_os.motion.mounting import mounted_on_base
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
@@ -153,7 +154,7 @@ class Core:
 
     def _add_devices(self, ports: Mapping[str, str]) -> None:
         for device in self.settings.devices:
-            values = dict(device.settings)
+            values = mounted_on_base(device.settings, self.settings.mountings)
             if device.name in ports:
                 values['port'] = ports[device.name]
             driver = DRIVERS.load(device.type)(device.name, values)

@@ -95,6 +95,24 @@ def mounting_of(settings: Mapping[str, Any], index: int = 0) -> Mounting:
                     settings.get('parent_frame_id', BASE_FRAME))
 
 
+def mounted_on_base(settings: Mapping[str, Any], mountings: Mapping[str, Mounting]
+                    ) -> dict[str, Any]:
+    """
+    Return the settings of a device with its mounting as seen from the robot's base.
+
+    :param mountings: of all frames; where none of them carries the device nothing changes.
+    """
+    parent = settings.get('parent_frame_id', BASE_FRAME)
+    if parent not in mountings:
+        return dict(settings)
+    carrier = in_base(mountings, parent)
+    count = max(len(settings[key]) for key in ('mounting_m', 'mounting_rad')) // 3
+    found = [mounting_of(settings, index).seen_from(carrier) for index in range(count)]
+    return {**settings, 'parent_frame_id': carrier.parent,
+            'mounting_m': [each for one in found for each in one.position_m],
+            'mounting_rad': [each for one in found for each in one.rotation_rad]}
+
+
 def in_base(mountings: Mapping[str, Mounting], frame_id: str) -> Mounting:
     """
     Return where a frame is on the robot, through all the frames that carry it.

@@ -66,3 +66,17 @@ def test_a_module_knows_where_devices_are_before_it_runs(make_core: MakeCore) ->
         'modules: [it]\nit: {type: "core_port_modules:Mounted", rate_hz: 10.0}')
     core.prepare_modules()
     assert getattr(core.modules[0], 'found') == Mounting((0.1, 0.0, 0.3))
+
+
+def test_a_driver_that_sits_on_another_frame_knows_where_it_is_on_the_robot(make_core: MakeCore
+                                                                            ) -> None:
+    core = make_core(
+        'devices: [plate, star]\n'
+        'plate: {type: hokuyo, port: sim, frame_id: plate_link, mounting_m: [0.1, 0.0, 0.5], '
+        'mounting_rad: [0.0, 0.0, 1.5707963267948966]}\n'
+        "star: {type: stargazer, port: sim, landmarks: ['24578: 0.0, 0.0'], "
+        'mounting_m: [0.2, 0.0, 0.1], parent_frame_id: plate_link}')
+    star = next(each.device for each in core.sensors.devices if each.device.name == 'star')
+    assert star.settings['parent_frame_id'] == 'base_link'
+    assert star.settings['mounting_m'] == pytest.approx([0.1, 0.2, 0.6])
+    assert star.settings['mounting_rad'] == pytest.approx([0.0, 0.0, 1.5707963267948966])
