@@ -276,9 +276,8 @@ class RoboClaw(MotorBoard[Reply]):
         if self._setup:
             self._go_on_with_set_up(frame, arrival_ns)
             return 0
-        if not frame.request.asks:
-            return 0
-        return self._uses[frame.request.command](frame.data, arrival_ns)
+        use = self._uses.get(frame.request.command)
+        return use(frame.data, arrival_ns) if use is not None else 0
 
     def _go_on_with_set_up(self, reply: Reply, arrival_ns: int) -> None:
         if reply.request != self._setup[0]:
