@@ -122,6 +122,8 @@ def _plan(options: Options) -> Sequence[Run]:
         outside = LOADS[1:] if options.full else LOADS[-1:]
         runs += [_paper_run(options, system, count, outside=True)
                  for system in ('rt', 'process') for count in outside]
+        runs += [_paper_run(options, system, LOADS[-1], outside=True)
+                 for system in _peers(options) if options.full and system != 'process']
         runs.append(_paper_run(options, 'rt', 7, slip=_SLIP))
         runs += [_eight_run(system, count) for system in _eight_systems(options)
                  for count in (0, 7)]
@@ -167,7 +169,7 @@ def _paper_run(options: Options, system: str, count: int, outside: bool = False,
                slip: float = 0.0) -> Run:
     where = 'outside' if outside else 'inside'
     seconds = _DRIVE_S
-    if system in common.RCLPY and count > 4:
+    if system in common.RCLPY and count > 4 and not outside:
         seconds = min(_LIMIT_S, _DRIVE_S * (1.0 + count / 7))
     what = f'{count} {where}' if count else 'no load'
     return _run(system, paper_key(system, count, where, slip),
