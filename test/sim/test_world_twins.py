@@ -43,6 +43,7 @@ from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Site
+from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world import Air
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.inertial import inertial
@@ -170,7 +171,7 @@ def test_what_an_inertial_sensor_feels_agrees_with_its_way() -> None:
 def test_a_receiver_is_where_the_robot_is(tmp_path: Path, twin: Any, driver: Any) -> None:
     world = World(WorldSettings(map='open', start=(100.0, 50.0, 0.0), latitude_deg=45.0,
                                 longitude_deg=9.0, altitude_m=120.0, east_rad=math.pi / 2))
-    with rig(tmp_path, twin, driver, sim={'rate_hz': 5.0}, baud=115200, world=world,
+    with rig(tmp_path, twin, driver, sim={'rate_hz': 5.0, **QUIET}, baud=115200, world=world,
              mounting_m=[0.0, 0.0, 1.0]) as made:
         made.run(1500, 10.0)
         fix = last(made)
@@ -178,6 +179,16 @@ def test_a_receiver_is_where_the_robot_is(tmp_path: Path, twin: Any, driver: Any
         assert fix.latitude == pytest.approx(45.0 - 100.0 / 111_132, abs=2e-6)
         assert fix.longitude == pytest.approx(9.0 + 50.0 / 78_847, abs=2e-6)
         assert fix.altitude == pytest.approx(121.0 + 47.0, abs=0.2)
+
+
+def test_a_receiver_errs_slowly_and_as_much_as_it_tells(tmp_path: Path) -> None:
+    world = World(WorldSettings(map='open', latitude_deg=45.0, longitude_deg=9.0))
+    receiver = SimulatedNmea('gps', {}, PtyPort(tmp_path / 'gps'), None, Site(world))
+    errors = np.array([(receiver.position(float(s))[0] - 45.0) * 111_132 for s in range(20_000)])
+    assert errors.std() == pytest.approx(0.8, rel=0.2) and abs(errors.mean()) < 0.2
+    assert np.diff(errors).std() < 0.3 * errors.std()
+    again = receiver.position(20_000.0), receiver.position(20_000.0)
+    assert again[0] == again[1]
 
 
 def test_a_barometer_is_as_high_and_as_warm_as_where_it_is() -> None:

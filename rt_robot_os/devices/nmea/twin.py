@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from datetime import timedelta
 from datetime import timezone
@@ -44,6 +45,8 @@ _SATELLITES: Final = (2, 5, 7, 13, 15, 18, 20, 30)
 _PDOP, _HDOP, _VDOP = 1.7, 0.9, 1.4
 _SEMI_MAJOR_M: Final = 6378137.0
 _ECCENTRICITY_2: Final = 0.00669437999014
+# How long an error lasts.
+_ERROR_S: Final = 40.0
 
 
 class SimulatedNmea(SimulatedDevice):
@@ -60,8 +63,13 @@ class SimulatedNmea(SimulatedDevice):
               'still.', unit='m/s', minimum=0.0, maximum=100.0),
         Field('sentences', list, ('GGA', 'GSA', 'RMC', 'GST'), 'NMEA sentences of each epoch, in '
               'this order.', choices=('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GST')),
+        Field('noise', float, 1.0, 'Error of its position in a world, as a multiple of the '
+              'deviations that it tells; it changes slowly.', minimum=0.0, maximum=1000.0),
     )
     BAUD = 9600
+    # In standard deviations; drawn anew after a long time, such as at first.
+    _wandered: Sequence[float] = (0.0, 0.0, 0.0)
+    _erred_s = -math.inf
 
     def sample(self, time_s: float) -> bytes:
         """Return the sentences of one epoch."""
@@ -91,6 +99,7 @@ class SimulatedNmea(SimulatedDevice):
     def position(self, time_s: float) -> tuple[float, float, float]:
         """Return latitude, longitude and course (clockwise from north), all in degrees."""
         if self.world is not None:
+            self._err(time_s)
             return self._position_on_robot(self.world)
         settings = self.settings
         radius_m = settings['radius_m']
@@ -104,7 +113,25 @@ class SimulatedNmea(SimulatedDevice):
         if self.world is None:
             return self.settings['speed_m_s'], ALTITUDE_M
         return (abs(self.world.base.velocity[0]),
-                self.world.settings.altitude_m + self.mounting.position_m[2])
+                self.world.settings.altitude_m + self.mounting.position_m[2] + self._error_m()[2])
+
+    def deviations_m(self) -> tuple[float, float, float]:
+        """Return the standard deviations of its error: north, east, up."""
+        return DEVIATIONS_M
+
+    def _error_m(self) -> tuple[float, float, float]:
+        north, east, up = (self.settings['noise'] * deviation * wandered for deviation, wandered
+                           in zip(self.deviations_m(), self._wandered))
+        return north, east, up
+
+    def _err(self, time_s: float) -> None:
+        """Let the error wander as a Gauss-Markov process of first order."""
+        if time_s == self._erred_s:
+            return
+        kept = math.exp(-max(time_s - self._erred_s, 0.0) / _ERROR_S)
+        self._erred_s = time_s
+        new = math.sqrt(1.0 - kept * kept)
+        self._wandered = [kept * old + self.random.gauss(0.0, new) for old in self._wandered]
 
     def _position_on_robot(self, world: World) -> tuple[float, float, float]:
         x, y, _ = world.pose_of(self.mounting)
@@ -112,8 +139,9 @@ class SimulatedNmea(SimulatedDevice):
         cosine, sine = math.cos(s.east_rad), math.sin(s.east_rad)
         ahead = world.base.pose[2] + (math.pi if world.base.velocity[0] < 0.0 else 0.0)
         course_deg = math.degrees(math.pi / 2 - (ahead - s.east_rad)) % 360
-        return (*_moved(s.latitude_deg, s.longitude_deg, cosine * x + sine * y,
-                        cosine * y - sine * x), course_deg)
+        north_m, east_m, _ = self._error_m()
+        return (*_moved(s.latitude_deg, s.longitude_deg, cosine * x + sine * y + east_m,
+                        cosine * y - sine * x + north_m), course_deg)
 
 
 def _moved(latitude_deg: float, longitude_deg: float, east_m: float, north_m: float

@@ -36,6 +36,7 @@ _SATELLITES = 14
 _CARRIER_FIXED = 0x82
 # An RTK solution outlives its corrections for a while.
 _CORRECTED_S = 10.0
+_FIXED_DEVIATIONS_M = (0.012, 0.010, 0.020)
 
 
 class SimulatedUblox(SimulatedNmea):
@@ -90,6 +91,11 @@ class SimulatedUblox(SimulatedNmea):
                 time, latitude_deg, longitude_deg, altitude_m + SEPARATION_M,
                 separation_m=SEPARATION_M, invalid=not fixed)
         return super().sample(time_s) + data if self.settings['mixed'] else data
+
+    def deviations_m(self) -> tuple[float, float, float]:
+        """Return the standard deviations of its error: north, east, up; small with corrections."""
+        fixed = self._time_s < self._corrected_until_s
+        return _FIXED_DEVIATIONS_M if fixed else super().deviations_m()
 
     def obey(self, data: bytes) -> None:
         """Take commands and acknowledge them; take corrections."""
