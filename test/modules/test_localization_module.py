@@ -201,9 +201,19 @@ def test_a_pose_that_a_person_gives_is_taken_over() -> None:
         bench.mark(robot.pose, to=bench.told, stddev_m=0.5)  # as RViz sends it
         bench.drive(4.0, marks=False)
         assert off(bench.newest(), robot.pose) < 0.1
-        bench.mark((-7.0, 2.0, 0.0), to=bench.told, stddev_m=0.5)
+        # The clock of the machine with RViz is another one; it does not matter.
+        bench.mark((-7.0, 2.0, 0.0), bench.kernel.now_ns() + 9 * NS_PER_S, to=bench.told,
+                   stddev_m=0.5)
         bench.drive(0.1, marks=False)
         assert off(bench.newest(), (-7.0, 2.0, 0.0)) < 0.1
+        reports = Reports()
+        bench.module.log.connect(reports, bench.kernel.now_ns)
+        bench.mark((math.nan, 2.0, 0.0), to=bench.told)
+        bench.drive(0.1, marks=False)
+        assert off(bench.newest(), (-7.0, 2.0, 0.0)) < 0.1
+        bench.drive(3.0, marks=False)
+        texts = [str(formatted(line)) for line, _ in reports.lines]
+        assert ['initialpose was refused' in text for text in texts] == [True]
 
 
 def test_a_robot_that_is_carried_away_is_found_and_the_jump_is_told() -> None:

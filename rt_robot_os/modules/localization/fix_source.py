@@ -64,11 +64,15 @@ class FixSource:
     :param frame_id: of the map.
     :param least_m: smallest standard deviation of x and y that is believed.
     :param least_rad: the same of the heading.
+    :param timed: the stamps matter; not when a person says where the robot is, on a machine with
+        a clock of its own.
     :raises ConfigError: the topic is in another frame.
+    :ivar refused: poses that could not be used.
+    :ivar why: the last pose that came cannot be used; empty when it could.
     """
 
     def __init__(self, source: Subscription, number: int, topic: str, frame_id: str,
-                 least_m: float, least_rad: float) -> None:
+                 least_m: float, least_rad: float, timed: bool = True) -> None:
         frame = source.msg.header.frame_id
         if frame != frame_id:
             raise ConfigError([f'{topic} is in the frame {frame!r}, but poses on the map are '
@@ -79,12 +83,13 @@ class FixSource:
         self._source = source
         self._number = number
         self._least = least_m, least_rad
+        self._timed = timed
         self._unpack = source.topic.layout.packer('pose.pose').unpack
         self._covariance = source.msg.pose.covariance
         self._stamp_ns = 0
         self._values: tuple[float, ...] = ()
-        self._bad = 0
-        self._why = ''
+        self._bad = self.refused = 0
+        self.why = ''
 
     def next(self, now_ns: int) -> Fix | None:  # noqa: A003
         """Return the next measured pose that can be used; safe in the real-time loop."""
@@ -102,7 +107,8 @@ class FixSource:
                     self.counters.bad_covariance += 1
                     why = 'their covariance is none'
             self._bad = self._bad + 1 if why else 0
-            self._why = why
+            self.refused += bool(why)
+            self.why = why
             if found is not None:
                 return found
         return None
@@ -111,7 +117,7 @@ class FixSource:
         """Say what is wrong with the source; empty when nothing is."""
         if self._bad < _BAD_IN_ROW:
             return ''
-        return f'the last {self._bad} poses of {self.topic} cannot be used: {self._why}'
+        return f'the last {self._bad} poses of {self.topic} cannot be used: {self.why}'
 
     def _problem(self, now_ns: int) -> str:
         counters, stamp_ns = self.counters, self._source.stamp_ns
@@ -122,6 +128,8 @@ class FixSource:
                 and 0.5 < math.hypot(qx, qy, qz, qw) < 2.0):
             counters.not_finite += 1
             return 'they are not finite, or have no direction'
+        if not self._timed:
+            return ''
         if stamp_ns > now_ns + _FUTURE_NS:
             counters.future += 1
             return (f'they are stamped {(stamp_ns - now_ns) / NS_PER_S:.1f} s ahead of now: are '

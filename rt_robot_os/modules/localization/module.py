@@ -120,7 +120,7 @@ class Localization(Module):
             self._gyro, s['use_gyro'])
         self._fixes = [self._source(attribute, number) for number, attribute in enumerate(_FIXES)
                        if self.connected(attribute)]
-        self._initial = (self._source('initial_pose', len(_FIXES))
+        self._initial = (self._source('initial_pose', len(_FIXES), timed=False)
                          if self.connected('initial_pose') else None)
         if s['initial_pose_known']:
             at, turned = s['initial_stddev_m'] ** 2, s['initial_stddev_rad'] ** 2
@@ -139,11 +139,7 @@ class Localization(Module):
         self._first_ns = self._first_ns or now_ns
         located, recovered = localizer.located, localizer.counters.recovered
         if self._initial is not None:
-            given = self._initial.next(now_ns)
-            if given is not None:
-                localizer.begin(given.pose, given.covariance)
-                self.log.info('told to be at (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
-                              math.degrees(given.pose[2]))
+            self._take_initial(localizer, self._initial, now_ns)
         for source in self._fixes:
             fix = source.next(now_ns)
             while fix is not None:
@@ -165,6 +161,17 @@ class Localization(Module):
                     self._publish(localizer, intake)
             step = intake.next()
         self._tell(localizer, located, recovered)
+
+    def _take_initial(self, localizer: Localizer, source: FixSource, now_ns: int) -> None:
+        """Believe who says where the robot is."""
+        refused = source.refused
+        given = source.next(now_ns)
+        if source.refused != refused:
+            self.log.warn('a pose on %s was refused: %s', source.topic, source.why)
+        if given is not None:
+            localizer.begin(given.pose, given.covariance)
+            self.log.info('told to be at (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
+                          math.degrees(given.pose[2]))
 
     def _tell(self, localizer: Localizer, located: bool, recovered: int) -> None:
         """Log what a person wants to know: the robot was found, or carried away."""
@@ -203,10 +210,11 @@ class Localization(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _source(self, attribute: str, number: int) -> FixSource:
+    def _source(self, attribute: str, number: int, timed: bool = True) -> FixSource:
         s = self.settings
         return FixSource(getattr(self, attribute), number, self.topic_of(attribute),
-                         s['map_frame_id'], s['fix_stddev_min_m'], s['fix_stddev_min_rad'])
+                         s['map_frame_id'], s['fix_stddev_min_m'], s['fix_stddev_min_rad'],
+                         timed)
 
     def _publish(self, localizer: Localizer, intake: OdometryIntake) -> None:
         state, stamp_ns = localizer.state, localizer.stamp_ns

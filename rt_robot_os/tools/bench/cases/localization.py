@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,7 @@ _WORKERS = 'rt_robot_os.tools.bench.workers.localization'
 _START_S = 1.0
 _DRIVE_S = 0.12
 _SEEDS = {'quick': 3, 'usual': 10, 'full': 40}
+_BYTES_A_SECOND = 40_000
 _SIMULATED = 'simulation'
 _RECORDED = 'recording'
 _STEPS = 'steps'
@@ -74,6 +76,12 @@ _NOTES = (
     'the covariances are right; the band holds the means of 95 % of such drives.')
 
 
+def _seconds_for(data: str) -> float:
+    """Return how long a recording may take, packed or not."""
+    path = Path(data)
+    return _START_S + (path.stat().st_size / _BYTES_A_SECOND if path.is_file() else 0.0)
+
+
 def _plan(options: Options) -> Sequence[Run]:
     seeds = _SEEDS['quick' if options.quick else 'full' if options.full else 'usual']
     scenarios = {key: dict(scenario) for key, _, scenario in _SCENARIOS}
@@ -82,7 +90,8 @@ def _plan(options: Options) -> Sequence[Run]:
         _START_S + seeds * len(scenarios) * _DRIVE_S, UNPINNED, 0, once=True)]
     if options.data:
         runs.append(Run(_RECORDED, 'recording', f'{_WORKERS}:recorded', {
-            'data': options.data, 'expected': options.expected}, 60.0, UNPINNED, 0, once=True))
+            'data': options.data, 'expected': options.expected}, _seconds_for(options.data),
+            UNPINNED, 0, once=True))
     return (*runs, Run(_STEPS, 'steps', f'{_WORKERS}:steps', {'measure_ns': options.measure_ns},
                        _START_S + options.seconds, once=options.quick))
 

@@ -31,7 +31,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 import gzip
 import json
-import math
 from pathlib import Path
 from typing import Final
 
@@ -41,6 +40,8 @@ _NUMBERS: Final = {'odom': 9, 'imu': 10, 'fix': 6, 'truth': 3}
 _EXPECTED: Final = '.expected.json'
 # Larger files are no recordings of a drive.
 _LINES_MOST: Final = 5_000_000
+# Also of those who count from 1970.
+_TIME_MOST_S: Final = 1e11
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def read(path: Path) -> list[Line]:
     try:
         with open(path, 'rb') as start:
             packed = start.read(2) == b'\x1f\x8b'
-        with (gzip.open if packed else open)(path, 'rt', encoding='utf-8') as file:
+        with (gzip.open if packed else open)(path, 'rt', encoding='utf-8-sig') as file:
             for number, text in enumerate(file, 1):
                 if number > _LINES_MOST:
                     raise RecordingError(f'{path}: more than {_LINES_MOST} lines')
@@ -94,7 +95,7 @@ def _line(where: str, text: str) -> Line:
         raise RecordingError(f'{where}: {error}') from None
     if len(values) != _NUMBERS[kind]:
         raise RecordingError(f'{where}: {kind} has {len(values)} numbers, not {_NUMBERS[kind]}')
-    if not (math.isfinite(time_s) and abs(time_s) < 1e9):
+    if not abs(time_s) < _TIME_MOST_S:
         raise RecordingError(f'{where}: the time {time!r} is none')
     return Line(time_s, kind, values)
 
