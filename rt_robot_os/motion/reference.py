@@ -87,7 +87,10 @@ class TimeLaw:
         each = np.where(together > 1e-9, 2.0 * self._spacing_m / np.maximum(together, 1e-9), 0.0)
         self._speeds: list[float] = speeds.tolist()
         self._times: list[float] = [0.0, *accumulate(each.tolist())]
-        self._areas = self._integral(each.tolist())
+        # The integral of the distance over time, at each sample.
+        before = self._spacing_m * np.arange(count - 1)
+        areas = np.cumsum(each * (before + each * (2 * speeds[:-1] + speeds[1:]) / 6))
+        self._areas: list[float] = [0.0, *areas.tolist()]
         self.duration_s = self._times[-1] + self._window_s
 
     def _squares(self, path: Path, limits: VelocityLimits, count: int
@@ -120,15 +123,6 @@ class TimeLaw:
         squares[-1] = 0.0
         squares[squares < 0.0] = 0.0
         return squares
-
-    def _integral(self, each: list[float]) -> list[float]:
-        """Return the integral of the distance over time, at each sample."""
-        found, area = [0.0], 0.0
-        for i, time in enumerate(each):
-            v0, v1 = self._speeds[i], self._speeds[i + 1]
-            area += time * (i * self._spacing_m + time * (2 * v0 + v1) / 6)
-            found.append(area)
-        return found
 
     def _trapezoid(self, time_s: float) -> tuple[float, float]:
         """Return the distance without limit of jerk, and its integral over time."""

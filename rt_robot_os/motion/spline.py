@@ -57,7 +57,7 @@ def legs(poses: Sequence[Pose], corner_rad: float, shape: str = 'spline') -> lis
     for i in range(1, len(points)):
         if i == len(points) - 1 or abs(wrapped(headings[i] - headings[i - 1])) > limit:
             leg = points[begin:i + 1]
-            found.append(spline(leg) if shape == 'spline' else straight(leg[0], leg[-1]))
+            found.append(_through(leg) if shape == 'spline' else straight(leg[0], leg[-1]))
             begin = i
     return found
 
@@ -74,12 +74,17 @@ def spline(points: Sequence[Point], start_rad: float | None = None,
     :param end_rad: the same of its end.
     :raises PathError: all points are the same.
     """
-    xy = np.array(_knots(points))
-    steps = np.hypot(*np.diff(xy, axis=0).T)
-    if len(xy) < 2:
+    return _through(_knots(points), start_rad, end_rad)
+
+
+def _through(knots: Sequence[Point], start_rad: float | None = None,
+             end_rad: float | None = None) -> Path:
+    if len(knots) < 2:
         raise PathError('a path of one point has no direction')
-    if len(xy) == 2 and start_rad is None and end_rad is None:
-        return straight(tuple(xy[0]), tuple(xy[1]))
+    if len(knots) == 2 and start_rad is None and end_rad is None:
+        return straight(knots[0], knots[1])
+    xy = np.array(knots)
+    steps = np.hypot(*np.diff(xy, axis=0).T)
     ends = [None if a is None else np.array((math.cos(a), math.sin(a)))
             for a in (start_rad, end_rad)]
     bend = _second_derivatives(xy, steps, ends[0], ends[1])
@@ -153,7 +158,7 @@ def _second_derivatives(xy: Array, steps: Array, start: Array | None, end: Array
 def _sampled(xy: Array, steps: Array, bend: Array) -> Path:
     """Sample a spline at equal distances along itself."""
     knots = np.concatenate(([0.0], np.cumsum(steps)))
-    fine = np.linspace(0.0, knots[-1], 4 * sample_count(float(knots[-1])))
+    fine = np.linspace(0.0, knots[-1], 2 * sample_count(float(knots[-1])))
     speed = np.hypot(*_spline_at(xy, steps, bend, knots, fine)[1].T)
     # The length of each piece by the mean of its ends' speeds.
     along = np.concatenate(([0.0], np.cumsum(
@@ -171,9 +176,12 @@ def _spline_at(xy: Array, steps: Array, bend: Array, knots: Array, where: Array
                ) -> tuple[Array, Array, Array]:
     """Return position, first and second derivative of a spline at values of its parameter."""
     i = np.clip(np.searchsorted(knots, where, side='right') - 1, 0, len(steps) - 1)
-    h = steps[i][:, None]
+    h = steps[:, None]
+    # Of each piece first, then of each value: there are fewer pieces.
+    slopes = (np.diff(xy, axis=0) / h - h * (2 * bend[:-1] + bend[1:]) / 6)[i]
+    thirds = (np.diff(bend, axis=0) / h)[i]
+    seconds = bend[i]
     t = (where - knots[i])[:, None]
-    slope = (xy[i + 1] - xy[i]) / h - h * (2 * bend[i] + bend[i + 1]) / 6
-    third = (bend[i + 1] - bend[i]) / h
-    return (xy[i] + t * (slope + t * (bend[i] / 2 + t * third / 6)),
-            slope + t * (bend[i] + t * third / 2), bend[i] + t * third)
+    half = t * thirds / 2
+    return (xy[i] + t * (slopes + t * (seconds / 2 + half / 3)),
+            slopes + t * (seconds + half), seconds + t * thirds)
