@@ -26,10 +26,14 @@ from rt_robot_os.modules.localization import Localization
 from rt_robot_os.modules.odometry import Odometry
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.reports import formatted
 from rt_robot_os.reports import Reports
+from rt_robot_os.sim.world.drive_base import DriveBase
+from rt_robot_os.sim.world.drive_base import STEP_NS
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.tools.bench.localization.plant import DT_S
 from rt_robot_os.tools.bench.localization.plant import eight
@@ -214,6 +218,44 @@ def test_a_pose_that_a_person_gives_is_taken_over() -> None:
         bench.drive(3.0, marks=False)
         texts = [str(formatted(line)) for line, _ in reports.lines]
         assert ['initialpose was refused' in text for text in texts] == [True]
+
+
+class Simulated(Robot):
+    """The base of the simulated world, with motors that lag and wheels that slip."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.base = DriveBase(
+            WorldSettings(start=self.pose, seed=self.seed, slip=0.02, slip_noise=0.05,
+                          wheel_radius_error=(0.0, 0.01)),
+            wheel_radius_m=RADIUS_M, wheel_separation_m=SEPARATION_M)
+
+    def step(self, dt_s: float = DT_S) -> None:
+        speed, rate = self.drive(self.time_s)
+        self.time_s += dt_s
+        left, right = wheel_speeds(speed, rate, SEPARATION_M)
+        self.base.set_wheel_speeds(left / RADIUS_M, right / RADIUS_M)
+        for _ in range(round(dt_s * NS_PER_S) // STEP_NS):
+            self.base.step()
+        self.left_rad, self.right_rad = self.base.wheel_angles
+        self.pose = self.base.pose
+        self.rate_rad_s = self.base.velocity[1]
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_a_base_with_dynamics_and_slip_is_followed(seed: int) -> None:
+    robot = Simulated(eight, pose=(3.44, 1.0, 2.0), gyro_bias=0.02, gyro_stddev=0.005, seed=seed)
+    with Bench(robot, use_gyro=True) as bench:
+        bench.drive(10.0)
+        for _ in range(5):
+            bench.drive(1.0)
+            assert off(bench.newest(), robot.pose) < 0.05
+            assert turned(bench.newest(), robot.pose) < math.radians(2.0)
+        bench.drive(10.0, marks=False)
+        assert off(bench.newest(), robot.pose) < 0.15
+        bench.drive(2.0)
+        assert off(bench.newest(), robot.pose) < 0.05
+        assert bench.found['recovered'] == 0
 
 
 def test_a_robot_that_is_carried_away_is_found_and_the_jump_is_told() -> None:
