@@ -122,13 +122,6 @@ def test_larger_wheels_and_slip_show_in_the_way_and_not_in_the_angles() -> None:
     assert slipping.pose[0] == pytest.approx(0.95 * true.pose[0])
 
 
-def test_a_wheel_that_a_fault_blocks_stands_still() -> None:
-    world = World(OPEN)
-    world.base.standing = (True, False)
-    drive(world, 1.0)
-    assert world.base.wheel_angles[0] == 0.0 < world.base.wheel_angles[1]
-
-
 def test_a_base_of_its_own_goes_like_that_of_a_world() -> None:
     alone = DriveBase(wheel_radius_m=0.05, wheel_separation_m=0.3)
     alone.advance(500)
@@ -148,9 +141,10 @@ def test_a_wall_stops_the_robot_while_its_wheels_go_on(tmp_path: Path) -> None:
     assert world.base.contact_rad == pytest.approx(0.0, abs=1e-3)
     world.base.coast()
     world.advance(round((world.time_s + 9.0) * NS_PER_S))
-    assert world.base.contact_rad is not None  # it stands against it
+    assert world.base.contact_rad is None
+    assert world.base.touched(0.001) == pytest.approx([0.0], abs=1e-3)  # it stands against it
     drive(world, 2.0, -6.0, -6.0)
-    assert world.base.pose[0] < 2.4 and world.base.contact_rad is None
+    assert world.base.pose[0] < 2.4 and world.base.touched(0.001) == []
 
 
 def test_along_a_wall_it_slides_into_the_corner(tmp_path: Path) -> None:

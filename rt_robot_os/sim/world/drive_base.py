@@ -46,8 +46,6 @@ Pair: TypeAlias = tuple[float, float]
 Obstacles: TypeAlias = Callable[[float, float, float], list[Pair]]
 
 _SLIP_STEPS: Final = 50
-_CONTACT_STEPS: Final = 10
-_TOUCH_M: Final = 1e-3
 # An accelerometer on a real body feels no single step of 2 ms.
 _SMOOTH: Final = 0.1
 _WHEEL_RADIUS_M: Final = 0.05
@@ -82,10 +80,9 @@ class DriveBase:
     :ivar velocity: of ``base_link``: ahead in m/s, turning in rad/s.
     :ivar acceleration: of ``base_link``: ahead and to the left, in m/s^2.
     :ivar angular_acceleration: in rad/s^2.
-    :ivar contact_rad: direction from the robot of what it pushes against; None when there is
-        nothing.
+    :ivar contact_rad: direction from the robot of what it pushes against; None when it does not
+        push. What stands beside it tells :meth:`touched`.
     :ivar slip: share of the way of the wheels that is lost.
-    :ivar standing: wheels, left before right, that a fault blocks.
     """
 
     def __init__(
@@ -106,7 +103,6 @@ class DriveBase:
         self.slip = s.slip
         self.wheel_angles: Pair = (0.0, 0.0)
         self.wheel_speeds: Pair = (0.0, 0.0)
-        self.standing: tuple[bool, bool] = (False, False)
         self._mode = Motor.COAST
         self._target: Pair = (0.0, 0.0)
         self._lag = 1.0 - math.exp(-STEP_S / s.motor_lag_s)
@@ -194,8 +190,7 @@ class DriveBase:
         if not (left or right or before_left or before_right):
             # It stands: the usual case, and the cheap one.
             self._settle((0.0, 0.0))
-            if self.contact_rad is not None and self._steps % _CONTACT_STEPS == 0:
-                self._look_for_contact()
+            self.contact_rad = None
             return
         self.wheel_speeds = (left, right)
         turn_left, turn_right = (before_left + left) / 2, (before_right + right) / 2
@@ -209,8 +204,6 @@ class DriveBase:
 
     def _driven(self, speed: float, side: int) -> float:
         """Return the speed of a wheel after a step."""
-        if self.standing[side]:
-            return 0.0
         if self._mode is Motor.COAST:
             speed -= self._coast * speed
             return speed if abs(speed) > 1e-3 else 0.0
@@ -239,12 +232,6 @@ class DriveBase:
         turning = (angular - self.velocity[1]) / STEP_S
         self.angular_acceleration += _SMOOTH * (turning - self.angular_acceleration)
         self.velocity = velocity
-
-    def _look_for_contact(self) -> None:
-        """Notice that what it stood against has gone."""
-        if not any(math.hypot(self._x - x, self._y - y) < self.radius_m + _TOUCH_M
-                   for x, y in self._obstacles(self._x, self._y, self.radius_m)):
-            self.contact_rad = None
 
     def _allowed(self, dx: float, dy: float) -> Pair:
         """Take away what leads into a wall; what leads along it stays."""
