@@ -153,7 +153,7 @@ def test_a_done_of_the_goal_before_ends_nothing_and_that_of_this_one_does(tmp_pa
 
 
 def test_something_in_the_door_is_gone_round_through_the_other(tmp_path: Path) -> None:
-    robot = Planned(tmp_path, obstacle_range_m=4.0)
+    robot = Planned(tmp_path, obstacle_range_m=4.0, blocked_s=1.0)
     robot.go(5.0, 1.25)
     robot.say('driving', 1.0)
 
@@ -168,22 +168,24 @@ def test_something_in_the_door_is_gone_round_through_the_other(tmp_path: Path) -
 
 
 def test_who_only_passes_makes_no_new_way(tmp_path: Path) -> None:
-    robot = Planned(tmp_path, obstacle_range_m=4.0, obstacle_memory_s=0.3)
+    robot = Planned(tmp_path, obstacle_range_m=4.0, obstacle_memory_s=60.0)
 
     def place(where: tuple[float, float] | None) -> None:
         robot.seen = where
 
     robot.go(5.0, 1.25)
     robot.bench.at(2.0, lambda: place((3.0, 1.25)))
-    robot.bench.at(2.5, lambda: place(None))
-    robot.bench.run(5.0)
+    robot.bench.at(4.5, lambda: place(None))  # what is seen through is not there any more
+    robot.bench.run(10.0)
     assert len(robot.plans) == 1
+    assert robot.planner.statistics()['obstacle_cells'] == 0
 
 
 def test_without_a_way_round_it_waits_and_gives_up_when_its_patience_ends(tmp_path: Path) -> None:
-    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, patience_s=6.0)
+    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, patience_s=6.0,
+                    blocked_s=0.1)
     robot.seen = (3.0, 1.25)
-    robot.go(5.0, 1.25)
+    robot.go(5.0, 1.25, at_s=0.5)
     robot.bench.run(12.0)
     assert robot.plans == []
     assert robot.told()[1] == (
@@ -192,16 +194,17 @@ def test_without_a_way_round_it_waits_and_gives_up_when_its_patience_ends(tmp_pa
 
 
 def test_when_the_obstacle_leaves_the_door_it_goes_on(tmp_path: Path) -> None:
-    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, obstacle_memory_s=1.0)
+    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, obstacle_memory_s=1.0,
+                    blocked_s=0.1)
     robot.seen = (3.0, 1.25)
 
     def leave() -> None:
         robot.seen = None
 
-    robot.go(5.0, 1.25)
+    robot.go(5.0, 1.25, at_s=0.5)
     robot.bench.at(3.0, leave)
     robot.bench.run(8.0)
-    assert [at_s > 4.0 for at_s, _ in robot.plans] == [True]
+    assert [at_s > 3.0 for at_s, _ in robot.plans] == [True]
     assert robot.told()[-1].startswith('planned')
 
 

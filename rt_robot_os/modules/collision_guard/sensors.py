@@ -35,6 +35,7 @@ from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.zones import Array
 from rt_robot_os.motion.zones import Footprint
+from rt_robot_os.motion.zones import Mask
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
 
@@ -167,6 +168,25 @@ class Scanner(Sensor):
             first + step * int(i) for i in near[::max(1, near.size // _RAYS_MAXIMUM)]]
         ) if near.size else _NO_CONTACTS
         return True
+
+    def sees_beyond(self, x: Array, y: Array, margin_m: float) -> Mask:
+        """
+        Return which places, in ``base_link``, the rays of the last scan pass by a margin.
+
+        Not for sensors that hang upside down or lie on their side: these see beyond nothing.
+        """
+        first, step = self._geometry
+        roll, pitch, yaw = self._mounting.rotation_rad
+        ranges = self._read.msg.ranges
+        if roll or pitch or not step > 0.0:
+            return np.zeros(x.shape, bool)
+        x, y = x - self._at[0], y - self._at[1]
+        angles = np.mod(np.arctan2(y, x) - yaw - first, 2 * math.pi)
+        ray = np.rint(angles / step).astype(np.intp)
+        inside = ray < ranges.size
+        with np.errstate(invalid='ignore'):
+            passed = ranges[np.where(inside, ray, 0)] > np.hypot(x, y) + margin_m
+        return np.asarray(inside & passed)
 
     def _measure(self) -> bool:
         """Find the direction of each ray; once, unless the scanner turns out to change."""

@@ -40,8 +40,8 @@ SETTINGS: Final = (
     Field('footprint_m', list, [], 'How far a robot with corners reaches from base_link: to the '
           'front, to the back, to the left, to the right; empty: it is round', 'm', 0.0, 10.0,
           item=float),
-    Field('clearance_m', float, 0.05, 'What has to stay free beside it', 'm', 0.0, 2.0,
-          live=True),
+    Field('clearance_m', float, 0.05, 'What has to stay free beside it; half of it when it '
+          'passes slowly', 'm', 0.0, 2.0, live=True),
     Field('stop_m', float, 0.15, 'The stop zone: so far before an obstacle in its way, along the '
           'way, it stands', 'm', 0.0, 5.0, live=True),
     Field('slow_m', float, 0.3, 'The slow zone: with an obstacle in its way nearer than this, '

@@ -40,6 +40,8 @@ from rt_robot_os.motion.zones import TOUCHING_M
 # The last of the way to where it stands is not driven: it would take for ever.
 _NEAR_M: Final = 0.01
 _NONE: Final[Array] = np.empty(0)
+# The share of the clearance that it keeps when it passes something slowly.
+_GAP_SHARE: Final = 0.5
 _BUMPER: Final = 'bumper'
 _CLIFF: Final = 'cliff'
 _TOUCHED: Final = {_BUMPER: 'something touches the robot', _CLIFF: 'an edge is ahead'}
@@ -82,7 +84,7 @@ class Surroundings:
         self._owners: list[str] = []
         self._owner = np.empty(0, int)
         self._contact_owners: list[str] = []
-        self._clearance_m = 0.0
+        self._clearance_m = self._gap_m = 0.0
         self.is_close = False
         self._stands = False
 
@@ -121,11 +123,12 @@ class Surroundings:
             owner, driven = owner[clear], driven[clear]
         self._contacts = np.concatenate(contacts) if contacts else np.empty((0, 4))
         self._x, self._y, self._owner, self._driven = x, y, owner, driven
-        nearest_m = float(room.min(initial=math.inf))
+        nearest_m = float(room.min(initial=math.inf)) - 1e-4
         wanted_m: float = self._settings['clearance_m']
         # What is too near already must not hold it for ever: it may go, slowly, if not nearer.
         self.is_close = nearest_m < wanted_m or len(self._contacts) > 0
-        self._clearance_m = min(wanted_m, max(0.0, nearest_m - 1e-4))
+        self._clearance_m = min(wanted_m, max(0.0, nearest_m))
+        self._gap_m = min(_GAP_SHARE * wanted_m, self._clearance_m)
 
     def judge(self, v: float, w: float, driven_m: float) -> Verdict:
         """
@@ -150,23 +153,35 @@ class Surroundings:
         if not self._x.size:
             self._stands = False
             return Verdict(slow, cause, cause)
-        times = shape.times(self._x, self._y, v, w, self._clearance_m)
-        # What it has driven since they were seen brought them nearer at most by so much.
-        times = times - (driven_m - self._driven) / (abs(v) + abs(w) * shape.reach_m)
-        first = int(times.argmin())
-        way_m = float(times[first]) * speed
+        first, way_m = self._way(v, w, speed, driven_m, self._clearance_m)
+        if way_m < max(s['slow_m'], s['stop_m'] + s['hysteresis_m']):
+            slow, cause = min(slow, s['slow_m_s'] / speed), 'slow zone'
+            # Slowly, it may pass what is nearer beside it, as a door post.
+            first, way_m = self._way(v, w, speed, driven_m, self._gap_m)
         room_m = way_m - s['stop_m']
         if room_m <= (max(s['hysteresis_m'], _NEAR_M) if self._stands else _NEAR_M):
             self._stands = True
             return self._stop(first)
         self._stands = False
-        if way_m < s['slow_m']:
-            slow, cause = min(slow, s['slow_m_s'] / speed), 'slow zone'
         stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
         share = braking_share(room_m / speed, stopping_s, s['reaction_s'])
         if share < slow:
             return Verdict(share, 'braking', f'{way_m:.2f} m are free')
         return Verdict(slow, cause, cause)
+
+    def _way(self, v: float, w: float, speed: float, driven_m: float, clearance_m: float
+             ) -> tuple[int, float]:
+        """
+        Find what is met first.
+
+        :return: which point, and how far its fastest point drives until then.
+        """
+        shape = self._footprint
+        times = shape.times(self._x, self._y, v, w, clearance_m)
+        # What it has driven since they were seen brought them nearer at most by so much.
+        times = times - (driven_m - self._driven) / (abs(v) + abs(w) * shape.reach_m)
+        first = int(times.argmin())
+        return first, float(times[first]) * speed
 
     def _pushed(self, v: float, w: float) -> str:
         """Return what sees that something would be pushed; empty when nothing would."""

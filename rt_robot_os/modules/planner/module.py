@@ -74,7 +74,8 @@ class Planner(Module):
               'that names it or in config/', is_file=True),
         Field('robot_radius_m', float, 0.2, 'What must stay free round base_link: the distance of '
               'the corner that is furthest away', 'm', 0.0, 10.0),
-        Field('clearance_m', float, 0.05, 'What must stay free besides', 'm', 0.0, 5.0),
+        Field('clearance_m', float, 0.1, 'What must stay free besides: more than a guard asks '
+              'for, as nobody follows a way to the centimetre', 'm', 0.0, 5.0),
         Field('prefer_m', float, 0.5, 'Where there is room, the middle of the robot keeps so far '
               'from walls', 'm', 0.0, 10.0),
         Field('unknown_is_free', bool, False, 'Drive where the map does not know what is there'),
@@ -96,8 +97,8 @@ class Planner(Module):
         Field('obstacle_memory_s', float, 5.0, 'How long it is remembered', 's', 0.1, 600.0),
         Field('map_tolerance_m', float, 0.2, 'What is seen so near to what the map has, is that',
               'm', 0.0, 2.0),
-        Field('blocked_s', float, 1.0, 'How long something may stand in the way before a way '
-              'round it is looked for', 's', 0.0, 60.0, live=True),
+        Field('blocked_s', float, 3.0, 'How long something has to stand in its place before a way '
+              'round it is looked for; who walks is waited for', 's', 0.0, 60.0, live=True),
         Field('retry_s', float, 2.0, 'How often a way round is looked for', 's', 0.1, 60.0,
               live=True),
         Field('patience_s', float, 30.0, 'How long, before the goal is given up', 's', 0.0,
@@ -117,9 +118,11 @@ class Planner(Module):
         self._route_ns = self._begun_ns = 0
         self._is_followed = False
         self._is_given = False  # a plan that may still be driven
-        self._blocked_ns = self._failed_ns = -1
+        self._failed_ns = -1
+        self._obstacles: list[int] = []
         self._failed_at: Pose = (0.0, 0.0, 0.0)
-        self._retry_ns = 0
+        self._retry_ns = self._look_ns = 0
+        self._is_held = False  # whoever follows says that something is in the way
         self._goals = self._plans = self._refused = self._expanded = 0
         self._took_ms = 0.0
         self._told = ''
@@ -178,10 +181,11 @@ class Planner(Module):
         if self.connected('followed'):
             while self.followed.take():
                 self._take_state(str(self.followed.msg.data), self.followed.stamp_ns, now_ns)
+        if self._pose_is_fresh(now_ns):
+            self._strangers.look(self._pose, now_ns)
         if self._goal is None:
             return
         if self._pose_is_fresh(now_ns):
-            self._strangers.look(self._pose, now_ns)
             self._look_ahead(now_ns)
         if self._is_wanted and now_ns >= self._retry_ns:
             self._begin(now_ns)
@@ -213,8 +217,9 @@ class Planner(Module):
         goal = planar(self.goal.msg.pose)
         self._goals += 1
         self._goal, self._job, self._route = goal, None, None
-        self._failed_ns = self._blocked_ns = -1
-        self._retry_ns = now_ns
+        self._failed_ns = -1
+        self._retry_ns = self._look_ns = now_ns
+        self._is_held = False
         self._is_wanted = goal is not None
         if goal is None:
             self._refuse('the goal is no pose', now_ns)
@@ -234,6 +239,7 @@ class Planner(Module):
         elif state.startswith('stopped: blocked'):
             if self._is_followed:
                 self._is_followed = False
+                self._is_held = True
                 self._ask_again(now_ns)
         elif state.startswith('stopped: '):
             self._is_given = False
@@ -243,26 +249,27 @@ class Planner(Module):
         """Plan anew when something has stood in the way for a while."""
         if self._route is None or self._is_wanted or self._job is not None:
             return
-        if not self._strangers.is_on(self._way_ahead(self._route), self._radius_m):
-            self._blocked_ns = -1
-            return
-        if self._blocked_ns < 0:
-            self._blocked_ns = now_ns
-        if now_ns - self._blocked_ns >= self.settings['blocked_s'] * NS_PER_S:
-            self._blocked_ns = now_ns
+        if now_ns >= self._look_ns and self._strangers.is_on(
+                self._way_ahead(self._route), self._radius_m, now_ns, self._standing_ns()):
+            self._look_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
             self._ask_again(now_ns)
 
+    def _standing_ns(self) -> int:
+        return round(float(self.settings['blocked_s']) * NS_PER_S)
+
     def _way_ahead(self, route: Route) -> list[tuple[float, float]]:
-        """Return the next points of the way, from the nearest one on."""
+        """Return the next points of the way, but for what is beside the robot already."""
         x, y, _ = self._pose
         points = [pose[:2] for pose in route.poses]
         near = min(range(len(points)), key=lambda i: math.dist(points[i], (x, y)))
-        found, length_m = points[near:near + 1], 0.0
+        found: list[tuple[float, float]] = []
+        length_m = 0.0
         for a, b in zip(points[near:], points[near + 1:]):
             length_m += math.dist(a, b)
             if length_m > _AHEAD_M:
                 break
-            found.append(b)
+            if length_m > self._radius_m:
+                found.append(b)
         return found
 
     # ---- planning ----------------------------------------------------------------------------
@@ -283,7 +290,10 @@ class Planner(Module):
             return
         self._is_wanted = False
         self._begun_ns = now_ns
-        self._job = self._planner.plan(self._pose, self._goal, self._strangers.cells())
+        self._obstacles = self._strangers.standing(
+            now_ns, 0 if self._is_held else self._standing_ns())
+        self._is_held = False
+        self._job = self._planner.plan(self._pose, self._goal, self._obstacles)
         self._tell('planning', now_ns)
 
     def _go_on(self, now_ns: int) -> None:
@@ -306,7 +316,6 @@ class Planner(Module):
         now_ns = self.plan.topic.kernel.now_ns()
         self._route, self._route_ns = route, now_ns
         self._is_followed = False
-        self._blocked_ns = -1
         self._plans += 1
         self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
         if self._planner is not None:
@@ -317,7 +326,7 @@ class Planner(Module):
 
     def _failed(self, why: str, now_ns: int) -> None:
         """Wait for what stands in the way to go; refuse what the map forbids."""
-        if not len(self._strangers):
+        if not self._obstacles:
             self._refuse(why, now_ns)
             return
         self._ask_again(now_ns)

@@ -25,8 +25,14 @@ import numpy as np
 from rt_robot_os.modules.collision_guard.sensors import Scanner
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.terrain import Terrain
+from rt_robot_os.units import NS_PER_S
+
+Patch = tuple[int, int]
 
 _MOST: Final = 600
+# Somebody who stands sways, and a scanner has noise: less than this.
+_PATCH_M: Final = 0.3
+_GONE_NS: Final = NS_PER_S
 
 
 class Strangers:
@@ -36,6 +42,9 @@ class Strangers:
     :param tolerance_m: what is so near to what the map has is that.
     :param range_m: how far from a scanner it is believed.
     :param memory_ns: how long it is remembered after it was seen last.
+
+    What walks is in another place soon, and is no reason to drive elsewhere: :meth:`standing`
+    tells what has been in its place for a while.
     """
 
     def __init__(self, terrain: Terrain, scanners: Sequence[Scanner], tolerance_m: float,
@@ -46,37 +55,68 @@ class Strangers:
         self._range_m = range_m
         self._memory_ns = memory_ns
         self._until_ns: dict[int, int] = {}
+        # Of each patch of the floor: since when something is there, and when it was seen last.
+        self._since_ns: dict[Patch, tuple[int, int]] = {}
 
     def __len__(self) -> int:
         return len(self._until_ns)
 
-    def cells(self) -> list[int]:
-        """Return where something stands."""
-        return list(self._until_ns)
+    def standing(self, now_ns: int, least_ns: int) -> list[int]:
+        """Return the cells in which something has been for so long."""
+        patches = {patch for patch, (since_ns, _) in self._since_ns.items()
+                   if now_ns - since_ns >= least_ns}
+        return [cell for cell in self._until_ns if self._patch(cell) in patches]
 
     def look(self, pose: Pose, now_ns: int) -> None:
         """Take what the scanners see from a pose, and forget what is too old."""
         found = self._until_ns
         for cell in [cell for cell, until_ns in found.items() if until_ns <= now_ns]:
             del found[cell]
+        since = self._since_ns
+        for patch in [patch for patch, (_, seen_ns) in since.items()
+                      if now_ns - seen_ns > self._memory_ns]:
+            del since[patch]
         x0, y0, yaw = pose
         cosine, sine = math.cos(yaw), math.sin(yaw)
         for scanner in self._scanners:
-            if not scanner.take(now_ns, self._range_m, 0.0, 0.0) or not scanner.x.size:
+            if not scanner.take(now_ns, self._range_m, 0.0, 0.0):
                 continue
+            self._clear(scanner, x0, y0, cosine, sine)
             x = x0 + cosine * scanner.x - sine * scanner.y
             y = y0 + sine * scanner.x + cosine * scanner.y
             strange = ~self._terrain.beside_wall(x, y, self._tolerance_m)
             for cell in np.unique(self._terrain.cells(x[strange], y[strange])).tolist():
                 found.pop(cell, None)  # the newest are last
                 found[cell] = now_ns + self._memory_ns
+                patch = self._patch(cell)
+                since_ns, seen_ns = since.get(patch, (now_ns, now_ns))
+                since[patch] = since_ns if now_ns - seen_ns < _GONE_NS else now_ns, now_ns
         while len(found) > _MOST:
             del found[next(iter(found))]
 
-    def is_on(self, way: Sequence[tuple[float, float]], within_m: float) -> bool:
-        """Return whether something is so near to one of some points."""
-        if not self._until_ns or not way:
+    def _clear(self, scanner: Scanner, x0: float, y0: float, cosine: float, sine: float) -> None:
+        """Forget what a scanner sees through: who has walked on is not there any more."""
+        found = self._until_ns
+        if not found:
+            return
+        cells = list(found)
+        places = np.array([self._terrain.place(cell) for cell in cells])
+        dx, dy = places[:, 0] - x0, places[:, 1] - y0
+        seen = scanner.sees_beyond(cosine * dx + sine * dy, cosine * dy - sine * dx,
+                                   2 * self._terrain.grid.resolution_m)
+        for index in np.flatnonzero(seen).tolist():
+            del found[cells[index]]
+
+    def is_on(self, way: Sequence[tuple[float, float]], within_m: float, now_ns: int,
+              least_ns: int) -> bool:
+        """Return whether something has been for so long so near to one of some points."""
+        cells = self.standing(now_ns, least_ns)
+        if not cells or not way:
             return False
-        places = np.array([self._terrain.place(cell) for cell in self._until_ns])
+        places = np.array([self._terrain.place(cell) for cell in cells])
         return any(bool((np.hypot(places[:, 0] - x, places[:, 1] - y) < within_m).any())
                    for x, y in way)
+
+    def _patch(self, cell: int) -> Patch:
+        x, y = self._terrain.place(cell)
+        return math.floor(x / _PATCH_M), math.floor(y / _PATCH_M)
