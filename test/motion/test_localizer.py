@@ -59,6 +59,12 @@ def test_the_innovations_are_as_large_as_the_covariance_says(gyro: bool) -> None
     assert low < sum(found) / len(found) / 3 < high
 
 
+@pytest.mark.parametrize('gyro', [True, False], ids=['gyro', 'wheels'])
+def test_the_errors_are_as_large_as_the_covariance_says(gyro: bool) -> None:
+    found = [simulate(Scenario(seed, seconds=40.0, gyro=gyro)).nees() for seed in range(1, 9)]
+    assert 2.0 < sum(found) / len(found) < 3.5
+
+
 @pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('gyro', [True, False], ids=['gyro', 'wheels'])
 def test_one_mark_in_ten_is_false_and_the_pose_stays_right(seed: int, gyro: bool) -> None:

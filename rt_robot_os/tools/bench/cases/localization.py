@@ -73,7 +73,8 @@ _NOTES = (
     'slip by 5 mm after 1 m, the gyroscope has a bias of 1.1 degrees/s. Ten measured poses a',
     'second, of 1 cm and 1 degree; false ones are anywhere, or within 0.3 m and 0.3 rad.',
     'The worst of all seeds. NIS, the innovation squared over its variance, is 3 in the mean when',
-    'the covariances are right; the band holds the means of 95 % of such drives.')
+    'the covariances are right; the band holds the means of 95 % of such drives. NEES is the same',
+    'of the errors themselves, which are known here.')
 
 
 def _seconds_for(data: str) -> float:
@@ -109,8 +110,13 @@ def _degrees(name: str) -> common.Of:
     return _worst(name, math.radians(1.0) * 1e6)
 
 
+def _mean(name: str) -> common.Of:
+    """Return the mean of thousandths."""
+    return lambda outcome: float(outcome.samples[name].mean()) / 1000
+
+
 def _nis(key: str) -> common.Of:
-    return lambda outcome: float(outcome.samples[f'{key} nis_milli'].mean()) / 1000
+    return _mean(f'{key} nis_milli')
 
 
 def _chance(key: str) -> common.Of:
@@ -143,13 +149,15 @@ def _simulated(outcomes: Outcomes) -> Table:
         Column('turn', 'heading', 'degrees', 'RMS error'),
         Column('most', 'most', 'cm', 'error'), Column('nis', 'mean', '', 'NIS'),
         Column('chance', 'band +-', '', 'NIS'), Column('inside', 'drives inside', '%', 'NIS'),
+        Column('nees', 'mean', '', 'NEES'),
         Column('leap', 'by a false mark', 'sigma', 'moved'),
         Column('blind', 'added blind', 'cm', 'error'),
         Column('found', 'found after', 's', 'carried away'))
     return Table('simulation', columns, [outcomes.row(_SIMULATED, {
         'rms': _worst(f'{key} rms_um', 1e4), 'turn': _degrees(f'{key} rms_urad'),
         'most': _worst(f'{key} most_um', 1e4), 'nis': _nis(key), 'chance': _chance(key),
-        'inside': _inside(key), 'leap': _worst(f'{key} leap_milli', 1e3),
+        'inside': _inside(key), 'nees': _mean(f'{key} nees_milli'),
+        'leap': _worst(f'{key} leap_milli', 1e3),
         'blind': _worst(f'{key} blind_um', 1e4), 'found': _worst(f'{key} found_ms', 1e3)}, label)
         for key, label, _ in _SCENARIOS], _NOTES)
 

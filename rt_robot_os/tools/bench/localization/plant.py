@@ -69,13 +69,14 @@ class Robot:
 
     def step(self, dt_s: float = DT_S) -> None:
         """Drive on for a step."""
-        speed, rate = self.drive(self.time_s)
+        speed, rate = self.drive(self.time_s + dt_s / 2)
         self.time_s += dt_s
         left, right = wheel_speeds(speed, rate, SEPARATION_M)
         self.left_rad += self._rolled(left * dt_s) / (RADIUS_M * (1 + self.left_error))
         self.right_rad += self._rolled(right * dt_s) / (RADIUS_M * (1 + self.right_error))
         self.pose = moved(self.pose, speed * dt_s, rate * dt_s)
-        self.rate_rad_s = rate
+        # A gyroscope says how fast it turns now, not how fast in the mean of the step.
+        self.rate_rad_s = self.drive(self.time_s)[1]
 
     def _rolled(self, way_m: float) -> float:
         """Return what a wheel turns on the ground for a way, in m."""
@@ -123,8 +124,16 @@ def turned(one: Pose, other: Pose) -> float:
     return abs(math.remainder(one[2] - other[2], math.tau))
 
 
+# Speed and rate of the eight, and how long it takes to reach them; a lobe is a whole turn.
+_SPEED_M_S, _RATE_RAD_S, _RAMP_S, _REST_S = 0.3, 0.5, 0.5, 2.0
+_LOBE_S = math.tau / _RATE_RAD_S + _RAMP_S
+
+
 def eight(time_s: float) -> tuple[float, float]:
     """Stand for two seconds, then drive an eight at 0.3 m/s."""
-    if time_s < 2.0:
+    driven_s = time_s - _REST_S
+    if driven_s <= 0.0:
         return 0.0, 0.0
-    return 0.3, 0.5 * (1 if int((time_s - 2.0) / (math.tau / 0.5)) % 2 == 0 else -1)
+    lobe, into_s = divmod(driven_s, _LOBE_S)
+    rate = _RATE_RAD_S * min(1.0, into_s / _RAMP_S, (_LOBE_S - into_s) / _RAMP_S)
+    return _SPEED_M_S * min(1.0, driven_s / _RAMP_S), rate if lobe % 2 == 0 else -rate

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from dataclasses import field
 import math
 
+import numpy as np
+
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.gyro_turn import GyroTurn
@@ -42,6 +44,7 @@ from rt_robot_os.units import NS_PER_S
 GYRO_NOISE_RAD = 0.001
 WHEEL_NOISE_M = 0.005
 _BEGIN_NS = NS_PER_S
+_NEES_EVERY = 25
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,22 @@ class Trace:
         """Return the errors of the heading, without sign."""
         return [abs(math.remainder(e[2] - t[2], math.tau)) for time_s, t, e in zip(
             self.time_s, self.truth, self.estimate) if begin_s <= time_s < end_s]
+
+    def nees(self) -> float:
+        """
+        Return the mean of the errors squared over their covariance, twice a second.
+
+        Of three numbers it is 3 when the covariance is right; the errors of one drive follow each
+        other slowly, so that it takes many drives to tell.
+        """
+        found = []
+        for index in range(0, len(self.time_s), _NEES_EVERY):
+            (x, y, h), (tx, ty, th) = self.estimate[index], self.truth[index]
+            xx, xy, xh, yy, yh, hh = self.covariance[index]
+            error = np.array([x - tx, y - ty, math.remainder(h - th, math.tau)])
+            found.append(error @ np.linalg.solve(
+                [[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]], error))
+        return float(np.mean(found))
 
 
 def rms(values: list[float]) -> float:
