@@ -111,7 +111,7 @@ class Trace:
         return [abs(math.remainder(e[2] - t[2], math.tau)) for time_s, t, e in zip(
             self.time_s, self.truth, self.estimate) if begin_s <= time_s < end_s]
 
-    def nees(self) -> float:
+    def nees(self, end_s: float = math.inf) -> float:
         """
         Return the mean of the errors squared over their covariance, twice a second.
 
@@ -120,6 +120,8 @@ class Trace:
         """
         found = []
         for index in range(0, len(self.time_s), _NEES_EVERY):
+            if self.time_s[index] >= end_s:
+                break
             (x, y, h), (tx, ty, th) = self.estimate[index], self.truth[index]
             xx, xy, xh, yy, yh, hh = self.covariance[index]
             error = np.array([x - tx, y - ty, math.remainder(h - th, math.tau)])

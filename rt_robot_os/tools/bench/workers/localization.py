@@ -90,7 +90,7 @@ def _figures(traces: Sequence[Trace], scenario: Mapping[str, Any]) -> dict[str, 
         'most_um': [max(t.errors_m(0.0, lost_s)) * 1e6 for t in traces],
         'leap_milli': [t.leaps * 1e3 for t in traces],
         'nis_milli': [1e3 * sum(t.innovations) / len(t.innovations) for t in traces],
-        'nees_milli': [1e3 * t.nees() for t in traces],
+        'nees_milli': [1e3 * t.nees(lost_s) for t in traces],
         'innovations': [len(t.innovations) for t in traces]}
     if end_s:
         found['blind_um'] = [
