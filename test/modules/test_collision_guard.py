@@ -306,13 +306,17 @@ def test_what_is_no_command_is_a_standstill_and_counted(value: float) -> None:
     assert robot.guard.statistics()['refused'] == 1
 
 
-def test_limits_keep_the_arc_and_backwards_is_slower() -> None:
-    robot = Guarded(linear_max_m_s=0.5)
+@pytest.mark.parametrize(('yaw', 'backwards'), [(0.0, -0.1), (math.pi, -0.5)])
+def test_limits_keep_the_arc_and_backwards_it_is_slow_unless_a_sensor_looks_there(
+        yaw: float, backwards: float) -> None:
+    robot = Guarded(scan_topics=[], range_topics=['sonar'], linear_max_m_s=0.5)
+    robot.bench.mountings['sonar'] = Mounting((0.0, 0.0, 0.1), (0.0, 0.0, yaw))
+    robot.bench.kernel.add_task('sonar', lambda: robot.ping(math.inf), priority=50, rate_hz=20.0)
     robot.steer(2.0, 1.0, until_s=0.5)
-    robot.steer(-0.6, 0.1, from_s=0.5)
+    robot.steer(-0.6, 0.12, from_s=0.5)
     robot.bench.run(1.0)
     assert (0.063, 0.5, 0.25) in robot.out
-    assert robot.out[-1][1:] == pytest.approx((-0.3, 0.05))
+    assert robot.out[-1][1:] == pytest.approx((backwards, -backwards / 5))
 
 
 def test_the_guard_runs_within_the_publication_while_something_computes() -> None:

@@ -213,7 +213,9 @@ class CollisionGuard(Module):
     def _limited(self, v: float, w: float) -> tuple[float, float]:
         """Limit both alike, so that the arc stays the same."""
         s = self.settings
-        fastest = s['linear_max_m_s'] if v > 0.0 else s['backward_max_m_s']
+        fastest = s['linear_max_m_s']
+        if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
+            fastest = min(fastest, s['backward_max_m_s'])
         share = min(1.0, fastest / abs(v) if v else 1.0,
                     s['angular_max_rad_s'] / abs(w) if w else 1.0)
         return v * share, w * share

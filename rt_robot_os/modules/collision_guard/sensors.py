@@ -44,6 +44,8 @@ _USABLE: Final = 0.1
 # Points along the arc of a range sensor are at most so far apart, in rad.
 _RAY_RAD: Final = 0.1
 _RAYS_MAXIMUM: Final = 31
+# A ray looks back when its direction has this share of straight back: within 25 degrees.
+_BACKWARDS: Final = 0.9
 _NONE: Final[Array] = np.empty(0)
 _NO_CONTACTS: Final[Array] = np.empty((0, 4))
 
@@ -74,7 +76,10 @@ class Sensor(ABC):
     :ivar contacts: what touches the robot: of shape (n, 4), see :meth:`Footprint.touched`.
     :ivar driven_m: what the robot had driven when it saw that.
     :ivar unusable: messages that showed nothing.
+    :ivar looks_back: whether it would see what the robot drives backwards into.
     """
+
+    looks_back = False
 
     def __init__(self, read: Subscription, mounting: Mounting, footprint: Footprint) -> None:
         self.topic = read.topic.name
@@ -202,6 +207,7 @@ class Scanner(Sensor):
         cosine, sine = np.cos(angles), np.sin(angles)
         self._along = (ahead[0] - x0) * cosine + (left[0] - x0) * sine
         self._across = (ahead[1] - y0) * cosine + (left[1] - y0) * sine
+        self.looks_back = bool((self._along < -_BACKWARDS).any())
         return True
 
 
@@ -218,11 +224,11 @@ class RangeFinder(Sensor):
             return False
         self.x = self.y = _NONE
         self.contacts = _NO_CONTACTS
+        if msg.field_of_view != self._width:
+            self._measure(msg.field_of_view)
         if distance < msg.min_range:
             self.contacts = self._touch([0.0])
         elif distance <= min(msg.max_range, window_m + math.hypot(*self._at[:2])):
-            if msg.field_of_view != self._width:
-                self._measure(msg.field_of_view)
             self.x = self._at[0] + distance * self._along
             self.y = self._at[1] + distance * self._across
         return True
@@ -233,6 +239,7 @@ class RangeFinder(Sensor):
         count = min(_RAYS_MAXIMUM, 1 + 2 * math.ceil(half / _RAY_RAD))
         rays = np.array([self._direction(angle) for angle in np.linspace(-half, half, count)])
         self._along, self._across = rays[:, 0], rays[:, 1]
+        self.looks_back = bool((self._along < -_BACKWARDS).any())
 
 
 class Bumper:

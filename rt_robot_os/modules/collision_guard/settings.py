@@ -57,9 +57,9 @@ SETTINGS: Final = (
           live=True),
     Field('reaction_s', float, 0.2, 'From a measurement until the wheels begin to brake: age of '
           'the measurement, and lag of the motors', 's', 0.0, 5.0, live=True),
-    Field('linear_max_m_s', float, 1.0, 'Largest speed ahead', 'm/s', 0.0, 20.0, live=True),
-    Field('backward_max_m_s', float, 0.3, 'Largest speed backwards, where most robots see '
-          'nothing', 'm/s', 0.0, 20.0, live=True),
+    Field('linear_max_m_s', float, 1.0, 'Largest speed', 'm/s', 0.0, 20.0, live=True),
+    Field('backward_max_m_s', float, 0.1, 'Largest speed backwards, unless a sensor looks there',
+          'm/s', 0.0, 20.0, live=True),
     Field('angular_max_rad_s', float, 2.0, 'Largest turning rate', 'rad/s', 0.0, 100.0,
           live=True),
     Field('timeout_s', float, 0.5, 'Age of a command at which the robot is stopped', 's', 0.01,
