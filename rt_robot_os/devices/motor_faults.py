@@ -48,6 +48,28 @@ class MotorFault(IntFlag):
     BATTERY_LOW = 256
 
 
+_HOLDS: Final = {
+    MotorFault.LEFT_STANDSTILL: 'the left wheel stands still',
+    MotorFault.RIGHT_STANDSTILL: 'the right wheel stands still',
+    MotorFault.LEFT_WRONG_WAY: 'the left wheel turns against its command',
+    MotorFault.RIGHT_WRONG_WAY: 'the right wheel turns against its command',
+    MotorFault.COUNTS_NEW: 'its counters started anew',
+    MotorFault.COUNTS_MISSING: 'no counts of its encoders come',
+}
+
+
+def held_by(bits: int) -> str:
+    """
+    Return why a board holds the wheels, or has just stopped them; empty when it did not.
+
+    Safe in the real-time loop.
+
+    :param bits: of ``motor_faults``.
+    """
+    found = ', '.join(text for fault, text in _HOLDS.items() if bits & fault) if bits else ''
+    return f'motor board: {found}' if found else ''
+
+
 class MotorFaults:
     """
     What is wrong with a board now; safe in the real-time loop.

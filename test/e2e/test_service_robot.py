@@ -128,9 +128,11 @@ def test_it_drives_to_a_goal_and_an_e_stop_holds_it_until_it_is_released(
     until(lambda: len(drive.odometry) > seen + 50, 'a second of odometry')
     assert drive.distance_to(*held) < 0.05, 'false alone released it'
     drive.releases.publish(Bool(data=True))
-    until(lambda: drive.is_moving or drive.state.startswith('stopped'), 'it to go on')
-    if drive.state.startswith('stopped'):  # blocked for too long, on a slow machine
-        drive.go(3.44, 2.3, math.pi / 2)
+    seen = len(drive.odometry)
+    until(lambda: len(drive.odometry) > seen + 50, 'a second of odometry')
+    assert drive.distance_to(*held) < 0.05, 'the release alone moved it'
+    assert drive.state == 'stopped: e-stop'
+    drive.go(3.44, 2.3, math.pi / 2)
     until(lambda: drive.state == 'done', 'the goal')
     assert drive.distance_to(3.44, 2.3) < 0.06
     assert drive.program.end() == 0

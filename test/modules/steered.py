@@ -80,8 +80,10 @@ class Bench(ModuleBench):
         self.plan = self.bus.publisher('plan')
         self.cancel = self.topic('cancel', 'std_msgs/msg/Bool')
         self.estop = self.topic('estop', 'std_msgs/msg/Bool')
+        self.faults = self.topic('motor_faults', 'std_msgs/msg/UInt32')
         self.module = self.add(Trajectory, 'trajectory', rate_hz=rate_hz, plan_topic='plan',
-                               cancel_topic='cancel', estop_topic='estop', **settings)
+                               cancel_topic='cancel', estop_topic='estop',
+                               motor_faults_topic='motor_faults', **settings)
         self.bus.declare('cmd_vel_trajectory', twist, {}, depth=16, rate_hz=rate_hz)
         self.commands = self.bus.subscribe('cmd_vel_trajectory', 'plant')
         self.all_commands: list[tuple[float, float]] = []
@@ -108,6 +110,10 @@ class Bench(ModuleBench):
     def emergency(self) -> None:
         self.estop.msg.data = True
         self.estop.publish()
+
+    def tell_faults(self, bits: int) -> None:
+        self.faults.msg.data = bits
+        self.faults.publish()
 
     @property
     def state(self) -> str:

@@ -21,6 +21,7 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.trajectory import Trajectory
 from rt_robot_os.motion.angles import wrapped
@@ -302,3 +303,42 @@ def test_goals_in_another_frame_than_the_pose_are_refused() -> None:
                           command_topic='a', state_topic='b', progress_topic='c',
                           error_topic='d')
         other.configure()
+
+
+# ---- the motor board -------------------------------------------------------------------------
+
+
+def test_a_wheel_that_its_board_holds_ends_the_drive_and_a_new_goal_begins_another(
+        bench: Bench) -> None:
+    bench.at(0.5, lambda: bench.drive_to(2.0, 0.0, 0.0))
+    bench.at(2.0, lambda: bench.tell_faults(MotorFault.LEFT_STANDSTILL))
+    bench.run(4.0)
+    assert bench.state == 'stopped: motor board: the left wheel stands still'
+    assert bench.all_commands[-1] == (0.0, 0.0)
+    bench.drive_to(2.0, 0.0, 0.0)
+    bench.run(0.5)
+    assert bench.state == 'stopped: motor board: the left wheel stands still'
+    bench.tell_faults(0)
+    bench.run(0.5)
+    assert bench.state.startswith('stopped')  # nothing moves by itself
+    bench.drive_to(2.0, 0.0, 0.0)
+    bench.run(15.0)
+    assert bench.state == 'done'
+
+
+def test_a_fault_that_came_and_went_between_two_steps_stops_the_robot(bench: Bench) -> None:
+    def reset() -> None:
+        bench.tell_faults(MotorFault.COUNTS_NEW)
+        bench.tell_faults(0)
+
+    bench.at(0.5, lambda: bench.drive_to(2.0, 0.0, 0.0))
+    bench.at(2.0, reset)
+    bench.run(4.0)
+    assert bench.state == 'stopped: motor board: its counters started anew'
+
+
+def test_lost_bytes_and_a_low_battery_do_not_end_a_drive(bench: Bench) -> None:
+    bench.at(0.5, lambda: bench.drive_to(2.0, 0.0, 0.0))
+    bench.at(2.0, lambda: bench.tell_faults(MotorFault.LINE | MotorFault.BATTERY_LOW | 1 << 16))
+    bench.run(15.0)
+    assert bench.state == 'done'

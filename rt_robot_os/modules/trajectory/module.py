@@ -28,6 +28,7 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.devices.motor_faults import held_by
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.trajectory.whereabouts import planar
@@ -70,6 +71,7 @@ class Trajectory(Module):
     path = Input('path', message=_TRIPLETS)
     cancel = Input('trajectory/cancel', message='std_msgs/msg/Bool')
     estop = Input('estop', message='std_msgs/msg/Bool')
+    motor_faults = Input('', message='std_msgs/msg/UInt32')
     command = Output('cmd_vel_trajectory', 'geometry_msgs/msg/Twist')
     state = Output('trajectory/state', 'std_msgs/msg/String', tail=_STATE_LENGTH)
     progress = Output('trajectory/progress', 'std_msgs/msg/Float64')
@@ -91,6 +93,8 @@ class Trajectory(Module):
         Field('estop_topic', str, '', 'The e-stop of the multiplexer: true ends what is driven, '
               'too; empty: the robot goes on when the e-stop is released, unless it was blocked '
               'for too long'),
+        Field('motor_faults_topic', str, '', 'What the motor board says of itself: one that holds '
+              'the wheels ends what is driven; empty: the robot is blocked then'),
         *declared(VelocityLimits), *declared(FollowerTuning),
         Field('motor_lag_s', float, 0.1, 'How long the wheels take to follow a command: the time '
               'constant of the motors and the delay of their line; so far ahead of now the pose '
@@ -120,6 +124,8 @@ class Trajectory(Module):
                                'there is nothing to follow; set one of them'])
         self._follower = Follower(make_controller(settings['law'], settings))
         self._whereabouts: Whereabouts | None = None
+        self._faults: Subscription | None = None
+        self._held_by = ''
         self._told = ''
         self._told_ns = 0
         self._goals = self._refused = self._cancelled = 0
@@ -157,6 +163,7 @@ class Trajectory(Module):
         # Looked up once: to ask which ports there are costs more than a step.
         self._ends: list[tuple[str, Subscription]] = [
             (why, getattr(self, port)) for port, why in _ENDS.items() if self.connected(port)]
+        self._faults = self.motor_faults if self.connected('motor_faults') else None
         self._whereabouts = Whereabouts(self.pose, self.odom)
         self._apply()
 
@@ -199,7 +206,7 @@ class Trajectory(Module):
         period_s = self.period_ns / NS_PER_S
         where.take(now_ns)
         problem = where.problem(now_ns, s['pose_timeout_s'], s['position_stddev_max_m'],
-                                s['heading_stddev_max_rad'])
+                                s['heading_stddev_max_rad']) or self._held()
         pose = (0.0, 0.0, 0.0)
         if where.prediction.known:
             pose = where.prediction.at(now_ns, s['motor_lag_s'], period_s)
@@ -214,6 +221,16 @@ class Trajectory(Module):
             self.error.msg.vector = follower.error
             self.error.publish(now_ns)
         self._tell(now_ns)
+
+    def _held(self) -> str:
+        """Return why the motor board holds the wheels; empty when it does not."""
+        source, bits, new = self._faults, 0, False
+        while source is not None and source.take():
+            # What came and went since the last step stopped the wheels, too.
+            bits, new = bits | int(source.msg.data), True
+        if new:
+            self._held_by = held_by(bits)
+        return self._held_by
 
     def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str) -> None:
         """Take the newest goal, path or cancellation."""
