@@ -23,8 +23,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Final
 
 from rt_robot_os.schema import setting
+
+
+# In m/s and rad/s.
+_NOTHING: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,9 @@ def within_reach(linear: float, angular: float, now: tuple[float, float], limits
 
     :param now: linear and angular velocity that are in force.
     """
+    # What nobody could measure is nothing: ratios to it would be infinite.
+    linear = linear if abs(linear) > _NOTHING else 0.0
+    angular = angular if abs(angular) > _NOTHING else 0.0
     v0, w0 = now
     turn = limits.angular_acceleration_rad_s2 * period_s
     faster, slower = (limits.acceleration_m_s2 * period_s, limits.deceleration_m_s2 * period_s)
@@ -105,12 +113,13 @@ def within_reach(linear: float, angular: float, now: tuple[float, float], limits
             low, high = max(low, most / wanted), min(high, least / wanted)
         elif not least <= 0.0 <= most:
             high = -1.0
-    if low <= high:
-        # Above 1 the robot cannot slow down that fast.
-        part = min(high, max(low, 1.0))
+    part = min(high, max(low, 1.0))
+    # Above 1 the robot cannot slow down that fast; it does not speed up to turn less sharply.
+    if low <= high and abs(linear * part) <= max(abs(linear), abs(v0)):
         return linear * part, angular * part
-    nearest = min(v_high, max(v_low, linear))
-    return _beside(linear, angular, (nearest, v_low if linear > 0.0 else v_high), (w_low, w_high))
+    # As fast as wanted, or slower; never backwards to get nearer to the line behind the robot.
+    return _beside(linear, angular, [min(v_high, max(v_low, each)) for each in (linear, 0.0)],
+                   [min(w_high, max(w_low, each)) for each in (angular, 0.0)])
 
 
 def _window(v0: float, faster: float, slower: float) -> tuple[float, float]:
@@ -123,7 +132,7 @@ def _window(v0: float, faster: float, slower: float) -> tuple[float, float]:
     return -faster, faster
 
 
-def _beside(linear: float, angular: float, v: tuple[float, float], w: tuple[float, float]
+def _beside(linear: float, angular: float, v: list[float], w: list[float]
             ) -> tuple[float, float]:
     """Return what is nearest to the line of a curvature: speeds and turning rates to choose."""
     norm = math.hypot(linear, angular)

@@ -127,6 +127,17 @@ def test_a_new_goal_ahead_is_taken_without_a_stop() -> None:
     assert run.pose[:2] == pytest.approx((4.0, 0.6), abs=0.03)
 
 
+def test_a_drive_that_begins_in_a_turn_does_not_go_backwards() -> None:
+    """The turning rate of before points the other way than the curve."""
+    run = drive(period_s=0.1)
+    run.go((-1.0, -0.0, 0.0))
+    run.run(2.1)
+    assert run.commands[-1][1] < -0.9
+    run.go((-0.625, -1.25, 0.0))
+    assert run.run() == 'done'
+    assert min(v for v, _ in run.commands) > -0.02
+
+
 def test_a_robot_that_somebody_else_drives_is_taken_over_without_a_jerk() -> None:
     run = drive()
     run.velocity = (0.3, 0.0)

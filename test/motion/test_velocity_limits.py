@@ -80,6 +80,26 @@ def test_a_robot_that_has_to_slow_down_never_speeds_up(wanted: tuple[float, floa
     assert v == pytest.approx(0.38)
 
 
+@given(SPEEDS, SPEEDS, SPEEDS, SPEEDS, st.sampled_from([0.01, 0.1, 0.3]))
+def test_what_is_reached_lies_between_what_is_and_what_is_wanted(
+        linear: float, angular: float, v0: float, w0: float, period: float) -> None:
+    v, w = within_reach(linear, angular, (v0, w0), LIMITS, period)
+    assert min(v0, linear, 0.0) - 1e-9 <= v <= max(v0, linear, 0.0) + 1e-9
+    if abs(w * linear - v * angular) > 1e-9:  # a robot that is too fast turns faster on its curve
+        assert min(w0, angular, 0.0) - 1e-9 <= w <= max(w0, angular, 0.0) + 1e-9
+
+
+@given(st.floats(0.0, 0.4), st.floats(-2.0, 2.0), st.floats(0.0, 0.4), st.floats(-2.0, 2.0),
+       st.sampled_from([0.02, 0.1, 0.3]))
+def test_what_is_wanted_is_reached_in_the_end(linear: float, angular: float, v0: float, w0: float,
+                                              period: float) -> None:
+    now = (v0, w0)
+    for _ in range(round(8.0 / period)):
+        now = within_reach(linear, angular, now, LIMITS, period)
+        assert now[0] >= 0.0
+    assert now == pytest.approx((linear, angular), abs=1e-6)
+
+
 def test_a_curve_ahead_slows_down_while_the_turning_rate_grows() -> None:
     v, w = within_reach(0.5, 2.0, (0.5, 0.0), LIMITS, 0.1)
     assert v == pytest.approx(0.4)
