@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Take the pictures of docs/images from robots that run: top, top_trouble, recording.
+Take the pictures of docs/images from robots that run: top, top_trouble, recording, drive.
 
-    .venv/bin/python scripts/pictures.py [top top_trouble recording] [--out docs/images]
+    .venv/bin/python scripts/pictures.py [top top_trouble recording drive] [--out docs/images]
 
 Run it on a quiet machine. The picture of `top` is taken of a robot that is well only: no job was
 late or lost since the statistics began, and none waited longer than ``--latency-us``; otherwise it
@@ -50,6 +50,8 @@ from rt_robot_os.clients.top.snapshot import compare
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.topics import Layout
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / 'docs' / 'examples'
@@ -215,10 +217,69 @@ def picture_recording(path: Path, seconds: float) -> None:
     print(path)
 
 
+def publish_goal(x: float, y: float, heading: float) -> None:
+    """Send the service robot to a place on its map."""
+    layout = Layout.compile('geometry_msgs/msg/PoseStamped', {'header.frame_id': 'map'})
+    cdr = layout.new_buffer()
+    pose = layout.view(cdr).pose
+    pose.position = x, y, 0.0
+    pose.orientation = 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2)
+    with LinkClient(socket_path('robot'), 'pictures') as client:
+        client.publish(client.advertise('goal_pose'), bytes(cdr))
+
+
+def seen_from(pose: object, scan: object) -> list[tuple[float, float]]:
+    """Give the points of a scan on the map; the scanner looks ahead, 12 cm before the middle."""
+    position, heading = pose.position, math.radians(roll_pitch_yaw_deg(pose.orientation)[2])
+    x, y = (position.x + 0.12 * math.cos(heading), position.y + 0.12 * math.sin(heading))
+    angles = (heading + scan.angle_min + i * scan.angle_increment
+              for i in range(len(scan.ranges)))
+    return [(x + r * math.cos(a), y + r * math.sin(a))
+            for r, a in zip(scan.ranges, angles) if math.isfinite(r)]
+
+
+def picture_drive(path: Path, seconds: float) -> None:
+    """Let the service robot drive to the kitchen, and draw its way on the map."""
+    from matplotlib.figure import Figure
+    from mcap_ros2.reader import read_ros2_messages
+    grid = GridMap.load(ROOT / 'config' / 'maps' / 'flat.yaml')
+    found: dict[str, list[object]] = {}
+    with robot(ROOT / 'config' / 'service_robot.yaml'), tempfile.TemporaryDirectory() as folder:
+        time.sleep(WARM_UP_S)
+        bag = Path(folder) / 'bag'
+        recorder = subprocess.Popen([*RECORD, 'pose', 'plan', 'scan', '-o', str(bag),
+                                     '--duration', str(seconds)], stdout=subprocess.DEVNULL)
+        time.sleep(WARM_UP_S)
+        publish_goal(8.0, 4.2, 0.0)
+        recorder.wait()
+        for file in sorted(bag.glob('*.mcap')):
+            for one in read_ros2_messages(str(file)):
+                found.setdefault(one.channel.topic.strip('/'), []).append(one.ros_msg)
+    left, bottom, right, top = grid.bounds
+    figure = Figure(figsize=(7.2, 5.6), layout='constrained')
+    axis = figure.subplots()
+    axis.imshow(grid.occupied_mask(), origin='lower', cmap='Greys', vmax=1.6,
+                extent=(left, right, bottom, top), interpolation='nearest')
+    poses = [message.pose.pose for message in found['pose']]
+    scan = seen_from(poses[-1], found['scan'][-1])
+    axis.plot(*zip(*scan), '.', color='tab:red', markersize=1.5, label='last scan')
+    for i, plan in enumerate(found['plan']):
+        axis.plot(plan.data[0::3], plan.data[1::3], color='tab:orange', linewidth=1.0,
+                  linestyle='--', label='' if i else 'planned')
+    axis.plot([p.position.x for p in poses], [p.position.y for p in poses], color='tab:blue',
+              linewidth=2.0, label='driven')
+    axis.legend(fontsize=8, loc='upper right')
+    axis.set_xlabel('x, m', fontsize=8)
+    axis.set_ylabel('y, m', fontsize=8)
+    axis.tick_params(labelsize=8)
+    figure.savefig(path, metadata={'Date': None})
+    print(path)
+
+
 def main() -> int:
     """Take pictures; the exit code is 1 when the robot was never well."""
     parser = argparse.ArgumentParser(description='Take the pictures of docs/images.')
-    names = ('top', 'top_trouble', 'recording')
+    names = ('top', 'top_trouble', 'recording', 'drive')
     parser.add_argument('which', nargs='*', choices=[*names, []], default=[], help='default: all')
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'images')
     parser.add_argument('--tries', type=int, default=20)
@@ -230,6 +291,8 @@ def main() -> int:
     well = True
     if 'recording' in wanted:
         picture_recording(arguments.out / 'recording.svg', arguments.seconds)
+    if 'drive' in wanted:
+        picture_drive(arguments.out / 'drive.svg', arguments.seconds + 2 * WARM_UP_S)
     if 'top_trouble' in wanted:
         picture_trouble(arguments.out / 'top_trouble.svg')
     if 'top' in wanted:
