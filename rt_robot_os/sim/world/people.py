@@ -24,13 +24,15 @@ from rt_robot_os.sim.world.scene import Way
 PERSON_RADIUS_M: Final = 0.22
 PERSON_HEIGHT_M: Final = 1.75
 
-# So much room people leave to the robot.
+# So much room people leave to the robot, and so long they wait for it before they turn round: the
+# robot waits for them as well.
 _ROOM_M: Final = 0.1
+_PATIENCE_S: Final = 3.0
 
 
 class Person:
     """
-    Somebody on a way; they wait when the robot stands in it.
+    Somebody on a way; when the robot stands in it they wait, then turn round and walk back.
 
     :ivar name: theirs.
     :ivar x: where they are, in m.
@@ -48,6 +50,8 @@ class Person:
         self._way = way
         self.x, self.y = way.points[0]
         self.stands = False
+        self._waited_s = 0.0
+        self._direction = 1
         self._next = 1 % len(way.points)
         ahead_x, ahead_y = way.points[self._next]
         self.heading = math.atan2(ahead_y - self.y, ahead_x - self.x)
@@ -75,11 +79,23 @@ class Person:
             new_x, new_y = self.x + part * dx, self.y + part * dy
             before = math.hypot(self.x - robot_x, self.y - robot_y)
             if math.hypot(new_x - robot_x, new_y - robot_y) < min(room, before):
+                self._wait(time_s)
                 return
+            self._waited_s = 0.0
             if distance:
                 self.heading = math.atan2(dy, dx)
             self.x, self.y = new_x, new_y
             if part < 1.0:
                 return
             left -= distance
-            self._next = (self._next + 1) % len(self._way.points)
+            self._go_on()
+
+    def _wait(self, time_s: float) -> None:
+        self._waited_s += time_s
+        if self._waited_s > _PATIENCE_S:
+            self._waited_s = 0.0
+            self._direction = -self._direction
+            self._go_on()
+
+    def _go_on(self) -> None:
+        self._next = (self._next + self._direction) % len(self._way.points)
