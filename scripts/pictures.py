@@ -239,7 +239,7 @@ def seen_from(pose: object, scan: object) -> list[tuple[float, float]]:
 
 
 def picture_drive(path: Path, seconds: float) -> None:
-    """Let the service robot drive to the kitchen, and draw its way on the map."""
+    """Let the service robot drive to the bedroom, and draw its way on the map."""
     from matplotlib.figure import Figure
     from mcap_ros2.reader import read_ros2_messages
     grid = GridMap.load(ROOT / 'config' / 'maps' / 'flat.yaml')
@@ -250,7 +250,7 @@ def picture_drive(path: Path, seconds: float) -> None:
         recorder = subprocess.Popen([*RECORD, 'pose', 'plan', 'scan', '-o', str(bag),
                                      '--duration', str(seconds)], stdout=subprocess.DEVNULL)
         time.sleep(WARM_UP_S)
-        publish_goal(8.0, 4.2, 0.0)
+        publish_goal(3.2, 6.4, 0.0)
         recorder.wait()
         for file in sorted(bag.glob('*.mcap')):
             for one in read_ros2_messages(str(file)):

@@ -269,23 +269,23 @@ def test_people_walk_their_way_and_stand_where_they_are_told() -> None:
 def test_people_wait_for_the_robot_in_their_way() -> None:
     world = World(replace(OPEN, start=(1.0, 0.0, 0.0), people=('anna 1.0 0 0 2 0',)))
     world.advance(0)
-    world.advance(3 * NS_PER_S)
+    world.advance(3 * NS_PER_S // 2)
     assert world.people[0].x == pytest.approx(1.0 - 0.5, abs=0.03)
     world.inject('kidnap 0 5 0'.split())
-    world.advance(4 * NS_PER_S)
+    world.advance(5 * NS_PER_S // 2)
     assert world.people[0].x > 1.4
 
 
 def test_people_who_waited_for_the_robot_for_long_turn_round() -> None:
     world = World(replace(OPEN, start=(1.0, 0.0, 0.0), people=('anna 1.0 0 0 2 0 2 3 0 3',)))
     world.advance(0)
-    world.advance(3 * NS_PER_S)
+    world.advance(3 * NS_PER_S // 2)
     assert world.people[0].x == pytest.approx(1.0 - 0.5, abs=0.03)
-    world.advance(5 * NS_PER_S)
+    world.advance(7 * NS_PER_S // 2)
     assert (world.people[0].x, world.people[0].y) == pytest.approx((0.0, 1.0), abs=0.05)
-    world.advance(9 * NS_PER_S)
+    world.advance(15 * NS_PER_S // 2)
     assert (world.people[0].x, world.people[0].y) == pytest.approx((2.0, 3.0), abs=0.05)
-    world.advance(11 * NS_PER_S)
+    world.advance(19 * NS_PER_S // 2)
     assert world.people[0].y < 1.1, 'she comes from the other side'
 
 

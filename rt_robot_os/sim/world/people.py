@@ -27,7 +27,7 @@ PERSON_HEIGHT_M: Final = 1.75
 # So much room people leave to the robot, and so long they wait for it before they turn round: the
 # robot waits for them as well.
 _ROOM_M: Final = 0.1
-_PATIENCE_S: Final = 3.0
+_PATIENCE_S: Final = 1.5
 
 
 class Person:
