@@ -262,6 +262,27 @@ def test_a_goal_that_is_refused_stops_who_follows_the_way_to_the_one_before(
     assert [bool(plan) for _, plan in robot.plans] == [True, False]  # nobody drives the second
 
 
+def test_what_the_map_forbids_is_refused_whatever_stands_about(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, obstacle_range_m=4.0, blocked_s=0.1)
+    robot.seen = (2.0, 2.0)
+    robot.go(50.0, 1.25, at_s=1.0)
+    robot.bench.run(3.0)
+    assert robot.planner.statistics()['obstacle_cells'] > 0
+    assert robot.told()[-1].startswith('refused: the goal 50.00, 1.25 is off the map')
+
+
+def test_nobody_drives_on_to_the_goal_before_while_it_waits(tmp_path: Path) -> None:
+    robot = Planned(tmp_path, doors=1, obstacle_range_m=4.0, blocked_s=0.1)
+    robot.seen = (3.0, 1.25)
+    robot.go(1.0, 3.0, at_s=0.5)
+    robot.say('driving', 1.0)
+    robot.go(5.0, 1.25, at_s=2.0)
+    robot.bench.run(6.0)
+    assert [bool(plan) for _, plan in robot.plans] == [True, False]
+    assert robot.told()[-1].startswith('waiting: no way')
+    assert robot.planner.statistics()['warning'] == robot.told()[-1]
+
+
 def test_without_a_pose_it_waits_for_one(tmp_path: Path) -> None:
     robot = Planned(tmp_path)
     robot.pose = None

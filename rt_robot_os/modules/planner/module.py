@@ -118,6 +118,9 @@ class Planner(Module):
         self._route_ns = self._begun_ns = 0
         self._is_followed = False
         self._is_given = False  # a plan that may still be driven
+        self._is_of_before = False  # and leads to the goal before
+        self._is_possible = False  # there is a way when nothing stands in it
+        self._in_the_way = ''  # why there is none beside what stands there
         self._failed_ns = -1
         self._obstacles: list[int] = []
         self._failed_at: Pose = (0.0, 0.0, 0.0)
@@ -194,8 +197,8 @@ class Planner(Module):
 
     def statistics(self) -> Mapping[str, Any]:
         """Tell what is planned, how long it took, and what is in the way."""
-        refused = self._told.startswith('refused: ')
-        return {'warning': self._told if refused else '', 'state': self._told,
+        no_way = self._told.startswith(('refused: ', 'waiting: '))
+        return {'warning': self._told if no_way else '', 'state': self._told,
                 'goals': self._goals, 'goals_refused': self._refused, 'plans': self._plans,
                 'planned_in_ms': self._took_ms, 'cells_expanded': self._expanded,
                 'obstacle_cells': len(self._strangers) if self._planner else 0,
@@ -219,7 +222,8 @@ class Planner(Module):
         self._goal, self._job, self._route = goal, None, None
         self._failed_ns = -1
         self._retry_ns = self._look_ns = now_ns
-        self._is_held = False
+        self._is_held = self._is_possible = False
+        self._is_of_before = self._is_given
         self._is_wanted = goal is not None
         if goal is None:
             self._refuse('the goal is no pose', now_ns)
@@ -286,9 +290,10 @@ class Planner(Module):
         if self._planner is None or self._goal is None:
             return
         if not self._pose_is_fresh(now_ns):
-            self._tell('waiting: no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
+            self._wait('no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
             return
         self._is_wanted = False
+        self._in_the_way = ''
         self._begun_ns = now_ns
         self._obstacles = self._strangers.standing(
             now_ns, 0 if self._is_held else self._standing_ns())
@@ -314,6 +319,10 @@ class Planner(Module):
 
     def _planned(self, route: Route) -> None:
         now_ns = self.plan.topic.kernel.now_ns()
+        self._is_possible = True
+        if self._in_the_way:
+            self._try_later(self._in_the_way, now_ns)
+            return
         self._route, self._route_ns = route, now_ns
         self._is_followed = False
         self._plans += 1
@@ -326,18 +335,32 @@ class Planner(Module):
 
     def _failed(self, why: str, now_ns: int) -> None:
         """Wait for what stands in the way to go; refuse what the map forbids."""
-        if not self._obstacles:
+        if not self._obstacles or self._in_the_way:
             self._refuse(why, now_ns)
-            return
+        elif self._is_possible:
+            self._try_later(why, now_ns)
+        elif self._planner is not None and self._goal is not None:
+            # Whether waiting helps is seen on the map alone.
+            self._in_the_way = why
+            self._job = self._planner.plan(self._pose, self._goal, ())
+            self._wake_up.no_later_than(now_ns + _PAUSE_NS)
+
+    def _try_later(self, why: str, now_ns: int) -> None:
         self._ask_again(now_ns)
         if self._goal is not None:
             self._retry_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
             self._wake_up.no_later_than(self._retry_ns)
-            self._tell(f'waiting: {why}', now_ns)
+            self._wait(why, now_ns)
+
+    def _wait(self, why: str, now_ns: int) -> None:
+        """Say why there is no plan; nobody drives on to the goal before."""
+        if self._is_of_before:
+            self._give(None, now_ns)
+        self._tell(f'waiting: {why}', now_ns)
 
     def _give(self, route: Route | None, now_ns: int) -> None:
         """Publish a plan; an empty one stops whoever follows the one before."""
-        self._is_given = route is not None
+        self._is_given, self._is_of_before = route is not None, False
         self.plan.msg.data = [number for pose in route.poses for number in pose] if route else []
         self.plan.publish(now_ns)
 
