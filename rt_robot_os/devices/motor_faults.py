@@ -48,6 +48,8 @@ class MotorFault(IntFlag):
     BATTERY_LOW = 256
 
 
+#: Bits that tell something and keep no wheel from its command.
+NEWS: Final = MotorFault.COMMAND_REFUSED | MotorFault.LINE | MotorFault.BATTERY_LOW
 _HOLDS: Final = {
     MotorFault.LEFT_STANDSTILL: 'the left wheel stands still',
     MotorFault.RIGHT_STANDSTILL: 'the right wheel stands still',

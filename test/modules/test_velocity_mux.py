@@ -26,6 +26,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.velocity_mux import VelocityMux
 from rt_robot_os.testing.fakes import settings_of
@@ -224,6 +225,14 @@ def test_motor_faults_stop_where_that_is_set_and_the_robot_can_begin_stopped() -
     assert robot.run(0.85) == [(0.2, 0.3), (0.3, 0.3), (0.35, 0.0), (0.8, 0.3)]
     assert robot.told() == ['nobody: e-stop, held since the start', 'nobody', 'ros',
                             'nobody: e-stop, motor faults 0x4', 'nobody', 'ros']
+
+
+def test_lost_bytes_and_a_low_battery_are_no_e_stop() -> None:
+    robot = Steered(motor_faults_topic='motor_faults')
+    robot.steer('ros', 0.3, *[n / 10 for n in range(1, 5)])
+    robot.fault(MotorFault.LINE | MotorFault.BATTERY_LOW | MotorFault.COMMAND_REFUSED, 0.15)
+    assert [speed for _, speed in robot.run(0.45)] == [0.3] * 4
+    assert robot.told() == ['ros']
 
 
 def test_a_time_out_that_an_earlier_run_of_the_kernel_left_is_not_waited_for() -> None:

@@ -27,6 +27,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.devices.motor_faults import NEWS
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.velocity_mux.settings import locks_of
 from rt_robot_os.modules.velocity_mux.settings import SETTINGS
@@ -47,6 +48,7 @@ from rt_robot_os.units import NS_PER_S
 _TWIST: Final = 'geometry_msgs/msg/Twist'
 _BOOL: Final = 'std_msgs/msg/Bool'
 _NOBODY: Final = 'nobody'
+_NEWS: Final = int(NEWS)
 
 
 class VelocityMux(Module):
@@ -182,7 +184,7 @@ class VelocityMux(Module):
                 latch.end('lost')
         if self.connected('motor_faults'):
             while self.motor_faults.take():
-                bits = int(self.motor_faults.msg.data)
+                bits = int(self.motor_faults.msg.data) & ~_NEWS
                 if bits:
                     stopped |= latch.set('motors', f'motor faults {bits:#x}')
                 else:

@@ -59,8 +59,9 @@ SETTINGS: Final = (
           'for it any more, a std_msgs/msg/Bool'),
     Field('estop_at_start', bool, False, 'Begin as after an e-stop: nothing moves before the '
           'release'),
-    Field('motor_faults_topic', str, '', 'Faults of the motors, a std_msgs/msg/UInt32: other '
-          'than 0 is an e-stop; empty: they are left to the board'),
+    Field('motor_faults_topic', str, '', 'Faults of the motors, a std_msgs/msg/UInt32: each is '
+          'an e-stop, but for lost bytes, refused commands and a low battery; empty: they are '
+          'left to the board'),
     Field('linear_absurd_m_s', float, 10.0, 'A command beyond it, along any axis, is no command '
           'but a mistake: a standstill', 'm/s', 0.01, 100.0, live=True),
     Field('angular_absurd_rad_s', float, 20.0, 'The same about any axis', 'rad/s', 0.01, 1000.0,
