@@ -80,6 +80,7 @@ class Bench(ModuleBench):
         self.plan = self.bus.publisher('plan')
         self.cancel = self.topic('cancel', 'std_msgs/msg/Bool')
         self.estop = self.topic('estop', 'std_msgs/msg/Bool')
+        self.release = self.topic('release', 'std_msgs/msg/Bool')
         self.faults = self.topic('motor_faults', 'std_msgs/msg/UInt32')
         self.module = self.add(Trajectory, 'trajectory', rate_hz=rate_hz, plan_topic='plan',
                                cancel_topic='cancel', estop_topic='estop',
@@ -107,9 +108,13 @@ class Bench(ModuleBench):
         self.cancel.msg.data = True
         self.cancel.publish()
 
-    def emergency(self) -> None:
-        self.estop.msg.data = True
+    def emergency(self, pressed: bool = True) -> None:
+        self.estop.msg.data = pressed
         self.estop.publish()
+
+    def let_go(self) -> None:
+        self.release.msg.data = True
+        self.release.publish()
 
     def tell_faults(self, bits: int) -> None:
         self.faults.msg.data = bits

@@ -182,7 +182,7 @@ def test_an_orientation_that_was_never_filled_in_is_refused(bench: Bench) -> Non
 
 
 @pytest.mark.parametrize(('numbers', 'why'), [
-    ([], 'path is empty'), ([0.0, 1.0], 'path has 2 numbers'),
+    ([], 'took the plan back'), ([0.0, 1.0], 'path has 2 numbers'),
     ([0.0, 0.0, 0.0, math.nan, 0.0, 0.0], 'pose 1 of 2 is no place'),
     ([1e300] * 6, 'pose 0 of 2 is no place'),
     ([1e7] * 6, 'goal is 1.41421e+07 m away'),
@@ -342,3 +342,28 @@ def test_lost_bytes_and_a_low_battery_do_not_end_a_drive(bench: Bench) -> None:
     bench.at(2.0, lambda: bench.tell_faults(MotorFault.LINE | MotorFault.BATTERY_LOW | 1 << 16))
     bench.run(15.0)
     assert bench.state == 'done'
+
+
+# ---- e-stop and planner ----------------------------------------------------------------------
+
+
+def test_a_goal_that_came_before_the_release_of_the_e_stop_is_not_driven_after_it() -> None:
+    with Bench(estop_release_topic='release') as bench:
+        bench.at(0.5, bench.emergency)
+        bench.at(1.0, bench.let_go)  # the button is still in: that releases nothing
+        bench.at(1.5, lambda: bench.drive_to(1.0, 0.0, 0.0))
+        bench.at(2.0, lambda: bench.emergency(False))
+        bench.at(2.5, bench.let_go)
+        bench.run(5.0)
+        assert bench.state == 'stopped: e-stop, not released yet'
+        assert bench.all_commands == []
+        bench.drive_to(1.0, 0.0, 0.0)
+        bench.run(10.0)
+        assert bench.state == 'done'
+
+
+def test_a_plan_that_is_taken_back_says_so(bench: Bench) -> None:
+    bench.at(0.5, lambda: bench.follow((0.0, 0.0, 0.0), (2.0, 0.0, 0.0)))
+    bench.at(2.0, bench.follow)
+    bench.run(4.0)
+    assert bench.state == 'stopped: the planner took the plan back'

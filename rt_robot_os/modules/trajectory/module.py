@@ -71,6 +71,7 @@ class Trajectory(Module):
     path = Input('path', message=_TRIPLETS)
     cancel = Input('trajectory/cancel', message='std_msgs/msg/Bool')
     estop = Input('estop', message='std_msgs/msg/Bool')
+    estop_release = Input('', message='std_msgs/msg/Bool')
     motor_faults = Input('', message='std_msgs/msg/UInt32')
     command = Output('cmd_vel_trajectory', 'geometry_msgs/msg/Twist')
     state = Output('trajectory/state', 'std_msgs/msg/String', tail=_STATE_LENGTH)
@@ -93,6 +94,8 @@ class Trajectory(Module):
         Field('estop_topic', str, '', 'The e-stop of the multiplexer: true ends what is driven, '
               'too; empty: the robot goes on when the e-stop is released, unless it was blocked '
               'for too long'),
+        Field('estop_release_topic', str, '', 'What releases that e-stop: goals that come before '
+              'it are refused; empty: the robot begins with them when it is released'),
         Field('motor_faults_topic', str, '', 'What the motor board says of itself: one that holds '
               'the wheels ends what is driven; empty: the robot is blocked then'),
         *declared(VelocityLimits), *declared(FollowerTuning),
@@ -125,6 +128,8 @@ class Trajectory(Module):
         self._follower = Follower(make_controller(settings['law'], settings))
         self._whereabouts: Whereabouts | None = None
         self._faults: Subscription | None = None
+        self._release: Subscription | None = None
+        self._is_pressed = self._is_stopped = False
         self._held_by = ''
         self._told = ''
         self._told_ns = 0
@@ -163,6 +168,8 @@ class Trajectory(Module):
         # Looked up once: to ask which ports there are costs more than a step.
         self._ends: list[tuple[str, Subscription]] = [
             (why, getattr(self, port)) for port, why in _ENDS.items() if self.connected(port)]
+        self._release = (self.estop_release if self.connected('estop_release')
+                         and self.connected('estop') else None)
         self._faults = self.motor_faults if self.connected('motor_faults') else None
         self._whereabouts = Whereabouts(self.pose, self.odom)
         self._apply()
@@ -240,16 +247,26 @@ class Trajectory(Module):
                 newest = source.stamp_ns, wish, source
         for why, source in self._ends:
             while source.take():
+                if why == _ENDS['estop']:
+                    self._is_pressed = bool(source.msg.data)
+                    self._is_stopped |= self._is_pressed and self._release is not None
                 if source.msg.data and (newest is None or source.stamp_ns >= newest[0]):
                     newest = None
                     if self._follower.driving:
                         self._cancelled += 1
                         self._follower.stop(why)
+        while self._release is not None and self._release.take():
+            if self._release.msg.data:
+                self._is_stopped = self._is_pressed  # as the multiplexer takes it
         if newest is None:
             return
         self._goals += 1
         try:
             poses = self._goal_poses() if newest[1] == 'goal' else _triplets(newest[2].msg)
+            if newest[1] == 'plan' and not poses:
+                raise PathError('the planner took the plan back')
+            if self._is_stopped:
+                problem = 'e-stop, not released yet'
             if problem:
                 raise PathError(problem)
             self._follower.go(poses, pose, velocity)
