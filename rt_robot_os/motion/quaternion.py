@@ -77,8 +77,13 @@ def from_up(up: Vector) -> Quaternion | None:
     if not length > 1e-9:
         return None
     x, y, z = x / length, y / length, z / length
-    if z < -0.999999:
+    aside = math.sqrt(x * x + y * y)
+    if aside == 0.0 and z < 0.0:
         return 1.0, 0.0, 0.0, 0.0  # upside down: there is no shortest one
+    if z < -0.9:  # 1 + z would be a difference of nearly equal numbers
+        half = math.atan2(aside, z) / 2
+        scale = math.sin(half) / aside
+        return y * scale, -x * scale, 0.0, math.cos(half)
     w = math.sqrt((1 + z) / 2)
     return y / (2 * w), -x / (2 * w), 0.0, w
 

@@ -82,6 +82,7 @@ def test_a_stopped_ros_side_loses_only_its_own_samples(world: Any, until: Until)
         'rate_hz: 200.0', 'rate_hz: 400.0').replace(
         'spawn: false', 'spawn: false, link_gather_ms: 0.0'))
     with watch:
+        until(lambda: mirrors_of(watch, 'robot'), 'the mirror, which is asked for after that')
         before = guard_of(watch)
         robot.process.send_signal(signal.SIGSTOP)
         until(lambda: guard_of(watch).runs > before.runs + 400, '400 more jobs', 60.0)

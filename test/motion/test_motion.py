@@ -33,6 +33,8 @@ from rt_robot_os.motion.differential import tick_difference
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.quaternion import from_up
+from rt_robot_os.motion.quaternion import rotate
 
 ANGLES = st.floats(-1.5, 1.5)
 SPEEDS = st.floats(-3.0, 3.0)
@@ -105,3 +107,14 @@ def test_an_arc_in_pieces_ends_where_it_ends_at_once(distance: float, turn: floa
 @given(st.integers(0, 65535), st.integers(-32768, 32767))
 def test_a_counter_that_wraps_loses_no_tick(old: int, step: int) -> None:
     assert tick_difference((old + step) & 0xFFFF, old, 16) == step
+
+
+@given(st.floats(0.0, math.pi), ANGLES)
+def test_the_shortest_turn_upright_is_exact_also_for_what_is_nearly_upside_down(
+        tilt: float, direction: float) -> None:
+    for angle in (tilt, math.pi - tilt * 1e-9):
+        up = (math.sin(angle) * math.cos(direction), math.sin(angle) * math.sin(direction),
+              math.cos(angle))
+        q = from_up(up)
+        assert q is not None
+        assert rotate(q, up) == pytest.approx((0.0, 0.0, 1.0), abs=1e-12)

@@ -41,13 +41,15 @@ SAID = ('0.5 host->board 620d\n0.501 board->host 35373630300d0a\n'
         '0.7 host->board 650d\n0.701 board->host 3020300d0a\n')
 
 
-def evaluated(path: Path) -> Any:
+def verdicts(path: Path) -> set[Verdict]:
+    """Say how a recording compares; times of frames are not measured here."""
     options = Options(0.1, 1, data=str(path))
     runs = {run.key: run for run in CASE.plan(options)}
     outcomes = Outcomes(tuple(runs.values()))
     measured = worker.recorded(Harness(runs['recording'].arguments, -2, 0, path.parent))
     outcomes.add('recording', Outcome(Status.OK, '', measured.samples, measured.figures))
-    return CASE.evaluate(options, outcomes)
+    return {aim.verdict for aim in CASE.evaluate(options, outcomes).aims
+            if aim.verdict is not Verdict.UNKNOWN}
 
 
 def test_every_sentence_of_the_collection_is_read_right(data_dir: Path) -> None:
@@ -62,19 +64,17 @@ def test_every_sentence_of_the_collection_is_read_right(data_dir: Path) -> None:
 def test_a_sentence_that_means_something_else_is_a_miss(tmp_path: Path) -> None:
     path = tmp_path / 'own.json'
     path.write_text(json.dumps([GOOD, {**GOOD, 'landmarks': [[148, 0, 0, 0, 0]]}]))
-    aims = evaluated(path).aims
-    assert [aim.verdict for aim in aims] == [Verdict.MISSED, Verdict.MISSED]
+    assert verdicts(path) == {Verdict.MISSED}
     path.write_text(json.dumps([GOOD]))
-    assert {aim.verdict for aim in evaluated(path).aims} == {Verdict.REACHED}
+    assert verdicts(path) == {Verdict.REACHED}
 
 
 def test_the_answers_of_a_board_are_compared(tmp_path: Path) -> None:
     path = tmp_path / 'board.txt'
     path.write_text(SAID)
-    result = evaluated(path)
-    assert {aim.verdict for aim in result.aims} == {Verdict.REACHED}
+    assert verdicts(path) == {Verdict.REACHED}
     path.write_text(SAID.replace('35373630300d0a', '39363030ff0d0a'))
-    assert {aim.verdict for aim in evaluated(path).aims} == {Verdict.MISSED}
+    assert verdicts(path) == {Verdict.MISSED}
 
 
 def test_the_real_firmware_answers_as_the_twin_does(data_dir: Path) -> None:

@@ -33,6 +33,8 @@ _WORKERS = 'rt_robot_os.tools.bench.workers.devices'
 _STEPS, _RECORDED = 'steps', 'recording'
 _START_S = 1.5
 _PS_PER_US = 1e6
+# Twenty sentences or fifty counts a second are then at most 0.1 % of a CPU.
+_FRAME_LIMIT_US = 20.0
 _FRAMES = (('stargazer old', 'StarGazer, old form: one mark'),
            ('stargazer single', 'StarGazer, single form: one mark'),
            ('stargazer multi', 'StarGazer, multi form: two marks'),
@@ -88,7 +90,10 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
              'unlike': 'answers of the twin that differ'}
     known = {name for outcome in outcomes.measured(_RECORDED) for name in outcome.figures}
     return [Aim(text, 0.0, outcomes.metric(_RECORDED, _figure(name)), '')
-            for name, text in named.items() if name in known]
+            for name, text in named.items() if name in known] + [
+        Aim(f'frame of {label}', _FRAME_LIMIT_US,
+            outcomes.metric(_STEPS, common.part_of(name, 0.5, _PS_PER_US)), 'us',
+            why=common.disturbances(outcomes, _STEPS)) for name, label in _FRAMES]
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
