@@ -21,7 +21,10 @@ Run it on a quiet machine, with the right to SCHED_FIFO. It runs the real core o
 configuration that needs no hardware; what is given as CONFIGURATION is measured besides. A time in
 the table is the 99.9th percentile of the run that was disturbed least, times FACTOR: what others
 compute, on this machine or on one that shares it, only ever makes jobs longer. Of link/service it is
-the median: it is released by each sample, and its longest jobs answer requests.
+the median: it is released by each sample, and its longest jobs answer requests. How often bytes
+release a motor board for each sample is entered by hand afterwards, 1 or 2: an answer that comes in
+a dozen pieces costs little more than one that comes at once. So are the modules of a robot that
+drives, measured while it does.
 """
 
 from __future__ import annotations
@@ -120,7 +123,8 @@ def main() -> int:
     arguments = parser.parse_args()
     times: Times = {}
     # The link costs the more the more there is to mirror: of each task the dearest robot counts.
-    paths = [CONFIG / f'{name}.yaml' for name in ('robot', 'all_devices', 'camera')]
+    paths = [CONFIG / f'{name}.yaml' for name in ('robot', 'all_devices', 'camera',
+                                                'service_robot')]
     per_robot: list[dict[tuple[str, str], list[float]]] = []
     for path in (*paths, *arguments.more):
         settings = load([path], {'core.scheduler_priority': 95})
