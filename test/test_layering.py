@@ -31,6 +31,7 @@ LAYERS = (
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'plugins', 'programs'),
     ('motion',),
+    ('wsn',),
     ('linux',),
     ('kernel',),
     ('dumps',),
@@ -56,11 +57,12 @@ RANK = {name: row for row, names in enumerate(LAYERS) for name in names}
 TWIN = re.compile(r'devices\.\w+\.twin(_\w+)?')
 TWIN_MAY_IMPORT = re.compile(
     r'devices\.(\w+\.(twin(_\w+)?|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
-    r'|(errors|linux|motion|plugins|reports|schema|sim|units)(\..*)?')
+    r'|(errors|linux|motion|plugins|reports|schema|sim|units|wsn)(\..*)?')
 # The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
 # declares names, for every process, and imports nothing.
 WIRE = re.compile(r'devices\.\w+\.(wire|mtdata2|rtcm)')
-WIRE_MAY_IMPORT = re.compile(r'devices\.(\w+\.(wire|mtdata2|rtcm)|framing|partial_sums)|units')
+WIRE_MAY_IMPORT = re.compile(r'devices\.(\w+\.(wire|mtdata2|rtcm)|framing|partial_sums)'
+                             r'|units|wsn\.packets(\..*)?')
 # The frame of the twins finds them in the table of devices, which names drivers and imports none.
 TABLE = f'{PACKAGE}.devices.table'
 MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', 'sim', 'testing')
