@@ -73,6 +73,7 @@ setup(
             'robot = rt_robot_os.clients.ros.program:main',
             'simulator = rt_robot_os.sim.program:main',
             'top = rt_robot_os.clients.top.program:main',
+            'wsn = rt_robot_os.tools.wsn.program:main',
         ],
     },
 )

@@ -45,7 +45,7 @@ LAYERS = (
     ('core',),
     ('clients.recording',),
     ('clients.ros',),
-    ('clients.parameters', 'tools.black_box', 'tools.doctor', 'tools.new'),
+    ('clients.parameters', 'tools.black_box', 'tools.doctor', 'tools.new', 'tools.wsn'),
     ('tools.bench',),
     ('program',),
     ('testing',),
