@@ -25,6 +25,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 from dataclasses import is_dataclass
+from dataclasses import replace
 from enum import Enum
 from types import MappingProxyType
 from typing import Any
@@ -223,20 +224,28 @@ class MirrorSettings:
     """
     A topic of the core mirrored to or from a ROS topic.
 
-    :ivar name: its section.
+    :ivar name: its section; all topics that one pattern stands for have the same.
     :ivar message: the type of the topic in the core.
     :ivar core_frame_id: the frame that all messages of the topic in the core are in.
+    :ivar pattern: what was written as ``topic``, such as ``wsn/*``; empty where it names one.
+    :ivar ros_pattern: what was written as ``ros_topic`` beside it.
     :ivar ros_topic: as the user wrote it; relative names follow the node's namespace.
     :ivar reliability: never ``auto``: that is decided when it is made.
     """
 
     name: str
-    topic: str = setting(REQUIRED, 'the topic in the core')
+    topic: str = setting(
+        REQUIRED, 'the topic in the core; each * stands for any text: wsn/* goes to ROS with all '
+        'topics that begin so and that no other mirror names or has matched before')
     message: str
     core_frame_id: str = ''
+    pattern: str = ''
+    ros_pattern: str = ''
     direction: str = setting(
         'out', 'where it goes: out to ROS or in from it', choices=('out', 'in'))
-    ros_topic: str = setting('', 'the topic in ROS; the same name when absent')
+    ros_topic: str = setting(
+        '', 'the topic in ROS; the same name when absent; beside a topic with * it has as many, '
+        'for the same texts')
     policy: str = setting(
         Policy.DRAIN.value, 'what is handed on: drain every sample, latest the newest',
         choices=_values(Policy), live=True)
@@ -272,6 +281,11 @@ class MirrorSettings:
         if self.reliability == 'auto':
             hears_all = self.direction == 'in' and self.durability == 'volatile'
             object.__setattr__(self, 'reliability', 'best_effort' if hears_all else 'reliable')
+
+    def as_written(self) -> MirrorSettings:
+        """Return it with the pattern that it comes from in place of the topic."""
+        return replace(self, topic=self.pattern, ros_topic=self.ros_pattern
+                       ) if self.pattern else self
 
 
 @dataclass(frozen=True, slots=True)

@@ -199,7 +199,7 @@ def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDes
     for field in declared(RobotSettings):
         value = getattr(settings, field.name)
         if field.name in LISTS:
-            value = [part.name for part in value]
+            value = [*dict.fromkeys(part.name for part in value)]
         yield _entry(field.name, value, field)
     for name in SECTIONS:
         yield from _attributes(name, getattr(settings, name))
@@ -213,8 +213,8 @@ def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDes
         yield from _of_module(module, catalogue.modules.find(module.type))
     for topic in settings.topics:
         yield from _of_topic(topic)
-    for mirror in settings.mirrors:
-        yield from _attributes(mirror.name, mirror)
+    for name, mirror in {each.name: each for each in settings.mirrors}.items():
+        yield from _attributes(name, mirror.as_written())
 
 
 def _entry(name: str, value: Any, field: Field) -> ParameterDescription:

@@ -26,6 +26,8 @@ from rt_robot_os.schema import declared
 from rt_robot_os.schema import made
 from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
+from rt_robot_os.settings.mirror_patterns import expanded
+from rt_robot_os.settings.mirror_patterns import is_pattern
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import MirrorSettings
@@ -86,10 +88,12 @@ def read_robot(
     table = TopicTable(loose=named.loose, complete=not named.loose)
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
-    check_mirrors(mirrors, table, namespace, node, problems)
+    single = expanded(mirrors, table, problems)
+    check_mirrors(single, table, namespace, node, problems)
     check_tasks(at_work, modules_at_work, uses, sections['core'], sections['watchdog'],
                 problems)
     problems.raise_any()
+    patterns = {each.name: each for each in mirrors if is_pattern(each.values['topic'])}
     robot: RobotSettings = made(
         RobotSettings, top.values,
         **{name: made(kind, frozen(sections[name].values)) for name, kind in SECTIONS.items()},
@@ -98,16 +102,21 @@ def read_robot(
         topics=(*(made(TopicSettings, section.values, name=section.name,
                        fixed=frozen(section.values['fixed'])) for section in topics),
                 *_silent_topics([*devices, *modules], topics, uses)),
-        mirrors=tuple(_mirror(section, table) for section in mirrors),
+        mirrors=tuple(_mirror(section, table, patterns) for section in single),
         frames=frames)
     return robot
 
 
-def _mirror(section: Section, table: TopicTable) -> MirrorSettings:
+def _mirror(section: Section, table: TopicTable, patterns: Mapping[str, Section]
+            ) -> MirrorSettings:
+    """Make the settings of one; that of a pattern keeps what was written."""
     topic: str = section.values['topic']
+    written = patterns.get(section.name)
+    kept = {} if written is None else {
+        'pattern': written.values['topic'], 'ros_pattern': written.values['ros_topic']}
     mirror: MirrorSettings = made(
         MirrorSettings, section.values, name=section.name, message=table.message(topic),
-        core_frame_id=table.frame_id(topic))
+        core_frame_id=table.frame_id(topic), **kept)
     return mirror
 
 

@@ -23,6 +23,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from dataclasses import field
 import os
+from typing import Final
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.link.conversions import find as find_conversion
@@ -47,6 +48,10 @@ from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
+
+
+# What a mirror loses when it is wrong.
+_CHECKED: Final = frozenset({'topic', 'ros_topic', 'as', 'stamped', 'frame_id'})
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,33 +240,45 @@ def check_mirrors(
 ) -> None:
     """Find mirrors of nothing, two mirrors onto one ROS topic, mirrors that hear themselves."""
     taken: dict[tuple[str, str], Section] = {}
+    told: set[str] = set()  # of the many that one section stands for the first problem will do
     for mirror in mirrors:
-        values = mirror.values
-        topic, direction = values.get('topic'), values.get('direction')
-        if topic is None or not _check_core_topic(mirror, topic, table, problems):
+        if mirror.name in told:
             continue
-        _check_stamped(mirror, topic, table, problems)
-        joined = _check_conversion(mirror, topic, table, problems) == TRANSFORMS
-        ros_topic = values.get('ros_topic')
-        if ros_topic is None or direction is None:
-            continue
-        key = 'ros_topic' if ros_topic else 'topic'
-        wrong = ros_topic_problem(ros_topic) if ros_topic else None
-        if wrong:
-            mirror.reject('ros_topic', wrong, problems)
-            continue
-        full = full_topic(ros_topic or ('/tf' if joined else topic), namespace, node)
-        label, origin = f'{mirror.name}.{key}', mirror.where(key)
-        same = taken.setdefault((full, direction), mirror)
-        if same is not mirror and not (joined and same.values.get('as') == TRANSFORMS):
-            problems.value(origin, label, ros_topic or topic,
-                           f'mirror {same.name} ({same.origin}) has {full} {direction} already: '
-                           'give each its own')
-        opposite = taken.get((full, 'in' if direction == 'out' else 'out'))
-        if opposite is not None:
-            problems.value(origin, label, ros_topic or topic,
-                           f'mirror {opposite.name} ({opposite.origin}) has {full} the other way: '
-                           'it would hear itself, give each its own')
+        _check_mirror(mirror, table, taken, (namespace, node), problems)
+        if not _CHECKED <= mirror.values.keys():
+            told.add(mirror.name)
+
+
+def _check_mirror(
+    mirror: Section, table: TopicTable, taken: dict[tuple[str, str], Section],
+    node: tuple[str, str], problems: Problems,
+) -> None:
+    values = mirror.values
+    topic, direction = values.get('topic'), values.get('direction')
+    if topic is None or not _check_core_topic(mirror, topic, table, problems):
+        return
+    _check_stamped(mirror, topic, table, problems)
+    joined = _check_conversion(mirror, topic, table, problems) == TRANSFORMS
+    ros_topic = values.get('ros_topic')
+    if ros_topic is None or direction is None:
+        return
+    key = 'ros_topic' if ros_topic else 'topic'
+    wrong = ros_topic_problem(ros_topic) if ros_topic else None
+    if wrong:
+        mirror.reject('ros_topic', wrong, problems)
+        return
+    full = full_topic(ros_topic or ('/tf' if joined else topic), *node)
+    label, origin = f'{mirror.name}.{key}', mirror.where(key)
+    same = taken.setdefault((full, direction), mirror)
+    if same is not mirror and not (joined and same.values.get('as') == TRANSFORMS):
+        problems.value(origin, label, ros_topic or topic,
+                       f'mirror {same.name} ({same.origin}) has {full} {direction} already: '
+                       'give each its own')
+    opposite = taken.get((full, 'in' if direction == 'out' else 'out'))
+    if opposite is not None:
+        problems.value(origin, label, ros_topic or topic,
+                       f'mirror {opposite.name} ({opposite.origin}) has {full} the other way: '
+                       'it would hear itself, give each its own')
 
 
 def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Problems) -> None:

@@ -22,8 +22,12 @@ from typing import Any
 import pytest
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load
 from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.settings import RobotParameters
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
 import yaml
 
 pytest.importorskip('geometry_msgs.msg', reason='the ROS 2 messages are not installed')
@@ -107,6 +111,82 @@ def test_one_topic_of_ros_still_has_one_mirror_otherwise(tmp_path: Path) -> None
     with pytest.raises(ConfigError, match='mirror a .* has /tf out already'):
         ways(tmp_path, a={'topic': 'odom_to_base', 'as': 'tf2_msgs/msg/TFMessage'},
              b={'topic': 'map_to_odom', 'ros_topic': '/tf'})
+
+
+# ---- many topics at once ---------------------------------------------------------------------
+
+HOUSE = {name: {'topic': topic, 'message': message} for name, topic, message in (
+    ('warmth', 'wsn/kitchen/temperature', 'std_msgs/msg/Float64'),
+    ('more', 'wsn/hall/temperature', 'std_msgs/msg/Float64'),
+    ('damp', 'wsn/hall/humidity', 'std_msgs/msg/Float64'),
+    ('order', 'wsn/command', 'geometry_msgs/msg/Twist'),
+    ('other', 'speed', 'geometry_msgs/msg/Twist'))}
+
+
+def house(folder: Path, **mirrors: Any) -> RobotSettings:
+    path = folder / 'robot.yaml'
+    path.write_text(yaml.safe_dump({'robot': {'ros__parameters': {
+        'topics': [*HOUSE], 'mirrors': [*mirrors], **HOUSE, **mirrors}}}, sort_keys=False))
+    return load([path])
+
+
+def pairs(robot: RobotSettings) -> list[tuple[str, str, str]]:
+    return [(m.name, m.topic, m.ros_topic) for m in robot.mirrors]
+
+
+def test_a_star_stands_for_all_topics_that_match(tmp_path: Path) -> None:
+    found = house(tmp_path, all={'topic': 'wsn/*', 'depth': 3})
+    assert pairs(found) == [('all', each['topic'], each['topic']) for each in HOUSE.values()
+                            if each['topic'].startswith('wsn/')]
+    assert {mirror.depth for mirror in found.mirrors} == {3}
+
+
+def test_a_topic_goes_to_the_mirror_that_names_it_then_to_the_first_pattern(tmp_path: Path
+                                                                            ) -> None:
+    found = house(tmp_path, hall={'topic': 'wsn/hall/*', 'ros_topic': 'entrance/*'},
+                  all={'topic': '*'}, orders={'topic': 'wsn/command', 'direction': 'in'})
+    assert pairs(found) == [
+        ('hall', 'wsn/hall/temperature', 'entrance/temperature'),
+        ('hall', 'wsn/hall/humidity', 'entrance/humidity'),
+        ('all', 'wsn/kitchen/temperature', 'wsn/kitchen/temperature'),
+        ('all', 'speed', 'speed'), ('orders', 'wsn/command', 'wsn/command')]
+
+
+def test_two_stars_keep_their_order(tmp_path: Path) -> None:
+    found = house(tmp_path, a={'topic': 'wsn/*/t*', 'ros_topic': '/house/*/x*'})
+    assert [each.ros_topic for each in found.mirrors] == [
+        '/house/kitchen/xemperature', '/house/hall/xemperature']
+
+
+@pytest.mark.parametrize(('values', 'problem'), [
+    ({'topic': 'wsn/hal/*'}, r"a.topic = 'wsn/hal/\*': no topic matches, did you mean 'wsn/hall"),
+    ({'topic': 'wsn//*'}, r"a.topic = 'wsn//\*': must be names of"),
+    ({'topic': 'wsn/*', 'direction': 'in'}, r'a.topic = .*\* is for what goes out'),
+    ({'topic': 'wsn/*', 'ros_topic': 'house'}, r'a.ros_topic = .*as many \* as topic'),
+    ({'topic': 'wsn/*', 'ros_topic': 'house *'}, r'a.ros_topic = .*must be names of'),
+    ({'topic': 'speed', 'ros_topic': 'x/*'}, r"a.ros_topic = 'x/\*': must be names of"),
+    ({'topic': 'spee*', 'as': 'nav_msgs/msg/Path'}, "a.as = .*'speed' is a geometry_msgs"),
+    ({'topic': 'wsn/*', 'stamped': True}, "a.stamped = .*'wsn/kitchen/temperature' is a")])
+def test_a_pattern_that_cannot_be_is_told_once(
+        tmp_path: Path, values: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem) as found:
+        house(tmp_path, a=values)
+    assert len(found.value.problems) == 1
+
+
+def test_a_pattern_without_anything_left_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match='each topic that matches has a mirror of its own'):
+        house(tmp_path, a={'topic': 'wsn/*'}, b={'topic': 'wsn/h*'})
+
+
+def test_a_pattern_is_one_parameter_and_a_change_is_for_all(tmp_path: Path) -> None:
+    found = RobotParameters(house(tmp_path, a={'topic': 'wsn/*', 'ros_topic': 'x/*'}))
+    assert found.known['mirrors'].value == ['a']
+    assert (found.known['a.topic'].value, found.known['a.ros_topic'].value) == ('wsn/*', 'x/*')
+    assert found.refusal('a.max_rate_hz', 2.0) is None
+    found.set('a.max_rate_hz', 2.0)
+    assert {each.max_rate_hz for each in found.settings.mirrors} == {2.0}
+    assert from_json(to_json(found.settings)).mirrors == found.settings.mirrors
 
 
 def test_commands_with_a_header_are_a_setting_away() -> None:

@@ -301,9 +301,9 @@ class Mirrors:
 
         :raises LinkError: the core refuses.
         """
-        wanted = {mirror.name: mirror for mirror in settings}
+        wanted = {(mirror.name, mirror.topic): mirror for mirror in settings}
         for out in self.outward:
-            new = wanted[out.settings.name]
+            new = wanted[out.settings.name, out.settings.topic]
             if new != out.settings and self._client is not None and self.active:
                 self._ask(self._client, new)
             out.settings = new

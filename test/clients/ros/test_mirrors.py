@@ -87,6 +87,17 @@ def test_only_what_differs_is_asked_for(both: tuple[MirrorSettings, ...]) -> Non
     assert client.asked == [('b', 'drain', 5.0)]
 
 
+def test_mirrors_of_one_pattern_follow_each_for_itself(both: tuple[MirrorSettings, ...]) -> None:
+    client = Client()
+    same = tuple(replace(each, name='all', pattern='*', ros_pattern='') for each in both)
+    mirrors = made(same, client)
+    mirrors.activate()
+    client.asked.clear()
+    mirrors.follow(tuple(replace(each, max_rate_hz=5.0) for each in same))
+    assert client.asked == [('a', 'drain', 5.0), ('b', 'drain', 5.0)]
+    assert [out.settings.topic for out in mirrors.outward] == ['a', 'b']
+
+
 def test_a_change_outlasts_the_connection_and_a_pause(both: tuple[MirrorSettings, ...]) -> None:
     first, second = Client(), Client()
     mirrors = made(both, first)
