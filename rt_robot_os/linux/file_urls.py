@@ -20,6 +20,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.linux.folders import read_file
 
 
 def path_of(url: str, key: str) -> Path:
@@ -42,3 +43,22 @@ def path_of(url: str, key: str) -> Path:
     if '://' in url:
         raise ConfigError([f'{key} = {url!r}: give a path, file:// or package://'])
     return Path(url).expanduser()
+
+
+def text_of(url: str, key: str, wanted: str) -> tuple[Path, str]:
+    """
+    Read a file of text; not for the real-time loop.
+
+    :param key: of the setting that names it, for the errors.
+    :param wanted: what the file should be, for the errors, such as ``a YAML file with nodes``.
+    :return: where it is, and what it says.
+    :raises ConfigError: it cannot be read; says what to do.
+    """
+    path = path_of(url, key)
+    try:
+        return path, read_file(path).decode('utf-8-sig')
+    except OSError as error:
+        raise ConfigError([f'{key} = {url!r}: {error.strerror}: give the path of {wanted}'
+                           ]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError([f'{key} = {url!r} is no text: give {wanted}']) from error

@@ -17,8 +17,7 @@
 from __future__ import annotations
 
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.file_urls import path_of
-from rt_robot_os.linux.folders import read_file
+from rt_robot_os.linux.file_urls import text_of
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import read_landmarks
 
@@ -32,12 +31,5 @@ def load_landmarks(url: str, key: str) -> dict[int, Landmark]:
     :return: by number.
     :raises ConfigError: it cannot be read; names the file, the place in it and what to do.
     """
-    path = path_of(url, key)
-    try:
-        text = read_file(path).decode('utf-8-sig')
-    except OSError as error:
-        raise ConfigError([f'{key} = {url!r}: {error.strerror}: give the path of a CSV or YAML '
-                           'file of landmarks']) from error
-    except UnicodeDecodeError as error:
-        raise ConfigError([f'{key} = {url!r} is no text: give a CSV or YAML file']) from error
+    path, text = text_of(url, key, 'a CSV or YAML file of landmarks')
     return read_landmarks(text, str(path))

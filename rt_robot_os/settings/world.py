@@ -102,15 +102,15 @@ def check_world(tree: Branch, section: Section, problems: Problems) -> None:
     if not isinstance(branch, Branch):
         return
     # Late: the core reads its settings as JSON, and all that it imports is locked in memory.
+    from rt_robot_os.sim.world.scene import clashes
     from rt_robot_os.sim.world.scene import READERS
-    from rt_robot_os.sim.world.scene import twice
     for key, reader in READERS.items():
         leaf = branch.children.get(key)
         if not isinstance(leaf, Leaf) or key not in section.values:
             continue
         things = _things(leaf, key, reader, section.values[key], problems)
-        if (name := twice(key, things)) is not None:
-            problems.add(leaf.origin, f'{SECTION}.{key}: {name} is there twice')
+        for text in clashes(key, things):
+            problems.add(leaf.origin, text)
     if not problems:
         _check_whole(section, problems)
 

@@ -74,7 +74,8 @@ class WorldSettings:
     landmarks: tuple[str, ...] = setting(
         (), 'marks on the ceiling: number, x, y, yaw; such as "24836 1.5 2.0 0.0"')
     nodes: tuple[str, ...] = setting(
-        (), 'wireless nodes: name, x, y, height; such as "hall 3.0 1.5 2.2"')
+        (), 'wireless nodes: name x y height [id N] [quantity ...], such as "hall 3.0 1.5 2.2"; '
+        'numbers count from 1 where a text says none')
     light_lux: float = setting(150.0, 'light everywhere', 'lx', 0.0, 1e6)
     lights: tuple[str, ...] = setting(
         (), 'lamps and windows: x, y, lx that each adds below it; such as "2.0 3.0 400"')

@@ -24,6 +24,10 @@ import re
 from typing import Any
 from typing import Final
 
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.wsn.survey import node
+from rt_robot_os.wsn.survey import numbered
+
 # Farther away than anything in a map.
 _FARTHEST: Final = 1e6
 _MOST_POINTS: Final = 1000
@@ -53,16 +57,6 @@ class Landmark:
     x: float
     y: float
     yaw: float
-
-
-@dataclass(frozen=True)
-class Node:
-    """A wireless node that hangs somewhere."""
-
-    name: str
-    x: float
-    y: float
-    z: float
 
 
 @dataclass(frozen=True)
@@ -140,12 +134,6 @@ def landmark(text: str) -> Landmark:
     return Landmark(int(number), *place)
 
 
-def node(text: str) -> Node:
-    """Read such as ``hall 3.0 1.5 2.2``; the name may be a number."""
-    numbers = _exactly(text, 1, 'name x y height')
-    return Node(_words(text)[0], *numbers)
-
-
 def lamp(text: str) -> Lamp:
     """Read such as ``2.0 3.0 400``."""
     return Lamp(*_exactly(text, 0, 'x y lux'))
@@ -198,11 +186,18 @@ READERS: Final[Mapping[str, Callable[[str], Any]]] = {
 }
 
 
-def twice(key: str, things: list[Any]) -> str | None:
-    """Return the name or number that two of the things have; None when there is none."""
-    attribute = {'people': 'name', 'landmarks': 'number', 'nodes': 'name'}.get(key)
+def clashes(key: str, things: list[Any]) -> tuple[str, ...]:
+    """Say which of the things of a setting have the same name or number."""
+    where = f'world.{key}'
+    if key == 'nodes':
+        try:
+            numbered(things, where)
+        except ConfigError as error:
+            return error.problems
+    attribute = {'people': 'name', 'landmarks': 'number'}.get(key)
     names = [getattr(thing, attribute) for thing in things] if attribute else []
-    return next((str(name) for name in names if names.count(name) > 1), None)
+    twice = next((name for name in names if names.count(name) > 1), None)
+    return () if twice is None else (f'{where}: {twice} is there twice',)
 
 
 def _name(text: str) -> str:

@@ -49,13 +49,14 @@ from rt_robot_os.sim.world.fields import light_lux
 from rt_robot_os.sim.world.fields import warmth_c
 from rt_robot_os.sim.world.people import Person
 from rt_robot_os.sim.world.people import PERSON_RADIUS_M
+from rt_robot_os.sim.world.scene import clashes
 from rt_robot_os.sim.world.scene import Happening
 from rt_robot_os.sim.world.scene import happening
 from rt_robot_os.sim.world.scene import READERS
-from rt_robot_os.sim.world.scene import twice
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.wsn.survey import numbered
 
 Floats = npt.NDArray[np.float64]
 
@@ -100,7 +101,7 @@ class World:
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
         self.people: tuple[Person, ...] = tuple(map(Person, scene['people']))
         self.landmarks = tuple(scene['landmarks'])
-        self.nodes = tuple(scene['nodes'])
+        self.nodes = numbered(scene['nodes'], 'world.nodes')
         self.lamps = 1.0
         self.base = DriveBase(settings, obstacles=self._obstacles)
         self.time_s = 0.0
@@ -290,8 +291,7 @@ def _scene(settings: WorldSettings) -> Mapping[str, list[Any]]:
                 found[key].append(reader(text))
             except ValueError as error:
                 problems.append(f'world.{key}: {text!r}: {error}')
-        if (name := twice(key, found[key])) is not None:
-            problems.append(f'world.{key}: {name} is there twice')
+        problems += clashes(key, found[key])
     for key, count in (('start', 3), ('wheel_radius_error', 2)):
         if len(getattr(settings, key)) != count:
             problems.append(f'world.{key}: must be {count} numbers')
