@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.linux.file_urls import text_of
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import read_landmarks

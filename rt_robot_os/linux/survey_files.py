@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.linux.file_urls import text_of
 from rt_robot_os.wsn.survey import read_survey
 from rt_robot_os.wsn.survey import SurveyedNode
