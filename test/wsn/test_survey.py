@@ -107,6 +107,7 @@ def test_a_world_tells_two_nodes_of_one_number() -> None:
 
 @pytest.mark.parametrize(('name', 'value', 'fits'), [
     ('temperature', 21.5, True), ('temperature', math.nan, False), ('pulse_per_min', 0.0, False),
-    ('spo2_percent', 101.0, False), ('soil_percent', 1e9, True), ('soil_percent', math.inf, False)])
+    ('spo2_percent', 101.0, False), ('soil_percent', 1e9, True),
+    ('soil_percent', math.inf, False)])
 def test_what_no_sensor_says_is_not_plausible(name: str, value: float, fits: bool) -> None:
     assert quantity(name).plausible(value) == fits
