@@ -23,6 +23,7 @@ It gives the same map and the same plan each time. All lengths are in m; x goes 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Sequence
 import math
 from pathlib import Path
 
@@ -83,29 +84,14 @@ RUN = ((3.44, 1.00), (3.44, 2.30))
 EIGHT = (3.7, 2.6, 2.0, 1.0)
 
 
+Box = tuple[float, float, float, float]
+
+
 def made() -> GridMap:
     """Draw the flat."""
-    shape = (round((HEIGHT_M + 2 * MARGIN_M) / RESOLUTION_M),
-             round((WIDTH_M + 2 * MARGIN_M) / RESOLUTION_M))
-    empty = GridMap(np.full(shape, -1), RESOLUTION_M, (-MARGIN_M, -MARGIN_M, 0.0))
-    x, y = empty.centres()
-    cells = empty.cells.copy()
-
-    def fill(box: tuple[float, float, float, float], value: int) -> None:
-        left, bottom, right, top = box
-        cells[(x > left) & (x < right) & (y > bottom) & (y < top)] = value
-
-    fill((0.0, 0.0, WIDTH_M, HEIGHT_M), 0)
-    for box in WALLS:
-        fill(box, 100)
-    for box in DOORS:
-        fill(box, 0)
-    for box in FURNITURE:
-        fill(box, 100)
-    for left, bottom, wide, deep in LEGS:
-        for a in (left, left + wide - RESOLUTION_M):
-            for b in (bottom, bottom + deep - RESOLUTION_M):
-                fill((a, b, a + RESOLUTION_M, b + RESOLUTION_M), 100)
+    grid = built((WIDTH_M, HEIGHT_M), WALLS, DOORS, FURNITURE, LEGS)
+    x, y = grid.centres()
+    cells = grid.cells.copy()
     for middle_x, middle_y, radius in ROUND:
         cells[np.hypot(x - middle_x, y - middle_y) < radius] = 100
     for middle_x, middle_y, long, wide, slant in SLANTED:
@@ -113,6 +99,34 @@ def made() -> GridMap:
         along = np.cos(slant) * dx + np.sin(slant) * dy
         across = np.cos(slant) * dy - np.sin(slant) * dx
         cells[(abs(along) < long) & (abs(across) < wide)] = 100
+    return GridMap(cells, RESOLUTION_M, grid.origin)
+
+
+def built(size_m: tuple[float, float], walls: Sequence[Box], doors: Sequence[Box],
+          furniture: Sequence[Box], legs: Sequence[Box] = ()) -> GridMap:
+    """
+    Draw walls with doors, and what stands about; a margin around them is unknown.
+
+    :param legs: a corner, how wide and how deep: of tables and chairs there are four legs.
+    """
+    shape = (round((size_m[1] + 2 * MARGIN_M) / RESOLUTION_M),
+             round((size_m[0] + 2 * MARGIN_M) / RESOLUTION_M))
+    empty = GridMap(np.full(shape, -1), RESOLUTION_M, (-MARGIN_M, -MARGIN_M, 0.0))
+    x, y = empty.centres()
+    cells = empty.cells.copy()
+
+    def fill(box: Box, value: int) -> None:
+        left, bottom, right, top = box
+        cells[(x > left) & (x < right) & (y > bottom) & (y < top)] = value
+
+    fill((0.0, 0.0, *size_m), 0)
+    for boxes, value in ((walls, 100), (doors, 0), (furniture, 100)):
+        for box in boxes:
+            fill(box, value)
+    for left, bottom, wide, deep in legs:
+        for a in (left, left + wide - RESOLUTION_M):
+            for b in (bottom, bottom + deep - RESOLUTION_M):
+                fill((a, b, a + RESOLUTION_M, b + RESOLUTION_M), 100)
     return GridMap(cells, RESOLUTION_M, empty.origin)
 
 
