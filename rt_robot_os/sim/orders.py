@@ -43,6 +43,7 @@ WHERE: Final = 'where'
 
 _NAME: Final = '.orders'
 _LONGEST: Final = 4096
+_LONGEST_ANSWER: Final = 65536
 _PATIENCE_S: Final = 5.0
 _DONE: Final = b'ok '
 
@@ -109,7 +110,7 @@ class OrderSocket:
             except ConfigError as error:
                 answer = str(error).encode()
             if sender:
-                self._socket.sendto(answer, sender)
+                self._socket.sendto(answer[:_LONGEST_ANSWER], sender)
 
     def close(self) -> None:
         """Take no more; may be called twice."""
@@ -130,7 +131,7 @@ def order(folder: Path, line: str) -> str:
         try:
             mine.bind('')  # Linux gives it a name, for the answer
             mine.sendto(line.encode()[:_LONGEST], str(folder / _NAME))
-            answer = mine.recv(_LONGEST)
+            answer = mine.recv(_LONGEST_ANSWER)
         except OSError as error:
             raise DeviceError(f'{folder}: no simulated devices take orders there '
                               f'({error}): is the robot running, and simulated?') from error

@@ -74,8 +74,8 @@ class WorldSettings:
     landmarks: tuple[str, ...] = setting(
         (), 'marks on the ceiling: number, x, y, yaw; such as "24836 1.5 2.0 0.0"')
     nodes: tuple[str, ...] = setting(
-        (), 'wireless nodes: name x y height [id N] [quantity ...], such as "hall 3.0 1.5 2.2"; '
-        'numbers count from 1 where a text says none')
+        (), 'wireless nodes: name x y height [id N] [on PERSON] [quantity ...], such as "hall 3.0 '
+        '1.5 2.2"; numbers count from 1 where a text says none; who wears one carries it about')
     light_lux: float = setting(150.0, 'light everywhere', 'lx', 0.0, 1e6)
     lights: tuple[str, ...] = setting(
         (), 'lamps and windows: x, y, lx that each adds below it; such as "2.0 3.0 400"')
@@ -86,4 +86,5 @@ class WorldSettings:
     events: tuple[str, ...] = setting(
         (), 'what happens, in seconds after the start: "kidnap X Y YAW at S", "person NAME X Y at '
         'S [for S]" (stands there), "walk NAME at S", "slip SHARE at S [for S]", "lamp SHARE at S '
-        '[for S]"')
+        '[for S]", "node NAME off at S [for S]", "node NAME on at S", "node NAME reboot at S", '
+        '"node NAME move X Y at S", "alarm NAME at S [for S]" (a button that is worn)')

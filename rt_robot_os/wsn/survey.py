@@ -15,11 +15,14 @@
 """
 The survey of the sensor nodes: which there are, where each hangs and what it measures.
 
-A node is one text, ``name x y height [id N] [quantity ...]``, such as::
+A node is one text, ``name x y height [id N] [on PERSON] [quantity ...]``, such as::
 
     nodes:
       - hall 3.0 1.5 2.2
       - bed 2.4 6.6 0.8 id 12 pulse_per_min spo2_percent battery
+      - wrist 2.4 3.9 1.0 on anna pulse_per_min alarm
+
+A node that somebody wears is where they are; its place is where it is when they are nowhere.
 
 The same list serves the simulated world, the simulator of networks and the modules that read
 nodes. Numbers of nodes count from 1 in the order of the list where a text does not say another.
@@ -48,8 +51,9 @@ HIGHEST_ID: Final = 65_534
 # No building is larger; a slip of the unit is noticed.
 FARTHEST_M: Final = 1e6
 _MOST_QUANTITIES: Final = 16
-_FORM: Final = 'name x y height [id N] [quantity ...]'
+_FORM: Final = 'name x y height [id N] [on PERSON] [quantity ...]'
 _ID: Final = 'id'
+_ON: Final = 'on'
 _LONGEST_NAME: Final = 64
 _WHOLE: Final = re.compile('[0-9]{1,5}')
 
@@ -64,6 +68,7 @@ class SurveyedNode(NamedTuple):
     :ivar z: height above the floor, in m.
     :ivar id: its address, which is in its packets; -1 until :func:`numbered` gives one.
     :ivar quantities: what it measures; see :mod:`rt_robot_os.wsn.quantities`.
+    :ivar person: who wears it; empty for one that hangs somewhere.
     """
 
     name: str
@@ -72,6 +77,7 @@ class SurveyedNode(NamedTuple):
     z: float
     id: int = -1  # noqa: A003
     quantities: tuple[str, ...] = DEFAULT_QUANTITIES
+    person: str = ''
 
     @property
     def token(self) -> str:
@@ -98,8 +104,8 @@ def node(text: str) -> SurveyedNode:
     if len(name) > _LONGEST_NAME:
         raise ValueError(f'its name has {len(name)} letters: {_LONGEST_NAME} are the most')
     place = [_number(word) for word in rest[:3]]
-    number, quantities = _number_and_quantities(rest[3:])
-    return SurveyedNode(name, place[0], place[1], place[2], number, quantities)
+    number, quantities, person = _rest(rest[3:])
+    return SurveyedNode(name, place[0], place[1], place[2], number, quantities, person)
 
 
 def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes') -> tuple[SurveyedNode, ...]:
@@ -181,11 +187,14 @@ def text_of(each: SurveyedNode) -> str:
     words: list[Any] = [each.name, repr(each.x), repr(each.y), repr(each.z)]
     if each.id >= 0:
         words += [_ID, each.id]
+    if each.person:
+        words += [_ON, each.person]
     return ' '.join(map(str, [*words, *each.quantities]))
 
 
-def _number_and_quantities(words: list[str]) -> tuple[int, tuple[str, ...]]:
-    number, quantities = -1, []
+def _rest(words: list[str]) -> tuple[int, tuple[str, ...], str]:
+    """Return the number, -1 without, the quantities, and who wears it."""
+    number, quantities, person = -1, [], ''
     left = iter(words)
     for word in left:
         if word == _ID:
@@ -196,13 +205,19 @@ def _number_and_quantities(words: list[str]) -> tuple[int, tuple[str, ...]]:
             if number >= 0:
                 raise ValueError('two numbers: "id" may stand once')
             number = int(said)
+        elif word == _ON:
+            if person:
+                raise ValueError('two people: "on" may stand once')
+            person = next(left, '')
+            if not person:
+                raise ValueError('nobody behind "on": write who wears it, such as on anna')
         elif word in quantities:
             raise ValueError(f'{word[:40]} is there twice')
         else:
             quantities.append(_quantity_name(word))
     if len(quantities) > _MOST_QUANTITIES:
         raise ValueError(f'{len(quantities)} quantities: {_MOST_QUANTITIES} are the most')
-    return number, tuple(quantities) or DEFAULT_QUANTITIES
+    return number, tuple(quantities) or DEFAULT_QUANTITIES, person
 
 
 def _quantity_name(word: str) -> str:

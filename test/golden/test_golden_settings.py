@@ -43,7 +43,8 @@ EVERYTHING = 'test/golden/everything.yaml'
 BLOCK = re.compile(r'^```yaml\n(.*?)^```', re.MULTILINE | re.DOTALL)
 # Not for this package, or not to be read before a user has filled it in.
 NO_ROBOT = {'README.md 1', 'config/diagnostics_aggregator.yaml', 'config/maps/flat.yaml',
-            'config/maps/flat_world.yaml', 'config/nav2.yaml',
+            'config/maps/flat_world.yaml', 'config/maps/house.yaml',
+            'config/maps/house_world.yaml', 'config/nav2.yaml',
             'docs/localization.md 1'}
 HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.

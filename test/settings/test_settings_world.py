@@ -96,7 +96,9 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
         "robot.yaml:9: world.people = '7up 1 2 3': must begin with a name: a letter, then "
         'letters, digits and _',
         "robot.yaml:10: world.events = 'dance at 3': 'dance' does not happen here: write kidnap X "
-        'Y YAW; person NAME X Y [SECONDS]; walk NAME; slip SHARE [SECONDS]; lamp SHARE [SECONDS]',
+        'Y YAW; person NAME X Y [SECONDS]; walk NAME; slip SHARE [SECONDS]; lamp SHARE [SECONDS]; '
+        'node NAME off [SECONDS]; node NAME on; node NAME reboot; node NAME move X Y; '
+        'alarm NAME [SECONDS]',
         "maps/world.yaml:1: world.map: maps/flat.yaml:2: resolution: 'x' must be a number",
         'maps/world.yaml:1: world.map: maps/flat.yaml:3: origin: must be a list of three numbers: '
         'x and y in m, yaw in rad',

@@ -96,4 +96,4 @@ def test_from_everywhere_a_mark_is_in_sight(world: World) -> None:
     free = world.map.cells == 0
     nearest = np.min([np.hypot(xs - mark.x, ys - mark.y) for mark in world.landmarks], axis=0)
     assert nearest[free].max() < 1.5
-    assert len(world.nodes) == 6 and len(world.people) == 2
+    assert len(world.nodes) == 7 and len(world.people) == 2

@@ -49,6 +49,8 @@ def test_numbers_count_from_one_where_none_is_said() -> None:
     (['hall 1 2 3 id'], "id '': it must be a whole number from 0 to 65534"),
     (['hall 1 2 3 id 65535'], "id '65535'"),
     (['hall 1 2 3 id 1 id 2'], '"id" may stand once'),
+    (['hall 1 2 3 on'], 'nobody behind "on"'),
+    (['hall 1 2 3 on anna on bob'], '"on" may stand once'),
     (['hall 1 2 3 temprature'], 'did you mean temperature'),
     (['hall 1 2 3 light light'], 'light is there twice'),
     (['hall 1 2 3 soil-moisture'], 'is no name of a quantity'),
@@ -60,6 +62,12 @@ def test_what_is_wrong_is_named_with_its_entry(texts: list[str], said: str) -> N
     with pytest.raises(ConfigError) as caught:
         survey_of(texts)
     assert said in caught.value.problems[0]
+
+
+def test_a_node_may_be_worn() -> None:
+    found = node('wrist 2.4 3.9 1.0 on anna id 4 pulse_per_min alarm')
+    assert (found.person, found.id) == ('anna', 4)
+    assert found.quantities == ('pulse_per_min', 'alarm') and node(text_of(found)) == found
 
 
 def test_every_problem_of_a_list_is_told() -> None:

@@ -83,8 +83,9 @@ class Happening:
     """
     Something that happens to the world.
 
-    :ivar kind: ``kidnap``, ``person``, ``walk``, ``slip`` or ``lamp``.
-    :ivar name: of whom; empty where there is nobody.
+    :ivar kind: ``kidnap``, ``person``, ``walk``, ``slip``, ``lamp``, ``alarm``, or such as
+        ``node off``.
+    :ivar name: of whom or of which node; empty where there is nobody.
     :ivar numbers: the numbers that follow.
     :ivar for_s: how long; 0 is for good.
     """
@@ -103,12 +104,21 @@ _HAPPENINGS: Final[Mapping[str, tuple[bool, tuple[str, ...]]]] = {
     'walk': (True, ()),
     'slip': (False, ('SHARE',)),
     'lamp': (False, ('SHARE',)),
+    'node off': (True, ()),
+    'node on': (True, ()),
+    'node reboot': (True, ()),
+    'node move': (True, ('X', 'Y')),
+    'alarm': (True, ()),
 }
-_LASTING: Final = ('person', 'slip', 'lamp')
+_LASTING: Final = ('person', 'slip', 'lamp', 'node off', 'alarm')
+# What it is done to stands before what is done, as in "node kitchen off".
+_NODE: Final = 'node'
 HAPPENINGS: Final = '; '.join(
-    ' '.join([kind, *(['NAME'] if named else []), *numbers,
+    ' '.join([*kind.split()[:1], *(['NAME'] if named else []), *kind.split()[1:], *numbers,
               *(['[SECONDS]'] if kind in _LASTING else [])])
     for kind, (named, numbers) in _HAPPENINGS.items())
+#: What happens to wireless nodes.
+OF_NODES: Final = frozenset({'alarm', *(kind for kind in _HAPPENINGS if kind.startswith(_NODE))})
 
 
 def _words(text: str) -> list[str]:
@@ -163,6 +173,8 @@ def event(text: str) -> Happening:
 
 def happening(words: list[str]) -> Happening:
     """Read such as ``person anna 2.0 1.0`` or, with seconds at the end, ``person anna 2 1 4``."""
+    if len(words) > 2 and words[0] == _NODE:
+        words = [f'{_NODE} {words[2]}', words[1], *words[3:]]
     kind = words[0] if words else ''
     if kind not in _HAPPENINGS:
         raise ValueError(f'{kind!r} does not happen here: write {HAPPENINGS}')

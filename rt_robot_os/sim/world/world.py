@@ -52,7 +52,10 @@ from rt_robot_os.sim.world.people import PERSON_RADIUS_M
 from rt_robot_os.sim.world.scene import clashes
 from rt_robot_os.sim.world.scene import Happening
 from rt_robot_os.sim.world.scene import happening
+from rt_robot_os.sim.world.scene import OF_NODES
 from rt_robot_os.sim.world.scene import READERS
+from rt_robot_os.sim.world.wireless import CALM
+from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.units import NS_PER_S
@@ -78,7 +81,8 @@ class World:
     :ivar base: the body of the robot.
     :ivar people: who walks about.
     :ivar landmarks: the marks on the ceiling.
-    :ivar nodes: the wireless nodes.
+    :ivar nodes: the wireless nodes, as they were surveyed.
+    :ivar wireless: the same as they are now.
     :ivar time_s: since the first :meth:`advance`.
     :ivar lamps: share of the lamps that is on.
     """
@@ -102,6 +106,7 @@ class World:
         self.people: tuple[Person, ...] = tuple(map(Person, scene['people']))
         self.landmarks = tuple(scene['landmarks'])
         self.nodes = numbered(scene['nodes'], 'world.nodes')
+        self.wireless = Wireless(self.nodes, self.people)
         self.lamps = 1.0
         self.base = DriveBase(settings, obstacles=self._obstacles)
         self.time_s = 0.0
@@ -168,7 +173,9 @@ class World:
         problems = []
         for each in happenings:
             problem = None
-            if each.name and each.name not in names:
+            if each.kind in OF_NODES:
+                problem = self.wireless.problem(each)
+            elif each.name and each.name not in names:
                 problem = f'there is no such person; there are {", ".join(names) or "none"}'
             elif each.kind == 'kidnap':
                 problem = self._standing_at(*each.numbers[:2])
@@ -201,6 +208,8 @@ class World:
         elif what.kind == 'lamp':
             back = Happening('lamp', '', (1.0,))
             self.lamps, = what.numbers
+        elif what.kind in OF_NODES or what.kind == CALM:
+            back = self.wireless.happen(what)
         else:
             person = next(each for each in self.people if each.name == what.name)
             if what.kind == 'walk':
@@ -208,19 +217,21 @@ class World:
             else:
                 back = Happening('walk', what.name, ())
                 person.stand(*what.numbers)
-        if what.for_s and back is not None:
-            self._later(self.time_s + what.for_s, back)
+        if back is not None and (for_s := what.for_s or back.for_s):
+            self._later(self.time_s + for_s, back)
 
     def where(self) -> str:
         """
         Return where everything that moves is, one line each: for who compares with the truth.
 
         The robot as ``base_link x y yaw ahead turning`` (m, rad, m/s, rad/s), then each person as
-        ``name x y``; last ``time`` with the seconds since the start.
+        ``name x y``, each wireless node as ``node name x y height on`` (or ``off``); last ``time``
+        with the seconds since the start.
         """
         base = ' '.join(f'{number:.6f}' for number in (*self.base.pose, *self.base.velocity))
         people = [f'{person.name} {person.x:.6f} {person.y:.6f}' for person in self.people]
-        return '\n'.join([f'base_link {base}', *people, f'time {self.time_s:.3f}'])
+        return '\n'.join([f'base_link {base}', *people, *self.wireless.where(),
+                          f'time {self.time_s:.3f}'])
 
     # ---- looking at it -------------------------------------------------------------------------
 

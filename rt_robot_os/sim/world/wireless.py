@@ -1,0 +1,147 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The wireless nodes of the world: where each is now, whether it has power, who calls for help."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Sequence
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.scene import Happening
+from rt_robot_os.wsn.survey import SurveyedNode
+
+ALARM: Final = 'alarm'
+#: What ends an alarm.
+CALM: Final = 'calm'
+#: How long a button stays pressed when nobody says.
+PRESSED_S: Final = 10.0
+
+
+class WirelessNode:
+    """
+    A node as it is now; whoever simulates its radio follows what is written here.
+
+    :ivar surveyed: as the settings have it.
+    :ivar person: who wears it; None for one that hangs somewhere.
+    :ivar on: it has power.
+    :ivar boots: how often it was switched on, the first time included.
+    :ivar alarm: its button is pressed.
+    """
+
+    def __init__(self, surveyed: SurveyedNode, person: Person | None) -> None:
+        """Put it where the survey says, with power."""
+        self.surveyed = surveyed
+        self.name = surveyed.name
+        self.person = person
+        self.on = True
+        self.boots = 1
+        self.alarm = False
+        self._x, self._y, self._z = surveyed.x, surveyed.y, surveyed.z
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Return where it is, in the frame of the map."""
+        if self.person is not None:
+            return self.person.x, self.person.y, self._z
+        return self._x, self._y, self._z
+
+    def put(self, x: float, y: float) -> None:
+        """Put it somewhere; nobody wears it any more."""
+        self.person = None
+        self._x, self._y = x, y
+
+    def switch(self, on: bool) -> None:
+        """Give it power, or take it."""
+        if on and not self.on:
+            self.boots += 1
+        self.on = on
+
+    def reboot(self) -> None:
+        """Have it begin anew; one without power stays so."""
+        self.boots += self.on
+
+
+class Wireless:
+    """
+    All wireless nodes of a world.
+
+    :ivar nodes: in the order of the survey.
+    """
+
+    def __init__(self, surveyed: Iterable[SurveyedNode], people: Sequence[Person]) -> None:
+        """
+        Place them; without any people what is to be worn lies where it was surveyed.
+
+        :raises ConfigError: somebody is to wear one and is not among the people.
+        """
+        known = {person.name: person for person in people}
+        problems = []
+        nodes = []
+        for each in surveyed:
+            if each.person and known and each.person not in known:
+                problems.append(f'world.nodes: {each.name}: there is no person {each.person} to '
+                                f'wear it; there are {", ".join(known)}')
+            nodes.append(WirelessNode(each, known.get(each.person)))
+        if problems:
+            raise ConfigError(problems)
+        self.nodes = tuple(nodes)
+
+    def problem(self, what: Happening) -> str | None:
+        """Return what keeps something from happening to a node."""
+        names = [each.name for each in self.nodes]
+        if what.kind == ALARM:
+            if next(self._alarmed(what.name), None) is None:
+                return (f'{what.name} has no button: no node of that name or of that person '
+                        f'measures {ALARM}')
+        elif what.name not in names:
+            shown = ', '.join(names[:50]) or 'none'
+            return f'there is no such node; there are {shown}'
+        return None
+
+    def happen(self, what: Happening) -> Happening | None:
+        """
+        Have something happen to a node.
+
+        :return: what ends it, after its time; None when nothing does.
+        """
+        if what.kind in (ALARM, CALM):
+            for each in self._alarmed(what.name):
+                each.alarm = what.kind == ALARM
+            return Happening(CALM, what.name, (), for_s=PRESSED_S) if what.kind == ALARM else None
+        node = next(each for each in self.nodes if each.name == what.name)
+        if what.kind == 'node move':
+            node.put(*what.numbers)
+        elif what.kind == 'node reboot':
+            node.reboot()
+        else:
+            node.switch(what.kind == 'node on')
+        return Happening('node on', what.name, ()) if what.kind == 'node off' else None
+
+    def where(self) -> list[str]:
+        """Return a line for each: ``node NAME x y height on|off``, in m."""
+        return [' '.join(['node', each.name, *(f'{number:.3f}' for number in each.position_m),
+                          'on' if each.on else 'off']) for each in self.nodes]
+
+    def _alarmed(self, name: str) -> Iterator[WirelessNode]:
+        """Yield the nodes with a button that have a name, or that somebody of that name wears."""
+        for each in self.nodes:
+            if ALARM in each.surveyed.quantities and name in (
+                    each.name, each.person.name if each.person is not None else ''):
+                yield each
