@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Make config/maps/house.yaml and house.pgm, the house of config/sensor_network.yaml.
+Make config/maps/house.yaml and house.pgm, the house of house_world.yaml beside it.
 
     PYTHONPATH=. .venv/bin/python scripts/make_house.py
 
