@@ -71,7 +71,7 @@ class LqiRoute:
 
     @property
     def cost(self) -> int:
-        """What the node advertises; 65534 without a route."""
+        """Return what the node advertises; 65534 without a route."""
         return (self.parent_cost + self.link) & _U16
 
     def lose(self) -> None:
