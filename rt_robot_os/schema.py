@@ -208,6 +208,7 @@ def number(value: float | None) -> str:
 def setting(
     default: Any, description: str, unit: str = '', minimum: float | None = None,
     maximum: float | None = None, *, choices: tuple[Any, ...] = (), live: bool = False,
+    is_file: bool = False,
 ) -> Any:
     """
     Declare a setting as a field of a dataclass: name and type are those of the field.
@@ -218,7 +219,7 @@ def setting(
     setting that is a ``ClassVar`` is read and checked, and no object holds it.
     """
     facts = {'default': default, 'description': description, 'unit': unit, 'minimum': minimum,
-             'maximum': maximum, 'choices': choices, 'live': live}
+             'maximum': maximum, 'choices': choices, 'live': live, 'is_file': is_file}
     return dataclasses.field(default=dataclasses.MISSING if default is REQUIRED else default,
                              metadata={_SETTING: facts})
 
