@@ -30,8 +30,8 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.schema import setting
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 
 PROTOCOLS: Final = ('multihoplqi', 'paper', 'ctp')
 PAYLOADS: Final = ('surge', 'data', 'oscilloscope')

@@ -37,9 +37,11 @@ import numpy as np
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.wsn.quantities import DEFAULT_QUANTITIES
+from rt_robot_os.wsn.simulator.link_files import Gains
+from rt_robot_os.wsn.simulator.link_files import lines_of
 from rt_robot_os.wsn.simulator.link_files import LinkChange
 from rt_robot_os.wsn.simulator.link_files import Links
-from rt_robot_os.wsn.simulator.link_files import Gains
 from rt_robot_os.wsn.simulator.link_files import read_gains
 from rt_robot_os.wsn.simulator.link_files import read_links
 from rt_robot_os.wsn.simulator.scenario import MOST_NODES
@@ -47,19 +49,21 @@ from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.ways import Way
 from rt_robot_os.wsn.simulator.ways import way_of
 from rt_robot_os.wsn.survey import read_survey
+from rt_robot_os.wsn.survey import survey_of
 
 _GRID: Final = re.compile(r'\s*(\d{1,5})\s*[xX*]\s*(\d{1,5})\s*', re.ASCII)
 _TRIES: Final = 30
 
 
 class Place(NamedTuple):
-    """Where a node is, in m in the frame of the map."""
+    """Where a node is, in m in the frame of the map, and what it measures."""
 
     id: int  # noqa: A003
     name: str
     x: float
     y: float
     z: float
+    quantities: tuple[str, ...] = DEFAULT_QUANTITIES
 
 
 @dataclass(frozen=True)
@@ -149,9 +153,9 @@ def _grid(scenario: Scenario) -> Iterator[Place]:
     _check_count(rows * columns, f'topology.grid = {topology.grid}')
     for index in range(rows * columns):
         row, column = divmod(index, columns)
-        yield Place(index, str(index), column * topology.spacing_m + _off(topology.jitter_m, random),
-                    row * topology.spacing_m + _off(topology.jitter_m, random),
-                    topology.height_m)
+        x, y = (place * topology.spacing_m + _off(topology.jitter_m, random)
+                for place in (column, row))
+        yield Place(index, str(index), x, y, topology.height_m)
 
 
 def _off(deviation: float, random: Random) -> float:
@@ -198,10 +202,13 @@ class _Taken:
 
 def _surveyed(scenario: Scenario) -> list[Place]:
     topology = scenario.topology
-    found = [Place(each.id, each.name, each.x, each.y, each.z)
-             for each in read_survey(topology.nodes)]
-    _check_count(len(found) + 1, 'topology.nodes')
-    return found
+    if topology.nodes:
+        nodes = survey_of(topology.nodes, 'topology.nodes')
+    else:
+        text = '\n'.join(text for _, text in lines_of(topology.nodes_file))
+        nodes = read_survey(text, topology.nodes_file)
+    _check_count(len(nodes) + 1, topology.nodes_file or 'topology.nodes')
+    return [Place(each.id, each.name, each.x, each.y, each.z, each.quantities) for each in nodes]
 
 
 def _with_sink(places: Sequence[Place], scenario: Scenario, walls: GridMap | None, way: Way | None
