@@ -38,6 +38,7 @@ setup(
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', sorted(glob('config/*.*'))),
         ('share/' + package_name + '/config/maps', sorted(glob('config/maps/*.*'))),
+        ('share/' + package_name + '/config/scenarios', sorted(glob('config/scenarios/*.*'))),
         ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
     ],
     ext_modules=extensions(),
