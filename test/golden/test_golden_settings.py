@@ -46,6 +46,8 @@ NO_ROBOT = {'README.md 1', 'config/diagnostics_aggregator.yaml', 'config/maps/fl
             'config/maps/flat_world.yaml', 'config/maps/house.yaml',
             'config/maps/house_world.yaml', 'config/nav2.yaml',
             'docs/localization.md 1'}
+# Those of sensor networks have tests of their own.
+NO_ROBOTS = ('config/scenarios/', 'docs/network_simulator.md ')
 HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.
 UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
@@ -77,7 +79,7 @@ def blocks() -> dict[str, str]:
 
 
 SOURCES = {name: text for name, text in (whole_files() | blocks()).items()
-           if name not in NO_ROBOT}
+           if name not in NO_ROBOT and not name.startswith(NO_ROBOTS)}
 
 
 def file_of(name: str, kind: str = 'settings') -> str:
