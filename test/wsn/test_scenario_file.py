@@ -77,14 +77,14 @@ def test_what_is_left_open_follows_from_the_rest(write, text: str, expected) -> 
 
 
 def test_every_problem_is_told_at_once_with_its_line(write) -> None:
-    assert problems_of(write('''
+    assert problems_of(write("""
 topology: {gird: 3x4, spacing_m: -8}
 protocl: ctp
 sink: {place: [1, x], way: ["1"]}
 faults:
   - kil 5 at 120
   - noise 10 at 3
-''')) == [
+""")) == [
         "F:2: topology.gird: unknown key, did you mean 'grid'?",
         'F:2: topology.spacing_m = -8: must be a number from 0.01 to 10000 (m)',
         "F:3: protocl: unknown key, did you mean 'protocol'?",

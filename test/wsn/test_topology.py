@@ -54,14 +54,14 @@ def written(folder: Path, text: str, name: str = 'file.txt') -> str:
 
 @pytest.mark.parametrize('name', ['links.txt', 'links.txt.gz'])
 def test_links_are_read_with_their_changes(tmp_path: Path, name: str) -> None:
-    links, changes = read_links(written(tmp_path, '''# from to prr rssi lqi
+    links, changes = read_links(written(tmp_path, """# from to prr rssi lqi
 0 1 1.000 -78 106   # good
 1\t0 0.5 -79.5 90
 
 @ 20 0 1 0.1 -94 60
 @10.5 1 0 0
 0 1 0.9 -80 105
-''', name))
+""", name))
     assert links == {(0, 1): Link(0.9, -80.0, 105), (1, 0): Link(0.5, -79.5, 90)}
     assert changes == [LinkChange(10_500_000_000, 1, 0, Link(0.0, -100.0, 50)),
                        LinkChange(20_000_000_000, 0, 1, Link(0.1, -94.0, 60))]
