@@ -25,6 +25,7 @@ from typing import Final
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.world.people import Person
 from rt_robot_os.sim.world.scene import Happening
+from rt_robot_os.wsn.simulator.live_readings import ALARMS
 from rt_robot_os.wsn.survey import SurveyedNode
 
 ALARM: Final = 'alarm'
@@ -42,7 +43,7 @@ class WirelessNode:
     :ivar person: who wears it; None for one that hangs somewhere.
     :ivar on: it has power.
     :ivar boots: how often it was switched on, the first time included.
-    :ivar alarm: its button is pressed.
+    :ivar alarm: its button is pressed; it is in smoke, or in water.
     """
 
     def __init__(self, surveyed: SurveyedNode, person: Person | None) -> None:
@@ -109,7 +110,7 @@ class Wireless:
         if what.kind == ALARM:
             if next(self._alarmed(what.name), None) is None:
                 return (f'{what.name} has no button: no node of that name or of that person '
-                        f'measures {ALARM}')
+                        f'measures {", ".join(sorted(ALARMS))}')
         elif what.name not in names:
             shown = ', '.join(names[:50]) or 'none'
             return f'there is no such node; there are {shown}'
@@ -142,6 +143,6 @@ class Wireless:
     def _alarmed(self, name: str) -> Iterator[WirelessNode]:
         """Yield the nodes with a button that have a name, or that somebody of that name wears."""
         for each in self.nodes:
-            if ALARM in each.surveyed.quantities and name in (
+            if ALARMS.intersection(each.surveyed.quantities) and name in (
                     each.name, each.person.name if each.person is not None else ''):
                 yield each
