@@ -37,6 +37,7 @@ from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
 from rt_robot_os.wsn.packets.framing import UNKNOWN_PROTOCOL
 from rt_robot_os.wsn.packets.multihop_lqi import UART_ADDRESS
+from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.serial_am import SerialAm
 from rt_robot_os.wsn.packets.surge import SurgeCmd
 from rt_robot_os.wsn.packets.tos_msg import FCF_DATA
@@ -161,7 +162,7 @@ class BaseStation:
             self._send(packet.pack(), now_ns)
         else:
             # MultihopOscilloscope hands on what the application had sent, without a header.
-            self._send(SerialAm(BROADCAST, 0, 0x93, application).pack(), now_ns)
+            self._send(SerialAm(BROADCAST, 0, Oscilloscope.AM_TYPE, application).pack(), now_ns)
 
     def heard(self, destination: int, source: int, am_type: int, payload: bytes, dsn: int,
               acknowledge: bool, now_ns: int) -> None:
