@@ -239,7 +239,7 @@ class BaseStation:
             self._leave(frame(protocols.ack, bytes((each.token,))), now_ns)
 
     def _read(self, packet: bytes) -> Outgoing | None:
-        """Return what is to be sent; None for what is no packet, of another group or no command."""
+        """Return what is to be sent; None for no packet, no command, or another group."""
         try:
             if self.station.protocols is TINYOS_1:
                 telos = TelosMsg.unpack(packet)
