@@ -36,6 +36,9 @@ NO_PARENT: Final = 0xFFFF
 _COUNT_MASK: Final = 0x0F
 _BEACON: Final = Struct('>BBBHH')
 _NEIGHBOUR: Final = Struct('>HB')
+#: Bytes of a beacon without neighbours, and of each neighbour.
+BEACON_SIZE: Final = _BEACON.size
+NEIGHBOUR_SIZE: Final = _NEIGHBOUR.size
 _DATA: Final = Struct('>BBHHBB')
 
 
@@ -48,6 +51,15 @@ class Neighbour(NamedTuple):
 
     address: int
     quality: int
+
+
+class BeaconHead(NamedTuple):
+    """What decides about routes in a beacon; the fields are those of ``CtpBeacon``."""
+
+    sequence: int
+    options: int
+    parent: int
+    etx: int
 
 
 class _BeaconFields(NamedTuple):
@@ -99,16 +111,26 @@ class CtpBeacon(_BeaconFields):
 
         :raises ValueError: it is too short, or longer than it says.
         """
-        if len(data) < _BEACON.size:
-            raise ValueError(f'too short: {len(data)} bytes, CtpBeacon has {_BEACON.size} or more')
-        flags, sequence, options, parent, etx = _BEACON.unpack_from(data)
-        size = _BEACON.size + _NEIGHBOUR.size * (flags & _COUNT_MASK)
-        if len(data) != size:
-            raise ValueError(f'{len(data)} bytes, CtpBeacon with {flags & _COUNT_MASK} neighbours '
-                             f'has {size}')
+        head = beacon_head(data)
         neighbours = tuple([Neighbour(*one)
                             for one in _NEIGHBOUR.iter_unpack(data[_BEACON.size:])])
-        return cls(sequence, options, parent, etx, neighbours, flags & ~_COUNT_MASK)
+        return cls(*head, neighbours, data[0] & ~_COUNT_MASK)
+
+
+def beacon_head(data: bytes) -> BeaconHead:
+    """
+    Read what a router needs of a beacon; the whole is checked, the neighbours are left out.
+
+    :raises ValueError: it is too short, or longer than it says.
+    """
+    if len(data) < _BEACON.size:
+        raise ValueError(f'too short: {len(data)} bytes, CtpBeacon has {_BEACON.size} or more')
+    flags, sequence, options, parent, etx = _BEACON.unpack_from(data)
+    size = _BEACON.size + _NEIGHBOUR.size * (flags & _COUNT_MASK)
+    if len(data) != size:
+        raise ValueError(f'{len(data)} bytes, CtpBeacon with {flags & _COUNT_MASK} neighbours '
+                         f'has {size}')
+    return BeaconHead(sequence, options, parent, etx)
 
 
 class _DataFields(NamedTuple):
