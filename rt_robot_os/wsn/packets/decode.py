@@ -65,6 +65,7 @@ STACKS: Final = (AUTO, TINYOS_1.name, TINYOS_2.name)
 _TELOS_SIZE: Final = TELOS_HEADER.size
 _MICA_SIZE: Final = MICA_HEADER.size
 _AM_SIZE: Final = AM_HEADER.size
+_RAW: Final = bytes((DISPATCH_802_15_4,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +208,8 @@ class PacketDecoder:
         if len(packet) >= _AM_SIZE and packet[0] == DISPATCH_AM and (
                 len(packet) == packet[5] + _AM_SIZE):
             return TINYOS_2.name
+        if packet[:1] == _RAW and len(packet) > 1 and len(packet) == packet[1] + 2:
+            return TINYOS_2.name
         if is_mica(packet) and self._platform != TELOS:
             return TINYOS_1.name
         return ''
@@ -234,7 +237,7 @@ class PacketDecoder:
                           payload[:length], problem)
 
     def _decode_t2(self, packet: bytes) -> Packet:
-        if packet[:1] == bytes((DISPATCH_802_15_4,)):
+        if packet[:1] == _RAW:
             return self.decode_air(packet[1:], checked=False)
         if len(packet) < _AM_SIZE:
             return self._unreadable(TINYOS_2.name, _cut(packet, _AM_SIZE))

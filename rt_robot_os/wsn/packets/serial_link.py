@@ -137,6 +137,10 @@ class Link:
                 found.append(each)
         return found
 
+    def speak(self, protocols: Protocols) -> None:
+        """Write as another generation of TinyOS from the next frame on."""
+        self._protocols = protocols
+
     def send(self, packet: bytes) -> int:
         """
         Have a packet written, after those that wait.
@@ -190,6 +194,7 @@ class Link:
             self._end(False)
 
     def _take_ack(self, protocols: Protocols, token: int) -> None:
+        # A mote acknowledges as it is spoken to, and only that.
         if self._tried and protocols is self._protocols and token == self._token:
             self.acknowledged += 1
             self._end(True)
