@@ -35,7 +35,7 @@ from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Received
 
-PERIOD = 32 * 1024
+PERIOD_NS = 32_000_000_000
 APPLICATION = bytes(range(10))
 
 
@@ -87,25 +87,26 @@ def test_an_lqi_is_a_byte(lqi: int) -> None:
 
 
 @pytest.mark.parametrize('kind', [MultiHopLqi1, MultiHopLqi2])
-@pytest.mark.parametrize('period', [PERIOD, 4096])
-def test_beacons_begin_at_random_and_come_a_tick_late(kind: Any, period: int) -> None:
+@pytest.mark.parametrize('period_ns', [PERIOD_NS, 4_000_000_000])
+def test_beacons_begin_at_random_and_come_a_tick_late(
+        kind: Any, period_ns: int) -> None:
     times = set()
     for seed in range(20):
         node = FakeNode(5, seed)
-        router = kind(node, beacon_period_binary_ms=period)
+        router = kind(node, beacon_period_ns=period_ns)
         router.start()
         first = node.timers[0].due_ns
         assert first is not None
-        assert first < period / 1024 * 1e9
+        assert first < period_ns
         times.add(first)
         node.run_until(first)
-        assert node.timers[0].due_ns == first + round((period + 1) / 1024 * 1e9)
+        assert node.timers[0].due_ns == first + period_ns + 976_562
     assert len(times) > 10
 
 
 def test_without_a_route_the_beacon_says_so_and_data_go_to_all() -> None:
     node, router = started()
-    node.run_binary_ms(PERIOD)
+    node.run_until(PERIOD_NS)
     [frame] = node.through()
     assert frame == Sent(BROADCAST, 0x73, LqiBeacon(5, 0, 0, 0xFFFF, 65534, 0xFF).pack(), False)
     assert router.parent is None
@@ -339,5 +340,5 @@ def test_bytes_of_whatever_kind_raise_nothing(
 
 
 def test_a_period_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match='^beacon_period_binary_ms 0: 1 or more$'):
-        MultiHopLqi2(FakeNode(1), beacon_period_binary_ms=0)
+    with pytest.raises(ValueError, match='^beacon_period_ns 0: 1 or more$'):
+        MultiHopLqi2(FakeNode(1), beacon_period_ns=0)

@@ -37,6 +37,11 @@ NO_ROUTE_HOPS: Final = 0xFF
 UART_ADDRESS: Final = 0x007E
 
 
+def signed(number: int) -> int:
+    """Return a counter of 16 bits as the header of TinyOS 1.x has it."""
+    return ((number + 0x8000) & 0xFFFF) - 0x8000
+
+
 class _MultihopMsgFields(NamedTuple):
     source: int
     origin: int

@@ -32,6 +32,7 @@ from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
 from rt_robot_os.wsn.packets.multihop_lqi import LqiData
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
 from rt_robot_os.wsn.packets.multihop_lqi import NO_PARENT
+from rt_robot_os.wsn.packets.multihop_lqi import signed
 from rt_robot_os.wsn.packets.multihop_lqi import UART_ADDRESS
 from rt_robot_os.wsn.routing.lqi_route import Decision
 from rt_robot_os.wsn.routing.lqi_route import LqiRoute
@@ -44,8 +45,10 @@ from rt_robot_os.wsn.routing.protocol import Router
 from rt_robot_os.wsn.routing.resending import Packet
 from rt_robot_os.wsn.routing.resending import Resender
 
-#: 32 s; the network with a moving sink takes 4 s, which are 4096.
-BEACON_PERIOD_BINARY_MS: Final = 32 * 1024
+#: 32 s, as TinyOS has it; the network with a moving sink takes 4 s.
+BEACON_PERIOD_NS: Final = 32_000_000_000
+#: The motes start the timer anew each time, for a tick of 1/1024 s more than the period.
+_TICK_NS: Final = round(BINARY_MS_NS)
 #: A packet that is not acknowledged is sent again so often.
 RESENDS: Final = 5
 QUEUE: Final = 2
@@ -58,19 +61,19 @@ class _MultiHopLqi(Router):
 
     :param node: that it runs on.
     :param root: it is on the sink.
-    :param beacon_period_binary_ms: in 1/1024 s; motes count time so.
+    :param beacon_period_ns: between two beacons of a node.
     :param u16_wrap: whether the cost overflows as on motes; see :func:`.link_cost.link_cost`.
     """
 
     def __init__(self, node: Node, root: bool = False,
-                 beacon_period_binary_ms: int = BEACON_PERIOD_BINARY_MS,
+                 beacon_period_ns: int = BEACON_PERIOD_NS,
                  u16_wrap: bool = True) -> None:
-        if beacon_period_binary_ms < 1:
-            raise ValueError(f'beacon_period_binary_ms {beacon_period_binary_ms}: 1 or more')
+        if beacon_period_ns < 1:
+            raise ValueError(f'beacon_period_ns {beacon_period_ns}: 1 or more')
         self.root = root
         self.counters = Counter()
         self._node = node
-        self._period_binary_ms = beacon_period_binary_ms
+        self._period_ns = beacon_period_ns
         self._u16_wrap = u16_wrap
         self._timer = node.timer(self._timer_ran_down)
 
@@ -92,16 +95,14 @@ class _MultiHopLqi(Router):
     def start(self) -> None:
         """Begin, with nothing known; the first beacon goes out within a period."""
         self._forget()
-        first = self._node.random.randrange(self._period_binary_ms)
-        self._timer.start(round(first * BINARY_MS_NS))
+        self._timer.start(self._node.random.randrange(self._period_ns))
 
     def stop(self) -> None:
         """End: no timer runs, and nothing waits."""
         self._timer.stop()
 
     def _timer_ran_down(self) -> None:
-        # The motes start the timer anew each time, for a tick more than the period.
-        self._timer.start(round((self._period_binary_ms + 1) * BINARY_MS_NS))
+        self._timer.start(self._period_ns + _TICK_NS)
         if not self.root and self._route.period_passed():
             self.counters['silent_parents'] += 1
             self._lost()
@@ -173,9 +174,9 @@ class MultiHopLqi2(_MultiHopLqi):
     """
 
     def __init__(self, node: Node, root: bool = False,
-                 beacon_period_binary_ms: int = BEACON_PERIOD_BINARY_MS,
+                 beacon_period_ns: int = BEACON_PERIOD_NS,
                  u16_wrap: bool = True, collect_id: int = 0x93) -> None:
-        super().__init__(node, root, beacon_period_binary_ms, u16_wrap)
+        super().__init__(node, root, beacon_period_ns, u16_wrap)
         self._collect_id = collect_id
         self._beacons = node.sender(self._beacon_is_through)
         self._own = self._resender(lambda: None)
@@ -293,10 +294,10 @@ class MultiHopLqi1(_MultiHopLqi):
     """
 
     def __init__(self, node: Node, root: bool = False,
-                 beacon_period_binary_ms: int = BEACON_PERIOD_BINARY_MS,
+                 beacon_period_ns: int = BEACON_PERIOD_NS,
                  u16_wrap: bool = True, data_am_type: int = 17,
                  serial_baud: int = 57_600) -> None:
-        super().__init__(node, root, beacon_period_binary_ms, u16_wrap)
+        super().__init__(node, root, beacon_period_ns, u16_wrap)
         self._data_am_type = data_am_type
         self._byte_ns = 10 * 1_000_000_000 // serial_baud if serial_baud else 0
         self._serial_busy = False
@@ -324,7 +325,7 @@ class MultiHopLqi1(_MultiHopLqi):
 
     def _header(self, origin: int, seqno: int, origin_seqno: int, hops: int,
                 data: bytes) -> bytes:
-        return MultihopMsg(self._node.address, origin, _signed(seqno), _signed(origin_seqno),
+        return MultihopMsg(self._node.address, origin, signed(seqno), signed(origin_seqno),
                            hops, data).pack()
 
     def _send_beacon(self) -> None:
@@ -391,7 +392,3 @@ class MultiHopLqi1(_MultiHopLqi):
 
 #: Two flags, the protocol's byte, the header of 10 bytes and a checksum of two.
 _SERIAL_OVERHEAD_BYTES: Final = 15
-
-
-def _signed(number: int) -> int:
-    return ((number + 0x8000) & _U16) - 0x8000
