@@ -327,6 +327,10 @@ class Device(PortOwner, ABC):
         """Return how long it may be silent after it was opened, if more than ``timeout_s``."""
         return self.OPENING_S
 
+    def quiet_s(self) -> float:
+        """Return how long it may be silent while all is well, if more than ``timeout_s``."""
+        return 0.0
+
     def output_rate_hz(self) -> float:
         """Return the setting ``output_rate_hz``, if it has that."""
         return float(self.settings.get('output_rate_hz', 0.0))

@@ -186,12 +186,12 @@ class ManagedDevice:
                 self._recovered()
             elif not self.reason:
                 self._warn_of_no_sample(now_ns, counters.frames)
-        elif now_ns - self._alive_ns > self._patience_ns():
+        elif now_ns - self._alive_ns > self._silence_ns():
             self._give_up(counters.bytes_read - self._bytes_when_alive)
 
     def _give_up(self, came: int) -> None:
         """Give the device up because nothing valid came; whose bytes came is found out later."""
-        seconds = self._patience_ns() / NS_PER_S
+        seconds = self._silence_ns() / NS_PER_S
         if came:
             self._undiagnosed = f'{came} bytes but no valid frame for {seconds:g} s'
             self._fault(f'{self._undiagnosed}: {self.device.IF_GARBAGE}')
@@ -221,6 +221,9 @@ class ManagedDevice:
     def _patience_ns(self) -> int:
         opening_s = self.device.opening_s() if self.state is DeviceState.OPENING else 0.0
         return max(self._recovery.timeout_ns, round(opening_s * NS_PER_S))
+
+    def _silence_ns(self) -> int:
+        return max(self._patience_ns(), round(self.device.quiet_s() * NS_PER_S))
 
     def recover(self) -> None:
         """Close what failed and open what is due; may take long, so at low priority."""

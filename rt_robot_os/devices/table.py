@@ -66,6 +66,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'stargazer',
     'arduino_bridge',
     'odrive',
+    'sink',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.

@@ -28,6 +28,7 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
+from typing import ClassVar
 from typing import Final
 from typing import Generic
 from typing import Protocol
@@ -138,9 +139,11 @@ class SerialDevice(Device, Generic[FrameT]):
     job decodes ``JOB_BYTES`` at most.
 
     :cvar make_port: opens its port.
+    :cvar TAKES_FORWARDER: its port may be a serial forwarder of motes, ``sf://host:port``.
     """
 
     TAPPED = True
+    TAKES_FORWARDER: ClassVar[bool] = False
     make_port: Callable[[str, int], Port] = staticmethod(open_port)
 
     def __init__(
@@ -154,7 +157,8 @@ class SerialDevice(Device, Generic[FrameT]):
         """
         super().__init__(name, settings)
         # Bytes of a network do not come one by one, so their frames are not dated back.
-        networked = address_of(name, 'port', settings['port']) is not None
+        networked = address_of(
+            name, 'port', settings['port'], self.TAKES_FORWARDER) is not None
         baud: int = 0 if networked else settings['baud']
         self._baud = baud
         self._decoder = decoder

@@ -18,6 +18,7 @@ Ports on a network: what a serial driver reads may come over TCP and UDP as well
 ``tcp://host:port`` connects to a device or a serial server, ``gpsd://host`` to a GPSD, which is
 asked for the bytes of its receiver. ``udp://host:port`` exchanges datagrams with one device;
 ``udp-listen://[address]:port`` takes what is sent to this machine, from whoever sends first.
+``sf://host:port`` is a serial forwarder of TinyOS, for drivers that speak its protocol.
 
 Nothing waits: a connection is begun in ``open`` and comes about while the device is read; names of
 hosts are looked up in another process (``lookup.py``).
@@ -39,10 +40,11 @@ from rt_robot_os.devices.serial.lookup import HostAddress
 from rt_robot_os.devices.serial.transport import StreamPort
 from rt_robot_os.errors import DeviceError
 
-TCP, GPSD, UDP, UDP_LISTEN = 'tcp', 'gpsd', 'udp', 'udp-listen'
+TCP, GPSD, UDP, UDP_LISTEN, FORWARDER = 'tcp', 'gpsd', 'udp', 'udp-listen', 'sf'
 _FORMS: Final = {
     TCP: 'tcp://host:port', GPSD: 'gpsd://host', UDP: 'udp://host:port',
     UDP_LISTEN: 'udp-listen://:port'}
+_FORMS_OF_MOTES: Final = {**_FORMS, FORWARDER: 'sf://host:port'}
 _GPSD_PORT: Final = 2947
 # Raw 2: the bytes as the receiver sent them.
 _GPSD_WATCH: Final = b'?WATCH={"enable":true,"raw":2};\n'
@@ -68,20 +70,22 @@ class NetworkAddress:
     port: int
 
 
-def network_address(text: str) -> NetworkAddress | None:
+def network_address(text: str, forwarder: bool = False) -> NetworkAddress | None:
     """
     Read the port of a device.
 
+    :param forwarder: it may be a serial forwarder.
     :return: None when it is none of a network, such as the path of a serial port.
     :raises ValueError: it is meant as one and is wrong; the message says what is right.
     """
     scheme, separator, _ = text.partition('://')
     if not separator:
         return None
-    form = _FORMS.get(scheme)
+    forms = _FORMS_OF_MOTES if forwarder else _FORMS
+    form = forms.get(scheme)
     if form is None:
         raise ValueError(f'must be a path or begin with one of '
-                         f'{", ".join(f"{each}://" for each in _FORMS)}')
+                         f'{", ".join(f"{each}://" for each in forms)}')
     try:
         parts = urlsplit(text)
         host, port = parts.hostname or '', parts.port

@@ -21,6 +21,7 @@ from typing import Protocol
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.lookup import host_name
 from rt_robot_os.devices.serial.lookup import numeric
+from rt_robot_os.devices.serial.network import FORWARDER
 from rt_robot_os.devices.serial.network import GPSD
 from rt_robot_os.devices.serial.network import network_address
 from rt_robot_os.devices.serial.network import NetworkAddress
@@ -56,16 +57,17 @@ class Port(Protocol):
         """Close it; may be called twice."""
 
 
-def address_of(name: str, key: str, port: str) -> NetworkAddress | None:
+def address_of(name: str, key: str, port: str, forwarder: bool = False) -> NetworkAddress | None:
     """
     Read the port of a device.
 
     :param key: of the setting, for the error.
+    :param forwarder: it may be a serial forwarder.
     :return: None when it is a path.
     :raises ConfigError: it is neither a path nor an address; the message says what is right.
     """
     try:
-        return network_address(port)
+        return network_address(port, forwarder)
     except ValueError as error:
         raise ConfigError([f'{name}.{key} = {port!r}: {error}']) from error
 
@@ -73,7 +75,7 @@ def address_of(name: str, key: str, port: str) -> NetworkAddress | None:
 def prepare_port(port: str) -> None:
     """Look up the host of a port, if it has one; waits for a moment, so not for the loop."""
     try:
-        address = network_address(port)
+        address = network_address(port, forwarder=True)
     except ValueError:
         return  # opening it reports the error
     if address is not None and numeric(address.host) is None:
@@ -88,13 +90,13 @@ def open_port(port: str, baud: int | None) -> Port:
     :raises DeviceError: it cannot be opened; the message names cause and remedy.
     """
     try:
-        address = network_address(port)
+        address = network_address(port, forwarder=True)
     except ValueError as error:
         raise DeviceError(f'port {port}: {error}') from error
     if address is None:
         return SerialPort(port, baud)
     found = numeric(address.host) or host_name(address.host).take()
-    if address.scheme in (TCP, GPSD):
+    if address.scheme in (TCP, GPSD, FORWARDER):
         return TcpPort(address, found)
     return UdpPort(address, found)
 
