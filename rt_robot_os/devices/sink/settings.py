@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from rt_robot_os.devices.serial.device import serial_settings
@@ -63,7 +64,7 @@ SINK_SETTINGS: Final = (
           'values are numbers, spans such as 3-7, or names of kinds. The first that fits counts; '
           'what none fits is of the last class.'),
     Field('topic', str, 'wsn/packets', 'Beginning of the names of the topics: wsn/packets/alarm.'),
-    _SERIAL['depth'],
+    replace(_SERIAL['depth'], default=64, description='Packets that each topic keeps.'),
     Field('queue', int, 128, 'Packets of each class that the sink keeps when more come than it '
           'hands on; then the oldest of that class is lost, and counted.', '', 1, 4096),
     Field('packets_per_job', int, 16, 'Packets that one job hands on, the most important first; '

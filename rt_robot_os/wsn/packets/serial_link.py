@@ -112,6 +112,11 @@ class Link:
         return len(self._waiting)
 
     @property
+    def has_answers(self) -> bool:
+        """Return whether acknowledgements wait for ``poll`` to give them."""
+        return bool(self._answers)
+
+    @property
     def next_ns(self) -> int | None:
         """Return when ``poll`` has something to do: 0 at once, None never."""
         if self._answers or self._waiting and not self._tried:
@@ -125,17 +130,22 @@ class Link:
         :return: frames with packets and those with a P of their own; acknowledgements are dealt
             with here.
         """
-        found = []
-        for each in self.reader.feed(data):
-            known = PROTOCOLS.get(each.protocol)
-            if known is None or each.protocol == known.plain:
-                found.append(each)
-            elif each.protocol == known.ack:
-                self._take_ack(known, each.token)
-            else:
-                self._answer(known, each.token)
-                found.append(each)
-        return found
+        return [each for each in self.reader.feed(data) if self.take(each)]
+
+    def take(self, read: Frame) -> bool:
+        """
+        Take a frame that a reader has read.
+
+        :return: whether it has a packet, or a P of its own; else it was an acknowledgement.
+        """
+        known = PROTOCOLS.get(read.protocol)
+        if known is None or read.protocol == known.plain:
+            return True
+        if read.protocol == known.ack:
+            self._take_ack(known, read.token)
+            return False
+        self._answer(known, read.token)
+        return True
 
     def speak(self, protocols: Protocols) -> None:
         """Write as another generation of TinyOS from the next frame on."""

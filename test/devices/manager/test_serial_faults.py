@@ -91,7 +91,8 @@ CASES = {
 
 def test_every_serial_driver_is_here() -> None:
     serial = {name for name in DRIVERS.names() if issubclass(DRIVERS.load(name), SerialDevice)}
-    assert {name.split()[0] for name in CASES} >= serial
+    # A sink is quiet when its nodes are: test_sink_robot.py.
+    assert {name.split()[0] for name in CASES} >= serial - {'sink'}
 
 
 @pytest.fixture(params=CASES)
