@@ -42,7 +42,6 @@ from rt_robot_os.wsn.packets.paper import BeaconMsg
 from rt_robot_os.wsn.packets.paper import DataMsg
 from rt_robot_os.wsn.packets.paper import Kind
 from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.surge import SurgeMsg
 from rt_robot_os.wsn.packets.tos_msg import MicaMsg
 from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
@@ -108,7 +107,7 @@ def test_a_packet_is_published_as_it_came_without_its_framing() -> None:
         assert packets(rest) == [reading]
 
 
-# ---- copies --------------------------------------------------------------------------------------
+# ---- copies ----------------------------------------------------------------------------------
 
 
 def test_copies_from_other_hops_are_left_out() -> None:
@@ -210,7 +209,7 @@ def test_the_memory_is_bounded() -> None:
         assert more['forgotten_streams'] > 0
 
 
-# ---- TinyOS 2 ------------------------------------------------------------------------------------
+# ---- TinyOS 2 --------------------------------------------------------------------------------
 
 
 def of_2(am_type: int, body: bytes, group: int = 0x22, source: int = 0) -> bytes:
@@ -236,7 +235,7 @@ def test_a_root_that_begins_anew_is_noticed() -> None:
         assert device.statistics().more['sink_resets'] == 1
 
 
-# ---- what is wrong -------------------------------------------------------------------------------
+# ---- what is wrong ---------------------------------------------------------------------------
 
 
 def test_what_is_wrong_with_packets_is_counted_and_none_of_it_published() -> None:

@@ -80,8 +80,8 @@ class Sink(SerialDevice[Frame]):
     SETTINGS = SINK_SETTINGS
     TAKES_FORWARDER = True
     description = 'sink of a wireless sensor network under TinyOS 1.x or 2.x'
-    IF_SILENT = ('check that the mote is plugged in and runs a base station (Surge with address 0, '
-                 'TOSBase, BaseStation), and that nodes are switched on')
+    IF_SILENT = ('check that the mote is plugged in and runs a base station (Surge with address '
+                 '0, TOSBase, BaseStation), and that nodes are switched on')
     IF_GARBAGE = ('check the baud rate (57600 under TinyOS 1.x on telos and micaz, 19200 on mica, '
                   '115200 under TinyOS 2.x), and that it is a base station')
     command = Input('', wake=True, message='std_msgs/msg/String')
