@@ -136,6 +136,7 @@ class LeastCost(Router):
         self._round_ns = 0
         self._told: int | None = None
         self._corrections = 0
+        self._relay_planned = False
         self._beacon_waits = False
         self._failures = 0
         self._seqno = 0
@@ -169,8 +170,13 @@ class LeastCost(Router):
                 period_ns = self._timing.period_ns(self._speed())
             self._beacon_timer.start(period_ns)
         else:
+            self._relay_planned = False
             self._choose()
         self._send_beacon()
+
+    def _plan_relay(self) -> None:
+        self._relay_planned = True
+        self._beacon_timer.start(self._node.random.randint(*RELAY_DELAY_NS))
 
     def _send_beacon(self) -> None:
         if self._beacons.busy:
@@ -213,6 +219,8 @@ class LeastCost(Router):
             returns=beacon.parent == self._node.address))
         if self._told is not None:
             self._correct()
+        elif not self._relay_planned:
+            self._plan_relay()
 
     def _is_of_the_last_round(self, sink: int, number: int) -> bool:
         """Tell whether a beacon counts; one of a newer round begins that."""
@@ -231,7 +239,7 @@ class LeastCost(Router):
         self._told = None
         self._corrections = 0
         self.counters['rounds'] += 1
-        self._beacon_timer.start(self._node.random.randint(*RELAY_DELAY_NS))
+        self._plan_relay()
         return True
 
     def _correct(self) -> None:
@@ -245,7 +253,7 @@ class LeastCost(Router):
                 self._corrections < CORRECTIONS):
             self._corrections += 1
             self._told = None
-            self._beacon_timer.start(self._node.random.randint(*RELAY_DELAY_NS))
+            self._plan_relay()
 
     # The way to the sink.
 
