@@ -1,0 +1,181 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where a node is that nobody surveyed, from how well it hears those whose places are known.
+
+The quality of a link says how far away its other end is, roughly: the path loss of rooms, with
+several dB of walls and furniture. The estimate begins at the centroid, weighted by quality, and is
+drawn by least squares of the logarithms of distances to where it fits best; a factor common to all
+distances is estimated along, so that another transmit power or a richer house does not matter.
+Bounded; safe in the real-time loop at a low rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from collections.abc import Sequence
+import math
+from typing import Final
+from typing import NamedTuple
+
+#: Links of one node that are kept; the least recent goes first.
+MOST_LINKS: Final = 32
+# Mean LQI of received frames by their signal to noise ratio in dB, as measured on CC2420.
+_LQI: Final = (79.0, 84.0, 89.0, 94.0, 97.0, 100.0, 103.0, 104.0, 105.5, 106.6, 107.3)
+_SNR_DB: Final = (2.0, 3.0, 5.0, 7.0, 8.0, 10.0, 11.0, 12.0, 14.0, 17.0, 30.0)
+# Indoors: 0 dBm sent, 43 dB lost in the first metre, noise at -98 dBm.
+_SNR_AT_1_M_DB: Final = 55.0
+_EXPONENT: Final = 2.6
+# One frame's quality says its distance to a factor of about two.
+_LOG_STDDEV: Final = 0.7
+# How far the common factor may be from 1: a factor of three.
+_FACTOR_STDDEV: Final = 1.1
+_NEAREST_M: Final = 0.3
+_ROUNDS: Final = 12
+
+
+class Link(NamedTuple):
+    """
+    A link to a known place.
+
+    :ivar x: of the other end, in m; so is y.
+    :ivar distance_m: as its quality says.
+    """
+
+    x: float
+    y: float
+    distance_m: float
+
+
+class Place(NamedTuple):
+    """
+    An estimate.
+
+    :ivar x: in m; so is y.
+    :ivar stddev_m: how sure it is.
+    """
+
+    x: float
+    y: float
+    stddev_m: float
+
+
+def distance_of_lqi(lqi: float) -> float:
+    """Return the distance in m that an LQI means indoors."""
+    if lqi <= _LQI[0]:
+        snr = _SNR_DB[0]
+    elif lqi >= _LQI[-1]:
+        snr = _SNR_DB[-1]
+    else:
+        place = next(index for index, each in enumerate(_LQI) if lqi < each)
+        part = (lqi - _LQI[place - 1]) / (_LQI[place] - _LQI[place - 1])
+        snr = _SNR_DB[place - 1] + part * (_SNR_DB[place] - _SNR_DB[place - 1])
+    return float(10.0 ** ((_SNR_AT_1_M_DB - snr) / (10.0 * _EXPONENT)))
+
+
+def lqi_of_link_cost(cost: int) -> float:
+    """Return the LQI that MultiHopLQI gives this link cost; it saturates at 110."""
+    return float(min(110.0, max(50.0, 130.0 - (64.0 * max(cost, 0)) ** (1.0 / 3.0))))
+
+
+def estimate(links: Sequence[Link]) -> Place | None:
+    """
+    Return where the node is.
+
+    :return: None without links.
+    """
+    if not links:
+        return None
+    weights = [1.0 / each.distance_m ** 2 for each in links]
+    total = sum(weights)
+    x = sum(w * each.x for w, each in zip(weights, links)) / total
+    y = sum(w * each.y for w, each in zip(weights, links)) / total
+    spread = math.sqrt(sum(
+        w * ((each.x - x) ** 2 + (each.y - y) ** 2) for w, each in zip(weights, links)) / total)
+    reach = sum(w * each.distance_m for w, each in zip(weights, links)) / total
+    if len(links) < 3 or spread < _NEAREST_M:
+        return Place(x, y, max(spread, reach, _NEAREST_M))
+    return _fitted(links, x, y, spread)
+
+
+def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
+    """Fit the place, and the common factor of the distances, from the centroid on."""
+    from_x, from_y, factor = x, y, 0.0
+    held = 1.0 / (2.0 * spread) ** 2  # the centroid holds it where nothing else does
+    weight = 1.0 / _LOG_STDDEV ** 2
+    xx = yy = held
+    xy = residuals = 0.0
+    for _ in range(_ROUNDS):
+        xx, yy, ff = held, held, 1.0 / _FACTOR_STDDEV ** 2
+        xy = xf = yf = residuals = 0.0
+        gx, gy, gf = held * (from_x - x), held * (from_y - y), -ff * factor
+        for each in links:
+            dx, dy = x - each.x, y - each.y
+            square = max(dx * dx + dy * dy, _NEAREST_M ** 2)
+            error = 0.5 * math.log(square) - math.log(each.distance_m) - factor
+            ax, ay = dx / square, dy / square
+            xx += weight * ax * ax
+            xy += weight * ax * ay
+            yy += weight * ay * ay
+            xf -= weight * ax
+            yf -= weight * ay
+            ff += weight
+            gx -= weight * ax * error
+            gy -= weight * ay * error
+            gf += weight * error
+            residuals += weight * error * error
+        # The factor is solved for in place, so that two unknowns stay.
+        xx, xy, yy = xx - xf * xf / ff, xy - xf * yf / ff, yy - yf * yf / ff
+        gx, gy = gx - xf * gf / ff, gy - yf * gf / ff
+        determinant = xx * yy - xy * xy
+        step_x, step_y = (yy * gx - xy * gy) / determinant, (xx * gy - xy * gx) / determinant
+        length = math.hypot(step_x, step_y)
+        scale = min(1.0, spread / length) if length > 0.0 else 1.0
+        x, y = x + scale * step_x, y + scale * step_y
+        factor += (gf - xf * step_x - yf * step_y) / ff * scale
+        if length < 0.01:
+            break
+    if not math.hypot(x - from_x, y - from_y) <= 3.0 * spread:
+        return Place(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
+    worse = max(1.0, math.sqrt(residuals / len(links)))
+    return Place(x, y, worse * math.sqrt((xx + yy) / (xx * yy - xy * xy)))
+
+
+class LinkLog:
+    """The links of one node, by who is at the other end; the mean of what was heard of each."""
+
+    __slots__ = ('_links',)
+
+    def __init__(self) -> None:
+        self._links: dict[Hashable, Link] = {}
+
+    def note(self, other: Hashable, x: float, y: float, lqi: float) -> None:
+        """Note how well the node hears, or is heard at, a known place."""
+        distance_m = distance_of_lqi(lqi)
+        before = self._links.pop(other, None)
+        if before is not None:
+            # A mean of logarithms: one frame says little.
+            distance_m = math.exp(math.log(before.distance_m) + (
+                math.log(distance_m) - math.log(before.distance_m)) / 8)
+        elif len(self._links) >= MOST_LINKS:
+            del self._links[next(iter(self._links))]
+        self._links[other] = Link(x, y, distance_m)
+
+    def __len__(self) -> int:
+        return len(self._links)
+
+    def place(self) -> Place | None:
+        """Return where the node is; None while nothing says."""
+        return estimate(list(self._links.values()))
