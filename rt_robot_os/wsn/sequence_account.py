@@ -172,11 +172,12 @@ class SequenceAccount:
     :ivar reboots: times that the numbers began again.
     :ivar jumps: times that they went on further ahead than the time that had passed explains.
     :ivar strays: numbers that nothing before or after fits.
-    :ivar twins: two sequences go on side by side: two nodes have this number.
+    :ivar twins: two sequences went on side by side: two nodes have this number.
+    :ivar twin_ns: when both were heard last.
     """
 
     __slots__ = ('bits', 'received', 'duplicates', 'late', 'reboots', 'jumps', 'strays', 'twins',
-                 '_closed_lost', '_since_ns', '_main', '_other', '_candidate', '_other_hits',
+                 'twin_ns', '_closed_lost', '_since_ns', '_main', '_other', '_candidate', '_other_hits',
                  '_repeated', '_repeat', '_repeat_ns')
 
     def __init__(self, bits: int, since_ns: int) -> None:
@@ -184,6 +185,7 @@ class SequenceAccount:
         self.received = self.duplicates = self.late = 0
         self.reboots = self.jumps = self.strays = 0
         self.twins = False
+        self.twin_ns = -1
         self._closed_lost = 0
         self._since_ns = since_ns
         self._main: _Stream | None = None
@@ -252,7 +254,7 @@ class SequenceAccount:
             found = other.offer(number, fingerprint, now_ns, _GOES_ON)
             if found != _FOREIGN:
                 if found == NEW:
-                    self._went_on()
+                    self._went_on(now_ns)
                 return found
         if candidate is not None:
             found = candidate.offer(number, fingerprint, now_ns)
@@ -265,9 +267,11 @@ class SequenceAccount:
         self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.heard_ns)
         return NEW
 
-    def _went_on(self) -> None:
-        """The sequence that seemed to have ended goes on."""
+    def _went_on(self, now_ns: int) -> None:
+        """Notice that a sequence that seemed to have ended goes on."""
         self._other_hits += 1
+        if self._other_hits >= _TWIN:
+            self.twin_ns = now_ns
         if self._other_hits == _TWIN and not self.twins:
             self.twins = True
             self.reboots = max(0, self.reboots - 1)
