@@ -27,6 +27,8 @@ _OWN: Final = {
     'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'planner': 'rt_robot_os.modules.planner:Planner',
+    'sensor_network': 'rt_robot_os.modules.sensor_network:SensorNetwork',
+    'sensor_readings': 'rt_robot_os.modules.sensor_readings:SensorReadings',
     'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',

@@ -193,8 +193,9 @@ class NetworkModel:
         """Return a row for the sink, then one for each node by number."""
         x, y, z = self.sink_place
         nan = math.nan
-        sink = NodeRow(self.sink_id, x, y, z, 0.0, NOBODY, 0, 0, NodeState.SINK, nan, nan, nan, nan,
-                       0, 0, 0, 0, nan if self.last_ns < 0 else (now_ns - self.last_ns) / NS_PER_S)
+        age_s = nan if self.last_ns < 0 else (now_ns - self.last_ns) / NS_PER_S
+        sink = NodeRow(self.sink_id, x, y, z, 0.0, NOBODY, 0, 0, NodeState.SINK, nan, nan, nan,
+                       nan, 0, 0, 0, 0, age_s)
         return [sink, *(self.nodes[number].row(now_ns) for number in sorted(self.nodes))]
 
     # ---- kinds of packets --------------------------------------------------------------------
@@ -233,8 +234,8 @@ class NetworkModel:
         if packet.parent >= 0:
             self._set_parent(node, packet.parent)
         hops = packet.hops
-        if 0 < hops <= _MOST_HOPS and (packet.am_type != CtpData.AM_TYPE or packet.stack != 'tinyos2'
-                                       or packet.destination == self.sink_id):
+        so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
+        if 0 < hops <= _MOST_HOPS and (not so_far or packet.destination == self.sink_id):
             node.hops = hops
         source, destination = packet.source, packet.destination
         if source < 0 or source == self.sink_id:

@@ -138,12 +138,12 @@ class NetworkWatch:
             found.append(Trouble('battery', node.id, f'{name} has {volts:.2f} V left: change its '
                                                      'battery'))
         elif days < limits.days:
-            found.append(Trouble('battery', node.id, f'the battery of {name} lasts {days:.1f} days '
-                                                     'more: change it'))
+            found.append(Trouble('battery', node.id, f'the battery of {name} lasts {days:.1f} '
+                                                     'days more: change it'))
         recent = node.recent(now_ns)
         if recent < limits.delivery and node.received + node.lost >= _ENOUGH:
-            found.append(Trouble('delivery', node.id, f'{name} loses {100 * (1 - recent):.0f} % of '
-                                 'its packets: its way to the sink is bad, or overloaded'))
+            found.append(Trouble('delivery', node.id, f'{name} loses {100 * (1 - recent):.0f} % '
+                                 'of its packets: its way to the sink is bad, or overloaded'))
         if found:
             state = NodeState.WEAK
         if node.in_loop:
@@ -166,8 +166,8 @@ class NetworkWatch:
             return Trouble('twins', node.id, f'two nodes have the number {node.id} ({node.name}): '
                            'their packets count side by side; give one of them another number')
         if node.claims_sink_ns >= 0 and now_ns - node.claims_sink_ns <= _TOLD_NS:
-            return Trouble('claims', node.id, f'{name_of(node)} claims to be the sink (its cost is '
-                           f'0), which is {self._model.sink_id}: packets that go there are lost')
+            return Trouble('claims', node.id, f'{name_of(node)} claims to be the sink (its cost '
+                           f'is 0), which is {self._model.sink_id}: what goes there is lost')
         return None
 
     def _patience_ns(self, node: NetworkNode) -> int:
@@ -211,7 +211,7 @@ class NetworkWatch:
                 ring = list(way)[way[number]:]
                 for each in ring:
                     nodes[each].in_loop = True
-                told = ' > '.join(map(str, [*ring[:8], *(['...'] if len(ring) > 8 else [ring[0]])]))
+                told = ' > '.join(map(str, [*ring[:8], '...' if len(ring) > 8 else ring[0]]))
                 found.append(Trouble('loop', min(ring), f'the parents of nodes lead in a circle, '
                                      f'{told}: what they send does not reach the sink'))
             done.update(way)

@@ -18,7 +18,8 @@ What became of the packets that a node sent, by the numbers in those that came.
 A packet that is missing is lost, counted once; one that comes late after all is not. A number that
 came before is a duplicate when it came not long ago and says the same. Numbers that begin again
 are a reboot: two packets have to agree on that, so that a stray one changes nothing. Two sequences
-that both go on are two nodes with one number. Everything is bounded and safe in the real-time loop.
+that both go on are two nodes with one number. Everything is bounded, and safe in the real-time
+loop.
 """
 
 from __future__ import annotations
@@ -177,8 +178,8 @@ class SequenceAccount:
     """
 
     __slots__ = ('bits', 'received', 'duplicates', 'late', 'reboots', 'jumps', 'strays', 'twins',
-                 'twin_ns', '_closed_lost', '_since_ns', '_main', '_other', '_candidate', '_other_hits',
-                 '_repeated', '_repeat', '_repeat_ns')
+                 'twin_ns', '_closed_lost', '_since_ns', '_main', '_other', '_candidate',
+                 '_other_hits', '_repeated', '_repeat', '_repeat_ns')
 
     def __init__(self, bits: int, since_ns: int) -> None:
         self.bits = bits

@@ -108,15 +108,17 @@ def node(text: str) -> SurveyedNode:
     return SurveyedNode(name, place[0], place[1], place[2], number, quantities, person)
 
 
-def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes') -> tuple[SurveyedNode, ...]:
+def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
+             ) -> tuple[SurveyedNode, ...]:
     """
     Give each node its number and check that none is there twice, as a number, name or topic.
 
     :param where: the setting or file, for the errors.
+    :param first: from which they count.
     :raises ConfigError: with every problem.
     """
     found = tuple(each if each.id >= 0 else each._replace(id=place)
-                  for place, each in enumerate(nodes, 1))
+                  for place, each in enumerate(nodes, first))
     problems = []
     if len(found) > MOST_NODES:
         problems.append(f'{where}: {len(found)} nodes: {MOST_NODES} are the most')
@@ -140,11 +142,13 @@ def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes') -> tuple[Surve
     return found
 
 
-def survey_of(texts: Iterable[str], where: str = 'nodes') -> tuple[SurveyedNode, ...]:
+def survey_of(texts: Iterable[str], where: str = 'nodes', first: int = 1
+              ) -> tuple[SurveyedNode, ...]:
     """
     Read a list of texts.
 
     :param where: the setting or file, for the errors.
+    :param first: number of the first.
     :raises ConfigError: with every problem; each names its entry.
     """
     found, problems = [], []
@@ -155,7 +159,7 @@ def survey_of(texts: Iterable[str], where: str = 'nodes') -> tuple[SurveyedNode,
             problems.append(f'{where}: {text[:80]!r}: {error}')
     if problems:
         raise ConfigError(problems)
-    return numbered(found, where)
+    return numbered(found, where, first)
 
 
 def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
