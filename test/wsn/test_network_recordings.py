@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model of a network against recordings of real motes: what was delivered, lost and repeated."""
+"""The model of a network against recordings of real motes: what came, was lost and repeated."""
 
 from __future__ import annotations
 
