@@ -235,6 +235,27 @@ def test_a_root_that_begins_anew_is_noticed() -> None:
         assert device.statistics().more['sink_resets'] == 1
 
 
+# ---- payloads of one's own ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('stack, text, make', [
+    ('tinyos1', 'soil 0x42 moisture:H', lambda n, hop: TelosMsg(0x7E, 0x42, MultihopMsg(
+        hop, 5, hop, n, 1, b'ab').pack()).pack()),
+    ('tinyos1', 'soil 0x42 plain version:B origin:H seqno:H x:H', lambda n, hop: TelosMsg(
+        0x7E, 0x42, bytes((0, 5, 0, n, 0, 9, 9))).pack()),
+    ('tinyos2', 'soil 0x42 version:B origin:H seqno:H x:H', lambda n, hop: SerialAm(
+        0xFFFF, 0, 0x42, bytes((0, 0, 5, 0, n, 9, 9))).pack())])
+def test_copies_of_payloads_of_ones_own_are_left_out(stack: str, text: str, make: Any) -> None:
+    sent = [make(n, hop) for n in range(5) for hop in (1, 2)]
+    protocol = 0x42 if stack == 'tinyos1' else 0x45
+    with scripted(Sink, [b''.join(on_line(each, protocol) for each in sent)], stack=stack,
+                  payloads=[text], rules=['alarm if origin 5 and type 0x42']) as (
+                      device, (alarm, _, _)):
+        device.read(S)
+        assert len(alarm.samples) == 5
+        assert device.statistics().more['unknown_types'] == 0
+
+
 # ---- what is wrong ---------------------------------------------------------------------------
 
 
@@ -313,6 +334,7 @@ def test_the_bytes_of_a_base_station_are_recognised() -> None:
     ({'rules': ['alarm if origin 7-3']}, "origin '7-3': must be within 0-65535, the smaller"),
     ({'rules': ['alarm if kind']}, 'kind needs values'),
     ({'rules': ['alarm if kind 1 and kind 2']}, 'kind is asked for twice'),
+    ({'payloads': ['soil']}, 'sink.payloads: '),
     ({'depth': 8}, 'packets_per_job = 16: must be at most depth, 8'),
     ({'port': 'udpp://x:1'}, 'sf://')])
 def test_wrong_settings_are_told(changes: dict[str, Any], said: str) -> None:

@@ -32,8 +32,11 @@ from typing import Final
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.device import SerialDevice
+from rt_robot_os.devices.serial.port import silence_of
 from rt_robot_os.devices.sink.duplicates import Copies
 from rt_robot_os.devices.sink.importance import Classifier
+from rt_robot_os.devices.sink.line import ForwarderLine
+from rt_robot_os.devices.sink.line import Line
 from rt_robot_os.devices.sink.line import SerialLine
 from rt_robot_os.devices.sink.look import KNOWN_1
 from rt_robot_os.devices.sink.look import KNOWN_2
@@ -49,10 +52,15 @@ from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.packets.commands import command_packet
 from rt_robot_os.wsn.packets.commands import parse_command
+from rt_robot_os.wsn.packets.forwarder import SCHEME
 from rt_robot_os.wsn.packets.framing import Frame
 from rt_robot_os.wsn.packets.framing import PROTOCOLS
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
+from rt_robot_os.wsn.packets.payload import check_payloads
+from rt_robot_os.wsn.packets.payload import installed_payloads
+from rt_robot_os.wsn.packets.payload import Payload
+from rt_robot_os.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.wsn.packets.tos_msg import platform_of
 
 PACKET: Final = 'std_msgs/msg/UInt8MultiArray'
@@ -94,7 +102,8 @@ class Sink(SerialDevice[Frame]):
             a topic keeps.
         """
         stack = _STACKS[settings['stack']]
-        self._line = SerialLine(stack)
+        self._line: Line = ForwarderLine(stack, settings['platform']) if (
+            settings['port'].startswith(SCHEME)) else SerialLine(stack)
         super().__init__(name, settings, self._line)
         self._stack = stack
         self._sorting = _sorting(name, settings)
@@ -129,10 +138,12 @@ class Sink(SerialDevice[Frame]):
         self._other_in_a_row = 0
         self._rejected_before = self._line.rejected_bytes
         self._tell_of_commands()
+        self._send_output(self.clock_ns())
 
     def quiet_s(self) -> float:
-        """Return how long all nodes may be silent; not while strange bytes come."""
-        if self._line.rejected_bytes - self._rejected_before >= _GARBAGE_BYTES:
+        """Return how long all nodes may be silent; not the line itself, nor strange bytes."""
+        strange = self._line.rejected_bytes - self._rejected_before
+        if not self._line.ready or strange >= _GARBAGE_BYTES:
             return 0.0
         return float(self.settings['quiet_s'])
 
@@ -142,6 +153,8 @@ class Sink(SerialDevice[Frame]):
 
         :raises DeviceError: it does not, or it is gone.
         """
+        if self._line.problem:
+            raise DeviceError(f'{self.name}: {self._line.problem}')
         if self._other_in_a_row >= _SURE:
             self._other_in_a_row = 0
             other = TINYOS_2 if self._stack is TINYOS_1 else TINYOS_1
@@ -158,11 +171,9 @@ class Sink(SerialDevice[Frame]):
         if self.connected('command'):
             while self.command.take():
                 self._take_command(self.command.msg.data)
-        data = self._line.link.poll(now_ns)
-        if data:
-            self.send(data)
+        self._send_output(now_ns)
         self._tell_of_commands()
-        due_ns = self._line.link.next_ns
+        due_ns = self._line.due_ns
         if self._sorting.waiting or self._left:
             soon_ns = now_ns + _NEXT_JOB_NS
             return soon_ns if due_ns is None else min(due_ns or now_ns, soon_ns)
@@ -191,8 +202,8 @@ class Sink(SerialDevice[Frame]):
 
     def idle(self, now_ns: int) -> int:
         """Answer what the mote wants acknowledged, and hand on what waits."""
-        if self._line.link.has_answers:
-            self.send(self._line.link.poll(now_ns))
+        if self._line.answers:
+            self._send_output(now_ns)
         if not self._sorting.waiting:
             return 0
         return self._sorting.hand_on(self._publishers, self._most)
@@ -226,11 +237,14 @@ class Sink(SerialDevice[Frame]):
 
     def input_counters(self) -> Mapping[str, Value]:
         """Return what became of the commands."""
-        link = self._line.link
         return {'commands': self._commands, 'bad_commands': self._bad_commands,
-                'lost_commands': self._lost_commands, 'waiting_commands': link.waiting,
-                'acknowledged_commands': link.acknowledged,
-                'unacknowledged_commands': link.given_up, 'command_resends': link.resends}
+                'lost_commands': self._lost_commands, **self._line.command_counters()}
+
+    def silence(self) -> str:
+        """Return what to check when nothing comes."""
+        if self._line.ready or silence_of(self._port):
+            return super().silence()
+        return 'it is connected, but no serial forwarder has greeted: check the number of the port'
 
     def _take_command(self, text: str) -> None:
         self._commands += 1
@@ -242,13 +256,18 @@ class Sink(SerialDevice[Frame]):
             return
         packet = command_packet(command, self._stack.name, self.settings['platform'],
                                 self._group())
-        ticket = self._line.link.send(packet)
+        ticket = self._line.send(packet)
         if ticket:
             self._tickets.append((ticket, text))
             return
         self._lost_commands += 1
         self.log.warn('command %r is lost: %d others wait to be acknowledged', text,
-                      self._line.link.waiting, throttle_s=1.0)
+                      self._line.waiting, throttle_s=1.0)
+
+    def _send_output(self, now_ns: int) -> None:
+        data = self._line.output(now_ns)
+        if data:
+            self.send(data)
 
     def _group(self) -> int:
         groups = [each for each in self.settings['groups'] if each != ANY_GROUP]
@@ -256,7 +275,7 @@ class Sink(SerialDevice[Frame]):
 
     def _tell_of_commands(self) -> None:
         """Log the commands that the mote has not acknowledged."""
-        for outcome in self._line.link.take_outcomes():
+        for outcome in self._line.take_outcomes():
             while self._tickets and self._tickets[0][0] < outcome.ticket:
                 self._tickets.popleft()
             text = self._tickets.popleft()[1] if self._tickets else ''
@@ -289,11 +308,19 @@ def _sorting(name: str, settings: Mapping[str, Any]) -> Sorting:
         classifier = Classifier(settings['classes'], settings['rules'])
     except ValueError as error:
         raise ConfigError([f'{name}.{each}' for each in str(error).split('\n')]) from error
+    payloads = _payloads(name, settings)
     stack = settings['stack']
     groups = settings['groups'] or _GROUPS[stack]
     known = KNOWN_1 if stack == TINYOS_1.name else KNOWN_2
     return Sorting(
-        looker(stack, settings['platform'], settings['multihop_types']), classifier,
+        looker(stack, settings['platform'], payloads), classifier,
         Copies(round(settings['duplicates_s'] * NS_PER_S)), room=settings['queue'],
         groups=() if ANY_GROUP in groups else groups,
-        known_types={*known, *settings['multihop_types']}, root=settings['root'])
+        known_types={*known, *(each.am_type for each in payloads)}, root=settings['root'])
+
+
+def _payloads(name: str, settings: Mapping[str, Any]) -> tuple[Payload, ...]:
+    try:
+        return check_payloads((*parse_payloads(settings['payloads']), *installed_payloads()))
+    except ConfigError as error:
+        raise ConfigError([f'{name}.payloads: {each}' for each in error.problems]) from error

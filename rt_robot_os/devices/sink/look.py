@@ -24,12 +24,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Collection
+from collections.abc import Iterable
+from collections.abc import Mapping
+from struct import calcsize
+from types import MappingProxyType
 from typing import Final
+from typing import Literal
 from typing import NamedTuple
 
 from rt_robot_os.wsn.packets.framing import TINYOS_2
+from rt_robot_os.wsn.packets.payload import Payload
+from rt_robot_os.wsn.packets.serial_am import SIZE
 from rt_robot_os.wsn.packets.tos_msg import MICA
-
+from rt_robot_os.wsn.packets.tos_msg import MICA_HEADER
+from rt_robot_os.wsn.packets.tos_msg import TELOS_HEADER
 
 #: What is wrong with a packet that cannot be used.
 TRUNCATED: Final = 'truncated header'
@@ -73,31 +81,49 @@ class Look(NamedTuple):
 
 
 Looker = Callable[[bytes], Look]
+_Look = Callable[[bytes, int], Look]
+_Found = tuple[int, _Look]
+Looks = Mapping[int, _Found]
+_Place = tuple[slice, Literal['little', 'big']]
+
+_TELOS, _MICA, _SERIAL_AM = TELOS_HEADER.size, MICA_HEADER.size, SIZE
+_UNSIGNED: Final = ('B', 'H', 'I', 'L')
 
 
-def looker(stack: str, platform: str, multihop_types: Collection[int]) -> Looker:
+def looker(stack: str, platform: str, payloads: Iterable[Payload] = ()) -> Looker:
     """
     Return what looks at the packets of a network.
 
     :param stack: ``tinyos1`` or ``tinyos2``.
     :param platform: of TinyOS 1.x, ``telos`` or ``mica``.
-    :param multihop_types: types whose packets have a header of MultiHopLQI, of TinyOS 1.x.
+    :param payloads: of a user's own.
     """
+    own = tuple(payloads)
     if stack == TINYOS_2.name:
-        return look_2
-    types = frozenset((SURGE, *multihop_types))
+        looks = {**_own_looks(own, _SERIAL_AM, True), **_LOOKS_2}
+        return lambda packet: look_2(packet, looks)
+    routed = frozenset((SURGE, *(each.am_type for each in own if each.routed)))
+    plain = [each for each in own if each.am_type not in routed]
     if platform == MICA:
-        return lambda packet: look_mica(packet, types)
-    return lambda packet: look_telos(packet, types)
+        looks = _own_looks(plain, _MICA, False)
+        return lambda packet: look_mica(packet, routed, looks)
+    looks = _own_looks(plain, _TELOS, False)
+    return lambda packet: look_telos(packet, routed, looks)
 
 
-def look_telos(packet: bytes, multihop_types: Collection[int]) -> Look:
-    """Look at a TOS_Msg of TinyOS 1.x on motes with a CC2420."""
+def look_telos(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),
+               looks: Looks = MappingProxyType({})) -> Look:
+    """
+    Look at a TOS_Msg of TinyOS 1.x on motes with a CC2420.
+
+    :param routed: types whose packets have the header of MultiHopLQI in front.
+    :param looks: at packets of other types.
+    """
     size = len(packet)
-    if size < 10:
+    if size < _TELOS:
         return Look(-1, -1, problem=TRUNCATED)
     am_type, group, length = packet[8], packet[9], packet[0]
-    if length != size - 10:
+    if length != size - _TELOS:
         return Look(am_type, group, problem=LYING)
     if am_type == _LQI_BEACON_1:
         if length < 16:
@@ -105,8 +131,8 @@ def look_telos(packet: bytes, multihop_types: Collection[int]) -> Look:
         source = packet[10] | packet[11] << 8
         return Look(am_type, group, packet[12] | packet[13] << 8,
                     free_of_charge=-1 if packet[22] or packet[23] else source)
-    if am_type not in multihop_types:
-        return Look(am_type, group)
+    if am_type not in routed:
+        return _look_at(packet, am_type, group, -1, length, looks)
     if length < 10:
         return Look(am_type, group, problem=TRUNCATED)
     origin = packet[12] | packet[13] << 8
@@ -118,73 +144,127 @@ def look_telos(packet: bytes, multihop_types: Collection[int]) -> Look:
                 packet[26] | packet[27] << 8 | packet[28] << 16 | packet[29] << 24, 32, content)
 
 
-def look_mica(packet: bytes, multihop_types: Collection[int]) -> Look:
-    """Look at a TOS_Msg of TinyOS 1.x on mica, mica2 and mica2dot."""
+def look_mica(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),
+              looks: Looks = MappingProxyType({})) -> Look:
+    """
+    Look at a TOS_Msg of TinyOS 1.x on mica, mica2 and mica2dot.
+
+    :param routed: types whose packets have a header of the routing in front.
+    :param looks: at packets of other types.
+    """
     size = len(packet)
-    if size < 5:
+    if size < _MICA:
         return Look(-1, -1, problem=TRUNCATED)
     am_type, group, length = packet[2], packet[3], packet[4]
-    if length != size - 5:
+    if length != size - _MICA:
         return Look(am_type, group, problem=LYING)
-    if am_type not in multihop_types:
-        return Look(am_type, group)
+    if am_type not in routed:
+        return _look_at(packet, am_type, group, -1, length, looks)
     if length < 7:
         return Look(am_type, group, problem=TRUNCATED)
     # The number is that of who sent it last: of copies only its own can be told.
     return Look(am_type, group, packet[7] | packet[8] << 8, content=hash(packet[5:]) or 1)
 
 
-def look_2(packet: bytes) -> Look:
-    """Look at an active message of TinyOS 2.x, its dispatch byte in front."""
+def look_2(packet: bytes, looks: Looks | None = None) -> Look:
+    """
+    Look at an active message of TinyOS 2.x, its dispatch byte in front.
+
+    :param looks: at packets by type; by default at those of TinyOS.
+    """
     size = len(packet)
-    if size < 8:
+    if size < _SERIAL_AM:
         return Look(-1, -1, problem=TRUNCATED)
     am_type, group, length = packet[7], packet[6], packet[5]
-    if length != size - 8:
+    if length != size - _SERIAL_AM:
         return Look(am_type, group, problem=LYING)
-    look = _LOOKS_2.get(am_type)
-    if look is None:
-        return Look(am_type, group, packet[3] << 8 | packet[4])
-    shortest, find = look
-    return find(packet) if length >= shortest else Look(am_type, group, problem=TRUNCATED)
+    return _look_at(packet, am_type, group, packet[3] << 8 | packet[4], length,
+                    _LOOKS_2 if looks is None else looks)
 
 
-def _lqi_data(packet: bytes) -> Look:
-    return Look(_LQI_DATA, packet[6], packet[8] << 8 | packet[9], -1,
+def _look_at(packet: bytes, am_type: int, group: int, source: int, length: int, looks: Looks
+             ) -> Look:
+    found = looks.get(am_type)
+    if found is None:
+        return Look(am_type, group, source)
+    shortest, find = found
+    if length < shortest:
+        return Look(am_type, group, problem=TRUNCATED)
+    return find(packet, group)
+
+
+def _own_looks(payloads: Iterable[Payload], header: int, big: bool) -> dict[int, _Found]:
+    """Return looks at payloads that say who made them, and number them."""
+    found: dict[int, _Found] = {}
+    for each in payloads:
+        places = _places(each, header, big)
+        if {'origin', 'seqno'} <= places.keys():
+            found.setdefault(each.am_type, (each.size, _own_look(
+                each.am_type, header, places['origin'], places['seqno'])))
+    return found
+
+
+def _own_look(am_type: int, header: int, origin: _Place, seqno: _Place) -> _Look:
+    (from_, order), (number, _) = origin, seqno
+    bits = 8 * (number.stop - number.start)
+
+    def look(packet: bytes, group: int) -> Look:
+        return Look(am_type, group, int.from_bytes(packet[from_], order) & 0xFFFF, -1,
+                    int.from_bytes(packet[number], order), bits, hash(packet[header:]) or 1)
+
+    return look
+
+
+def _places(payload: Payload, header: int, big: bool) -> dict[str, _Place]:
+    """Return where the whole numbers of a payload stand in the packet, by field."""
+    order: Literal['little', 'big'] = 'big' if (
+        payload.byte_order == 'big' if payload.byte_order else big) else 'little'
+    found: dict[str, _Place] = {}
+    at = header
+    for each in payload.fields:
+        size = calcsize('<' + each.code)
+        if each.code in _UNSIGNED:
+            found[each.name] = slice(at, at + size), order
+        at += size
+    return found
+
+
+def _lqi_data(packet: bytes, group: int) -> Look:
+    return Look(_LQI_DATA, group, packet[8] << 8 | packet[9], -1,
                 packet[12] << 8 | packet[13], 16, hash(packet[8:10] + packet[12:]) or 1)
 
 
-def _ctp_data(packet: bytes) -> Look:
-    return Look(_CTP_DATA, packet[6], packet[12] << 8 | packet[13], -1, packet[14], 8,
+def _ctp_data(packet: bytes, group: int) -> Look:
+    return Look(_CTP_DATA, group, packet[12] << 8 | packet[13], -1, packet[14], 8,
                 hash(packet[12:]) or 1)
 
 
-def _lqi_beacon(packet: bytes) -> Look:
+def _lqi_beacon(packet: bytes, group: int) -> Look:
     origin = packet[8] << 8 | packet[9]
-    return Look(_LQI_BEACON, packet[6], origin,
+    return Look(_LQI_BEACON, group, origin,
                 free_of_charge=-1 if packet[16] or packet[17] else origin)
 
 
-def _ctp_beacon(packet: bytes) -> Look:
+def _ctp_beacon(packet: bytes, group: int) -> Look:
     source = packet[3] << 8 | packet[4]
-    return Look(_CTP_BEACON, packet[6], source,
+    return Look(_CTP_BEACON, group, source,
                 free_of_charge=-1 if packet[13] or packet[14] else source)
 
 
-def _debug(packet: bytes) -> Look:
+def _debug(packet: bytes, group: int) -> Look:
     # Its number counts the messages of the sink itself: when it goes back, the sink began anew.
-    return Look(packet[7], packet[6], packet[3] << 8 | packet[4], -1,
+    return Look(packet[7], group, packet[3] << 8 | packet[4], -1,
                 packet[15] << 8 | packet[16], 16)
 
 
-def _oscilloscope(packet: bytes) -> Look:
+def _oscilloscope(packet: bytes, group: int) -> Look:
     # Its count jumps when a node hears a larger one: gaps are no losses.
-    return Look(_OSCILLOSCOPE, packet[6], packet[12] << 8 | packet[13], -1,
+    return Look(_OSCILLOSCOPE, group, packet[12] << 8 | packet[13], -1,
                 packet[14] << 8 | packet[15], 0, hash(packet[8:]) or 1)
 
 
 # Type -> bytes of data at least, and what looks at them.
-_LOOKS_2: Final[dict[int, tuple[int, Callable[[bytes], Look]]]] = {
+_LOOKS_2: Final[Looks] = {
     _CTP_BEACON: (7, _ctp_beacon), _CTP_DATA: (8, _ctp_data), _CTP_DEBUG: (9, _debug),
     _LQI_BEACON: (12, _lqi_beacon), _LQI_DATA: (9, _lqi_data), _LQI_DEBUG: (9, _debug),
     _OSCILLOSCOPE: (8, _oscilloscope)}

@@ -54,9 +54,8 @@ SINK_SETTINGS: Final = (
           f'and 34 under 2.x; {ANY_GROUP}: all.', item=int, minimum=ANY_GROUP, maximum=255),
     Field('root', int, 0, 'Address of the root of the network: no other node is at no cost from '
           'the sink.', minimum=0, maximum=0xFFFF),
-    Field('multihop_types', list, (), 'AM types of your own whose packets have the header of '
-          'MultiHopLQI in front, under TinyOS 1.x; that of Surge, 17, always has.', item=int,
-          minimum=0, maximum=255),
+    Field('payloads', list, (), 'Payloads of your own, a text each, as in docs/packets.md: their '
+          'types are known, and copies of them are told apart.'),
     Field('classes', list, DEFAULT_CLASSES, 'Classes of packets, the most important first; each '
           'is a topic of its own below topic.'),
     Field('rules', list, DEFAULT_RULES, "Which packets are of which class: 'CLASS if FACT VALUES "

@@ -98,6 +98,11 @@ class ForwarderEnd:
         """Return the number of bytes that wait for the rest of their packet."""
         return len(self._pending)
 
+    @property
+    def has_output(self) -> bool:
+        """Return whether bytes wait to be sent."""
+        return bool(self._output)
+
     def begin(self, stack: str) -> None:
         """Greet the other side; does nothing when that was done."""
         if self.stack:
