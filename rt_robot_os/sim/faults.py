@@ -74,6 +74,12 @@ LOCALISER_FAULTS: Final = {
     'misread': 'takes each mark for another one, or sees it elsewhere if there is no other',
 }
 
+# What befalls sinks of sensor networks.
+SINK_FAULTS: Final = {
+    **FAULTS,
+    'reset': 'has no power: what waited in it is lost, and its routing begins anew',
+}
+
 
 def _besides(known: Mapping[str, str]) -> str:
     return ', '.join(fault for fault in known if fault not in FAULTS)
@@ -82,7 +88,7 @@ def _besides(known: Mapping[str, str]) -> str:
 # All of them, for messages.
 FAULT_HELP: Final = (
     f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_besides(MOTOR_FAULTS)}; '
-    f'localisers {_besides(LOCALISER_FAULTS)}')
+    f'localisers {_besides(LOCALISER_FAULTS)}; sinks {_besides(SINK_FAULTS)}')
 
 _MAX_S: Final = 1e6
 _MAX_EVENTS: Final = 256

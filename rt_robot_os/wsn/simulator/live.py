@@ -50,8 +50,8 @@ from rt_robot_os.wsn.simulator.network import RouterFactory
 from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
 from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.transceiver import Transceiver
-from rt_robot_os.wsn.simulator.transmission import ACK
-from rt_robot_os.wsn.simulator.transmission import Transmission
+from rt_robot_os.wsn.simulator.air import ACK
+from rt_robot_os.wsn.simulator.air import Transmission
 
 Position = tuple[float, float, float]
 
