@@ -34,6 +34,9 @@ from rt_robot_os.wsn.radio.noise import quiet
 from rt_robot_os.wsn.radio.path_loss import PathLoss
 from rt_robot_os.wsn.routing.protocol import Node
 from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.wsn.simulator.air import ACK
+from rt_robot_os.wsn.simulator.air import Radio
+from rt_robot_os.wsn.simulator.air import Transmission
 from rt_robot_os.wsn.simulator.base_station import BaseStation
 from rt_robot_os.wsn.simulator.base_station import Outgoing
 from rt_robot_os.wsn.simulator.base_station import Station
@@ -49,9 +52,6 @@ from rt_robot_os.wsn.simulator.network import Network
 from rt_robot_os.wsn.simulator.network import RouterFactory
 from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
 from rt_robot_os.wsn.simulator.scenario import Scenario
-from rt_robot_os.wsn.simulator.transceiver import Transceiver
-from rt_robot_os.wsn.simulator.air import ACK
-from rt_robot_os.wsn.simulator.air import Transmission
 
 Position = tuple[float, float, float]
 
@@ -283,7 +283,7 @@ class LiveNetwork:
         if mote is self.root:
             self.station.noted(event, numbers, now_ns)
 
-    def _heard(self, frame: Transmission, receivers: list[Transceiver]) -> None:
+    def _heard(self, frame: Transmission, receivers: list[Radio]) -> None:
         radio = self.root.radio
         if frame.am_type != ACK and self.root.is_on and (
                 radio in receivers or frame.sender is radio):
