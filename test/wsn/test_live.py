@@ -70,7 +70,8 @@ class House:
         self.live = LiveNetwork(
             self.world.wireless.nodes,
             settled(Scenario(protocol='multihoplqi', tinyos=int(version), radio=RadioSettings(
-                **{'power_dbm': -25.0, 'shadowing_db': 0.0, **radio}), traffic=TrafficSettings(
+                **{'power_dbm': -25.0, 'shadowing_db': 0.0, 'fading_db': 0.0, 'asymmetry_db': 0.0,
+                  **radio}), traffic=TrafficSettings(
                     period_ms=PERIOD_MS, payload='data' if version == '1' else 'oscilloscope'))),
             protocol, STATIONS[station], surroundings=self.world,
             obstacles=Obstacles(None, 6.0, self._people, 4.0), sink_position=self._sink,

@@ -15,7 +15,7 @@
 What runs on a live mote beside the routing: it measures, sends, and obeys commands of the host.
 
 Commands are Surge's. How they reach nodes that do not hear the sink is left open by Surge's
-version for telos; here the sink floods them: each node sends each command on, once.
+version for telos; here the sink floods them: each node sends each command on, twice, for nobody acknowledges it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ _NO_PARENT: Final = 0xFFFF
 _FOCUS: Final = 4
 _COMMANDS_KEPT: Final = 8
 _REPEATS: Final = 3
-_REPEAT_NS: Final = 300 * _NS_PER_MS
+_RELAYS: Final = 2
+_REPEAT_NS: Final = 200 * _NS_PER_MS
 _SPREAD_NS: Final = 80 * _NS_PER_MS
 # After a packet that found no room an alarm is tried again so soon.
 _AGAIN_NS: Final = 50 * _NS_PER_MS
@@ -69,7 +70,7 @@ class Flooded(Message, _FloodedFields):
     """
     A command on its way through the network.
 
-    :ivar number: of the command; a node sends each on once.
+    :ivar number: of the command, by which a node knows that it has had it.
     :ivar target: the node that it is for; 0xFFFF all.
     :ivar command: a :class:`.SurgeType`.
     :ivar value: of the command.
@@ -205,7 +206,7 @@ class Flood:
         self._known.append(flooded.number)
         if flooded.target in (BROADCAST, self._mote.address):
             self._do(flooded.command, flooded.value)
-        self._waiting.append(flooded.pack())
+        self._waiting.extend([flooded.pack()] * _RELAYS)
         self._timer.start(1 + int(self._mote.random.random() * _SPREAD_NS))
 
     def _do(self, command: int, value: int) -> None:
@@ -218,7 +219,7 @@ class Flood:
         if self._sender.send(BROADCAST, Flooded.AM_TYPE, self._waiting[0], False):
             self._waiting.popleft()
         if self._waiting:
-            self._timer.start(_REPEAT_NS)
+            self._timer.start(_REPEAT_NS + int(self._mote.random.random() * _SPREAD_NS))
 
 
 class NodeApplication:
