@@ -122,7 +122,6 @@ def test_the_devices_of_this_package() -> None:
     assert DRIVERS.load('nmea').__name__ == 'NmeaGps'
     assert SIMULATORS.load('nmea').__name__ == 'SimulatedNmea'
     own = set(DRIVERS.names()) - set(DRIVERS.foreign_names())
-    own -= {'sink'}
     assert own <= set(SIMULATORS.names())
     for name in own:
         DRIVERS.load(name)

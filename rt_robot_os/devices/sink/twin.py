@@ -35,10 +35,14 @@ from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
+from rt_robot_os.wsn.routing.ctp import Ctp
+from rt_robot_os.wsn.routing.least_cost import LeastCost
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
 from rt_robot_os.wsn.simulator.base_station import STATIONS
 from rt_robot_os.wsn.simulator.live import LiveNetwork
 from rt_robot_os.wsn.simulator.live import Obstacles
-from rt_robot_os.wsn.simulator.routers import router_factory
+from rt_robot_os.wsn.simulator.network import RouterFactory
 from rt_robot_os.wsn.simulator.scenario import EnergySettings
 from rt_robot_os.wsn.simulator.scenario import RadioSettings
 from rt_robot_os.wsn.simulator.scenario import Scenario
@@ -149,7 +153,7 @@ class SimulatedSink(SimulatedDevice):
         else:
             station = 'multihop_oscilloscope' + ('_lqi' if scenario.protocol != CTP else '')
         self.live = LiveNetwork(
-            wireless.nodes, scenario, router_factory(scenario), STATIONS[station],
+            wireless.nodes, scenario, _protocol_of(scenario), STATIONS[station],
             surroundings=_Room() if world is None else world,
             obstacles=Obstacles(walls, s['wall_db'], self._people, s['person_db']),
             sink_position=self._position, to_host=self._to_host, baud=self._baud, root=s['root'],
@@ -207,3 +211,14 @@ class SimulatedSink(SimulatedDevice):
 
     def _people(self) -> Sequence[tuple[float, float]]:
         return () if self.world is None else [(each.x, each.y) for each in self.world.people]
+
+
+def _protocol_of(scenario: Scenario) -> RouterFactory:
+    period_ns = scenario.beacon_period_ns
+    if scenario.protocol == CTP:
+        return lambda node, root: Ctp(node, root)
+    if scenario.protocol == PAPER:
+        return lambda node, root: LeastCost(node, root, period_ns)
+    if scenario.tinyos == 1:
+        return lambda node, root: MultiHopLqi1(node, root, period_ns)
+    return lambda node, root: MultiHopLqi2(node, root, period_ns)
