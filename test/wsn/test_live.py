@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -48,6 +47,8 @@ ROW = WorldSettings(
     map='open', people=('anna 0 9 1',), temperature_c=20.0, heat=('24 0 9 1',), light_lux=100.0,
     nodes=('near 8 0 1', 'middle 16 0 1', 'far 24 0 1 temperature water battery',
            'wrist 0 0 1 on anna pulse_per_min acceleration_g alarm'))
+# Without chance, so that a node hears its neighbours and nobody else.
+CLEAR = RadioSettings(power_dbm=-25.0, shadowing_db=0.0, asymmetry_db=0.0, fading_db=0.0)
 NEAR, MIDDLE, FAR, WRIST = 1, 2, 3, 4
 
 
@@ -55,8 +56,8 @@ class House:
     """A world with a network, and what a host hears."""
 
     def __init__(self, settings: WorldSettings = ROW, station: str = 'surge',
-                 protocol: RouterFactory = LeastCost, step_ns: int = 20 * NS_PER_MS,
-                 **radio: Any) -> None:
+                 protocol: RouterFactory = LeastCost, step_ns: int = 20 * NS_PER_MS
+                 ) -> None:
         self.world = World(settings)
         self.packets: list[Packet] = []
         self.raw: list[bytes] = []
@@ -69,9 +70,8 @@ class House:
         version = self.protocols.name[-1]
         self.live = LiveNetwork(
             self.world.wireless.nodes,
-            settled(Scenario(protocol='multihoplqi', tinyos=int(version), radio=RadioSettings(
-                **{'power_dbm': -25.0, 'shadowing_db': 0.0, 'fading_db': 0.0, 'asymmetry_db': 0.0,
-                  **radio}), traffic=TrafficSettings(
+            settled(Scenario(
+                protocol='multihoplqi', tinyos=int(version), radio=CLEAR, traffic=TrafficSettings(
                     period_ms=PERIOD_MS, payload='data' if version == '1' else 'oscilloscope'))),
             protocol, STATIONS[station], surroundings=self.world,
             obstacles=Obstacles(None, 6.0, self._people, 4.0), sink_position=self._sink,

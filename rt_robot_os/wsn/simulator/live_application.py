@@ -15,7 +15,8 @@
 What runs on a live mote beside the routing: it measures, sends, and obeys commands of the host.
 
 Commands are Surge's. How they reach nodes that do not hear the sink is left open by Surge's
-version for telos; here the sink floods them: each node sends each command on, twice, for nobody acknowledges it.
+version for telos; here the sink floods them: each node sends each command on, twice, for nobody
+acknowledges it.
 """
 
 from __future__ import annotations
@@ -311,7 +312,7 @@ class NodeApplication:
         return DataMsg(0, raw, self._parent(), self._seq_no, kind, voltage).pack()
 
     def _surge(self, quantity: str, now_s: float) -> bytes:
-        """Send what a converter reads, the light if there is any: Surge does not say what it is."""
+        """Send what a converter reads, the light if there is any: Surge does not say what."""
         _, raw = self._readings.raw(self._plain(), now_s, self._voltage())
         return SurgeMsg(0, raw, self._parent(), self._seq_no).pack()
 
