@@ -29,7 +29,6 @@ from rt_robot_os.wsn.packets.ctp import NO_PARENT
 from rt_robot_os.wsn.packets.ctp import PULL
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.ctp_rules import CtpRules
-from rt_robot_os.wsn.routing.ctp_rules import OLDER_MOTES
 from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import BROADCAST
@@ -249,7 +248,7 @@ def test_a_repeated_packet_is_dropped_while_it_is_remembered() -> None:
     assert mote.ctp.counters['duplicates'] == 2
 
 
-@pytest.mark.parametrize(('rules', 'count'), [(CtpRules(), 1), (OLDER_MOTES, 2)])
+@pytest.mark.parametrize(('rules', 'count'), [(TOSSIM, 1), (CtpRules(), 2)])
 def test_a_root_hands_over_what_it_has_not_handed_over_before(rules: CtpRules,
                                                               count: int) -> None:
     mote = Mote(root=True, rules=rules)

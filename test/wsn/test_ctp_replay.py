@@ -34,7 +34,6 @@ import pytest
 from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.ctp_rules import OLDER_MOTES
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Received
 
@@ -79,7 +78,7 @@ class Replay:
     def __init__(self, recorded: tuple[Frame, ...], address: int, unheard: tuple[int, ...],
                  written_early: frozenset[int] = frozenset()) -> None:
         self.node = FakeNode(address)
-        self.router = Ctp(self.node, address == 0, OLDER_MOTES)
+        self.router = Ctp(self.node, address == 0)
         self.sent = 0
         self.wrong: list[Frame] = []
         self._trickle, self._think, self._retry = self.node.timers

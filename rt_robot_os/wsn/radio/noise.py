@@ -32,6 +32,9 @@ from typing import Final
 NS_PER_SAMPLE: Final = 1_000_000
 #: So many values are made; then they begin anew: 262 s.
 SERIES_LENGTH: Final = 1 << 18
+#: TOSSIM keeps what each node has learned of a trace, hundreds of bytes a value, so that its runs
+#: learn from the first seconds of a long one only: compare with as much.
+TOSSIM_LEARNS: Final = 3000
 
 _HISTORY: Final = 20
 _BIN_DB: Final = 5

@@ -22,12 +22,12 @@ from typing import NamedTuple
 
 class CtpRules(NamedTuple):
     """
-    Rules of CTP; as they stand, those of TinyOS 2.1.2 and later on a CC2420.
+    Rules of CTP; as they stand, those of TinyOS 2.1.2, its last release, on a CC2420.
 
     :ivar white_lqi: a beacon that comes in with more has the white bit: the channel was good.
         None for a radio that cannot tell, such as TOSSIM's.
-    :ivar root_drops_duplicates: the sink remembers what it has taken. TinyOS does since 2014;
-        with older motes the same packet may reach the serial line more than once.
+    :ivar root_drops_duplicates: the sink remembers what it has taken. TinyOS' sources do since
+        2014; with its releases the same packet may reach the serial line more than once.
     :ivar congestion: a node whose queue is half full says so, and its children wait. TEP 123
         describes it; TinyOS has it switched off.
     :ivar packet_ms: time unit of the waits between transmissions, in 1/1024 s; 32 on slower
@@ -39,7 +39,7 @@ class CtpRules(NamedTuple):
     """
 
     white_lqi: int | None = 105
-    root_drops_duplicates: bool = True
+    root_drops_duplicates: bool = False
     congestion: bool = False
     packet_ms: int = 7
     forward_queue: int = 12
@@ -48,7 +48,6 @@ class CtpRules(NamedTuple):
     payload_size: int = 28
 
 
-#: Those of nodes of the time around 2012, such as the recorded ones.
-OLDER_MOTES = CtpRules(root_drops_duplicates=False)
-#: TinyOS' own simulator.
-TOSSIM = CtpRules(white_lqi=None)
+#: TinyOS' own simulator, with TinyOS' sources of 2014 and later. It is built for no platform, and
+#: so it has the waits of slow radios.
+TOSSIM = CtpRules(white_lqi=None, root_drops_duplicates=True, packet_ms=32)
