@@ -44,6 +44,7 @@ from rt_robot_os.wsn.routing.protocol import Received
 from rt_robot_os.wsn.routing.protocol import Router
 from rt_robot_os.wsn.routing.resending import Packet
 from rt_robot_os.wsn.routing.resending import Resender
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 
 #: 32 s, as TinyOS has it; the network with a moving sink takes 4 s.
 BEACON_PERIOD_NS: Final = 32_000_000_000
@@ -95,7 +96,10 @@ class _MultiHopLqi(Router):
     def start(self) -> None:
         """Begin, with nothing known; the first beacon goes out within a period."""
         self._forget()
-        self._timer.start(self._node.random.randrange(self._period_ns))
+        self._timer.start(self._first_beacon_ns())
+
+    def _first_beacon_ns(self) -> int:
+        return self._node.random.randrange(self._period_ns)
 
     def stop(self) -> None:
         """End: no timer runs, and nothing waits."""
@@ -187,6 +191,7 @@ class MultiHopLqi2(_MultiHopLqi):
         super()._forget()
         self._origin_seqno = 0
         self._beacon_waits = False
+        self._random = TinyOsRandom(self._node.address)
         self._waiting: list[Packet | None] = [None] * QUEUE
         self._own.clear()
         self._forwarding.clear()
@@ -204,6 +209,10 @@ class MultiHopLqi2(_MultiHopLqi):
         """End: nothing waits."""
         super().stop()
         self._forget()
+
+    def _first_beacon_ns(self) -> int:
+        ticks = max(1, round(self._period_ns / BINARY_MS_NS))
+        return round(self._random.below(ticks) * BINARY_MS_NS)
 
     def _send_beacon(self) -> None:
         if self._beacons.busy:
@@ -273,7 +282,7 @@ class MultiHopLqi2(_MultiHopLqi):
         for place, packet in enumerate(waiting):
             if packet is through:
                 waiting[place] = None
-        first = self._node.random.randrange(QUEUE)
+        first = self._random.below(QUEUE)
         for step in range(QUEUE):
             packet = waiting[(first + step) % QUEUE]
             if packet is not None:
