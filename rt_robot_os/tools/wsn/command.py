@@ -49,7 +49,12 @@ def run(argv: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for each in _COMMANDS:
         each.add_to(commands)
-    arguments = parser.parse_args(argv)
+    # Words that may stand before, between and behind options are none of argparse's.
+    arguments, words = parser.parse_known_args(argv)
+    arguments.words = words
+    if words and (not getattr(arguments, 'takes_words', False)
+                  or any(word.startswith('-') for word in words)):
+        parser.error(f'unrecognized arguments: {" ".join(words)}')
     try:
         return int(arguments.run(arguments))
     except ConfigError as error:

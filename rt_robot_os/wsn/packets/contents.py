@@ -57,6 +57,7 @@ DATA: Final = 'data'
 BEACON: Final = 'beacon'
 DEBUG: Final = 'debug'
 COMMAND: Final = 'command'
+ACK: Final = 'ack'
 UNKNOWN: Final = 'unknown'
 
 #: kind of the paper's data packet -> quantity and conversion.
@@ -98,8 +99,10 @@ Reader = Callable[[bytes, Draft], None]
 def multihop(payload: bytes, draft: Draft) -> bytes:
     """Read the header of MultiHopLQI 1.x; return what stands behind it."""
     header = MultihopMsg.unpack(payload)
-    draft.source, draft.origin, seqno, draft.origin_seqno, draft.hops, data = header
-    draft.fields = {'seqno': seqno, 'originseqno': draft.origin_seqno}
+    draft.source, draft.origin, seqno, origin_seqno, draft.hops, data = header
+    # Signed in the header; as a mark of the packet it is a number of 16 bits, and -1 is none.
+    draft.origin_seqno = origin_seqno & 0xFFFF
+    draft.fields = {'seqno': seqno, 'originseqno': origin_seqno}
     return data
 
 
@@ -132,7 +135,7 @@ def _t1_beacon(payload: bytes, draft: Draft) -> None:
         return
     if len(data) == paper.BeaconMsg.LAYOUT.size:
         draft.name = 'least_cost_beacon'
-        draft.fields['round'] = draft.origin_seqno & 0xFFFF
+        draft.fields['round'] = draft.origin_seqno
     else:
         draft.problem = f'cut: {len(data)} bytes behind the header, a beacon has 6 or 10'
     draft.parent, draft.cost, draft.hops = paper.BeaconMsg.unpack(data)

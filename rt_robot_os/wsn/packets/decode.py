@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 from typing import Final
 
+from rt_robot_os.wsn.packets.contents import ACK
 from rt_robot_os.wsn.packets.contents import DATA
 from rt_robot_os.wsn.packets.contents import Draft
 from rt_robot_os.wsn.packets.contents import mica_multihop
@@ -39,6 +40,8 @@ from rt_robot_os.wsn.packets.contents import T2_COLLECTIONS
 from rt_robot_os.wsn.packets.contents import T2_READERS
 from rt_robot_os.wsn.packets.contents import TELOS_READERS
 from rt_robot_os.wsn.packets.contents import UNKNOWN
+from rt_robot_os.wsn.packets.framing import Frame
+from rt_robot_os.wsn.packets.framing import PROTOCOLS
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
 from rt_robot_os.wsn.packets.ieee802154 import AckFrame
@@ -85,7 +88,7 @@ class Packet:
     :ivar hops: from the origin to the sink, as the origin thought; of CTP, so far.
     :ivar parent: of the origin; of a beacon, of who sent it. 0xFFFF is none.
     :ivar cost: of the way from there, as its routing counts it.
-    :ivar kind: ``data``, ``beacon``, ``debug``, ``command``, ``ack`` (on the air only) or
+    :ivar kind: ``data``, ``beacon``, ``debug``, ``command``, ``ack`` or
         ``unknown``.
     :ivar name: of the message, such as ``surge``; of a payload of a user's own, its name.
     :ivar fields: all numbers as they were sent, by name.
@@ -171,6 +174,21 @@ class PacketDecoder:
         return self._unreadable('', f'{len(packet)} bytes are no packet of TinyOS: no length in '
                                     'them fits')
 
+    def decode_frame(self, frame: Frame) -> Packet:
+        """
+        Read a frame of the serial line; never raises.
+
+        :param frame: as a reader gave it; its P says the generation.
+        """
+        known = PROTOCOLS.get(frame.protocol)
+        if known is None:
+            return self._unreadable(
+                '', f'its protocol byte {frame.protocol:#04x} is none of TinyOS')
+        if frame.protocol != known.ack:
+            return self.decode(frame.packet, known.name)
+        self.packets += 1
+        return _acknowledgement(known.name, {'token': frame.token}, '')
+
     def decode_air(self, data: bytes, checked: bool = True) -> Packet:
         """
         Read a frame from the air; never raises.
@@ -188,8 +206,7 @@ class PacketDecoder:
         if isinstance(found, AckFrame):
             self.packets += 1
             self.problems += bool(problem)
-            return Packet('', '', -1, -1, -1, -1, b'', -1, -1, -1, 0, -1, -1, -1, 'ack', 'ack',
-                          {'dsn': found.dsn}, {}, problem)
+            return _acknowledgement('', {'dsn': found.dsn}, problem)
         if isinstance(found, T1Frame):
             return self._read(TINYOS_1.name, TELOS, found.am_type, found.group,
                               found.destination, -1, found.payload, problem)
@@ -319,6 +336,11 @@ class PacketDecoder:
         self.unreadable += 1
         return Packet(stack, '', -1, -1, -1, -1, b'', -1, -1, -1, 0, -1, -1, -1, UNKNOWN, '', {},
                       {}, problem)
+
+
+def _acknowledgement(stack: str, fields: dict[str, int], problem: str) -> Packet:
+    return Packet(stack, '', -1, -1, -1, -1, b'', -1, -1, -1, 0, -1, -1, -1, ACK, ACK, fields, {},
+                  problem)
 
 
 def _fitting(own: list[Payload], size: int, header: int, built_in: bool) -> Payload | None:

@@ -21,7 +21,6 @@ tried again. A client that does not read loses packets, and holds up nobody.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from rt_robot_os.wsn.packets.forwarder import AUTO
@@ -115,12 +114,9 @@ class Forwarder:
                 self.too_long += 1
         return client.problem
 
-    def outputs(self) -> Iterator[tuple[int, bytes]]:
-        """Give the bytes that are to be sent to clients now, with their numbers."""
-        for number, client in list(self._clients.items()):
-            data = client.take_output()
-            if data:
-                yield number, data
+    def take_output(self, number: int) -> bytes:
+        """Return the bytes to send to a client now; what is not taken waits, up to a limit."""
+        return self._clients[number].take_output()
 
     def feed_mote(self, data: bytes) -> None:
         """Take bytes from the serial line."""

@@ -112,6 +112,21 @@ def unescaped(data: bytes) -> bytes | None:
     return _ESCAPED.sub(lambda found: bytes((found[1][0] ^ 0x20,)), data)
 
 
+def read_content(content: bytes, end: int = 0, size: int = 0) -> Frame | None:
+    """
+    Check and read a frame without its flags and escapes, from P to the CRC.
+
+    :return: None when it is too short, too long, or its CRC is wrong.
+    """
+    if not SHORTEST <= len(content) <= LONGEST or (
+            crc_hqx(content[:-2], 0) != content[-2] | content[-1] << 8):
+        return None
+    protocol = content[0]
+    if protocol in _WITH_TOKEN:
+        return Frame(protocol, content[1], content[2:-2], end, size)
+    return Frame(protocol, -1, content[1:-2], end, size)
+
+
 def _ends_in_escape(data: bytes) -> bool:
     """Return whether the last byte begins an escape; 7D 7D is a whole one."""
     return (len(data) - len(data.rstrip(_ESCAPE))) % 2 == 1
@@ -202,12 +217,7 @@ class FrameReader:
         body = unescaped(content) if len(content) <= _LONGEST_ESCAPED else None
         if body is not None and len(body) < SHORTEST:
             return None
-        # The CRC of bytes and their CRC, high byte first, is zero; on the line it stands reversed.
-        if body is None or len(body) > LONGEST or (
-                crc_hqx(body[:-2], 0) != body[-2] | body[-1] << 8):
+        found = None if body is None else read_content(body, end, size)
+        if found is None:
             self.rejected_frames += self._synced
-            return None
-        protocol = body[0]
-        if protocol in _WITH_TOKEN:
-            return Frame(protocol, body[1], body[2:-2], end, size)
-        return Frame(protocol, -1, body[1:-2], end, size)
+        return found
