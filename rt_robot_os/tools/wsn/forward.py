@@ -81,12 +81,14 @@ class Server:
 
     :param forwarder: does what is no input or output.
     :param listener: takes the clients.
+    :ivar patience_s: a turn waits no longer, so that an end that is asked for comes.
     """
 
     def __init__(self, forwarder: Forwarder, listener: socket.socket, where: str, baud: int
                  ) -> None:
         self._forwarder = forwarder
         self._listener = listener
+        self.patience_s = _TURN_S
         self._where = where
         self._baud = baud
         self._port: Port | None = None
@@ -137,8 +139,8 @@ class Server:
     def _patience_s(self) -> float:
         due_ns = self._forwarder.next_ns
         if self._port is None or due_ns is None:
-            return _TURN_S
-        return min(_TURN_S, max(0.0, (due_ns - time.monotonic_ns()) / NS_PER_S))
+            return self.patience_s
+        return min(self.patience_s, max(0.0, (due_ns - time.monotonic_ns()) / NS_PER_S))
 
     def _serve_port(self, readable: bool) -> None:
         if self._port is None:

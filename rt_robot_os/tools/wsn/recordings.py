@@ -31,7 +31,6 @@ import re
 import stat
 from struct import Struct
 import sys
-from typing import BinaryIO
 from typing import cast
 from typing import Final
 
@@ -76,13 +75,13 @@ class Recording:
         self.reader = FrameReader()
         self.bad_lines = 0
         try:
-            self._file: io.BufferedReader | gzip.GzipFile = (
+            self._opened = (
                 cast(io.BufferedReader, sys.stdin.buffer) if path == STANDARD_INPUT
                 else open(path, 'rb'))
+            is_gzip = self._opened.peek(2)[:2] == _GZIP
         except OSError as error:
             raise RecordingError(f'{path} cannot be read: {error.strerror}') from error
-        if self._file.peek(2)[:2] == _GZIP:
-            self._file = gzip.GzipFile(fileobj=self._file)
+        self._file = gzip.GzipFile(fileobj=self._opened) if is_gzip else self._opened
 
     def __iter__(self) -> Iterator[Heard]:
         """
@@ -108,6 +107,7 @@ class Recording:
         """Close the file; may be repeated."""
         if self.path != STANDARD_INPUT:
             self._file.close()
+            self._opened.close()
 
     def _line(self) -> Iterator[Heard]:
         # What is there, however little: a pipe is read as it is written.
@@ -117,8 +117,9 @@ class Recording:
         self.reader.reset()
 
     def _csv(self) -> Iterator[Heard]:
-        text = io.TextIOWrapper(cast(BinaryIO, self._file), 'utf-8', errors='replace', newline='')
-        first = text.readline()
+        # In bytes lines end at any line feed; a NUL is for csv to refuse.
+        text = (line.decode(errors='replace') for line in self._file)
+        first = next(text)
         names = next(csv.reader([first]))
         if 'hex' not in first:  # no head: it begins with a frame
             names = ['t_us', 'hex'] if len(names) == 2 else ['t_us', 'source', 'mpdu_hex']
