@@ -15,9 +15,9 @@
 """
 Messages that ROS has in another type than the core, converted as CDR bytes.
 
-Topics of the core hold messages of fixed shape: a way is a row of numbers there, and each
-transform is a topic of its own. ROS has a ``Path``, whose poses each name their frame, and
-``/tf``, on which all transforms go.
+Topics of the core hold messages of fixed shape: a way is a row of numbers there, a network of
+sensors rows of them, and each transform is a topic of its own. ROS has a ``Path``, whose poses
+each name their frame, a ``MarkerArray``, and ``/tf``, on which all transforms go.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ from rt_robot_os.link.cdr import ENCAPSULATION
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
 from rt_robot_os.link.cdr import padding
 from rt_robot_os.link.cdr import text_bytes
+from rt_robot_os.link.markers import MARKERS
+from rt_robot_os.link.markers import to_markers
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.units import NS_PER_S
 
@@ -151,12 +153,19 @@ def to_path(frame_id: str) -> Outward:
 
 
 def _numbers(cdr: memoryview) -> tuple[float, ...]:
+    return _labelled_numbers(cdr)[1]
+
+
+def _labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
+    """Return the label of the first dimension and the numbers."""
     reader = CdrReader(bytes(cdr))
-    for _ in range(reader.count()):  # the dimensions
-        reader.text()
+    label = ''
+    for dimension in range(reader.count()):
+        text = reader.text()
+        label = label if dimension else text
         reader.skip(4, 8)
     reader.skip(4, 4)
-    return reader.doubles(reader.count())
+    return label, reader.doubles(reader.count())
 
 
 def from_path(frame_id: str, maximum_bytes: int) -> Inward:
@@ -232,11 +241,19 @@ def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
     return convert
 
 
+# ---- networks of sensors ---------------------------------------------------------------------
+
+def to_network(frame_id: str) -> Outward:
+    """Make what turns the rows of a sensor network into markers."""
+    return to_markers(_labelled_numbers, frame_id)
+
+
 # ---- which there are -------------------------------------------------------------------------
 
 CONVERSIONS: Final = (
     Conversion(TRANSFORM, TRANSFORMS, '', to_transforms),
     Conversion(NUMBERS, PATH, 'map', to_path, from_path),
+    Conversion(NUMBERS, MARKERS, 'map', to_network),
 )
 #: What is checked on its way from ROS though its type stays.
 CHECKED: Final = {GOAL: check_pose, ESTIMATE: check_pose}

@@ -32,6 +32,8 @@ from rt_robot_os.wsn.sequence_account import SequenceAccount
 NOBODY: Final = -1
 # What is recent is of one to two of these.
 _RECENT_NS: Final = 60 * NS_PER_S
+# Packets overtake each other by so many at most.
+_LATE_PACKETS: Final = 16
 
 
 class NetworkNode:
@@ -55,7 +57,7 @@ class NetworkNode:
     __slots__ = ('id', 'name', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account', 'told',
                  'plain', 'unnumbered', 'parent', 'via', 'hops', 'cost', 'cost_ns', 'battery',
                  'heard_ns', 'first_ns', 'packets', 'asleep', 'claims_sink_ns', 'in_loop', 'state',
-                 'set_period_ns', '_interval_ns', '_data_ns', '_recent', '_recent_ns')
+                 'set_period_ns', '_clock', '_interval_ns', '_data_ns', '_recent', '_recent_ns')
 
     def __init__(self, number: int, name: str, curve: Curve) -> None:
         self.id = number
@@ -80,6 +82,7 @@ class NetworkNode:
         self.in_loop = False
         self.state = NodeState.UNHEARD
         self.set_period_ns = 0
+        self._clock = -1
         self._interval_ns = 0
         self._data_ns = -1
         # Received and lost, one and two spans ago.
@@ -102,6 +105,17 @@ class NetworkNode:
             self._interval_ns += (passed_ns - self._interval_ns) // 8 if self._interval_ns else (
                 passed_ns)
         self._data_ns = now_ns
+
+    def clock_went_back(self, clock: int) -> bool:
+        """Note a number that only grows while the node runs; return whether it went back."""
+        back = self._clock - clock & 0xFFFF
+        if self._clock >= 0 and back < 1 << 15:
+            if back <= _LATE_PACKETS:
+                return False
+            self._clock = clock
+            return True
+        self._clock = clock
+        return False
 
     @property
     def exact(self) -> SequenceAccount | None:

@@ -38,7 +38,11 @@ _AVERAGED: Final = 32
 _SETTLED: Final = 8
 _ROUGHLY: Final = 2
 # Numbers may be so much further ahead than the time explains: packets wait on their way.
-_AHEAD: Final = {8: 16}
+_AHEAD: Final = {8: 112}
+# Where a counter that begins again may be heard first, without a period that says more.
+_NEAR_0: Final = 16
+# A node that could not send for a while goes on with what waits in its queue.
+_IN_ORDER: Final = 4
 # A sequence that seemed to have ended goes on where it was.
 _GOES_ON: Final = 8
 # A sequence that goes on so often after it was replaced is that of another node.
@@ -118,8 +122,15 @@ class _Stream:
                 return -WINDOW  # it began again, or another one did
         if forward > half + min(passed, half // 4):
             return forward - size
+        if self.bits == 8 and self._began_again(number, forward, passed):
+            return -WINDOW
         return forward if forward <= (
             _AHEAD.get(self.bits, WINDOW) + passed + passed // 2) else -WINDOW
+
+    def _began_again(self, number: int, forward: int, passed: int) -> bool:
+        """Tell a reboot from a loss where both would give such a number; 8 bits are few."""
+        return (number < self.highest & 0xFF and forward > _IN_ORDER and number <= passed + 2
+                and bool(self.period_ns) and abs(forward - passed) > 3 + passed // 8)
 
     def _advance(self, ahead: int, fingerprint: int, now_ns: int) -> None:
         self.lost += ahead - 1
@@ -197,16 +208,23 @@ class SequenceAccount:
         self._repeat = -1
         self._repeat_ns = 0
 
-    def take(self, number: int, fingerprint: int, now_ns: int) -> int:
+    def take(self, number: int, fingerprint: int, now_ns: int, renewed: bool = False) -> int:
         """
         Count a packet.
 
         :param number: of the packet, from 0; only its lowest ``bits`` count.
         :param fingerprint: of what the packet says; that of a duplicate is the same.
+        :param renewed: something else in the packet says that the node began again.
         :return: NEW, DUPLICATE or LATE.
         """
         number &= (1 << self.bits) - 1
         main = self._main
+        if main is not None and renewed and (
+                self._other is None or now_ns - self._other.heard_ns > LATE_NS):
+            self._repeated = 0
+            self.received += 1
+            self._switch(_Stream(number, self.bits, fingerprint, now_ns, main.heard_ns))
+            return NEW
         if main is None:
             self._main = _Stream(number, self.bits, fingerprint, now_ns, self._since_ns)
             self.received += 1
@@ -302,8 +320,7 @@ class SequenceAccount:
         forward = candidate.first - main.highest & size - 1
         began_again = main.period_ns and candidate.first * main.period_ns <= (
             candidate.began_ns - candidate.since_ns + 2 * main.period_ns)
-        return forward <= size >> 1 and not began_again and candidate.first > _AHEAD.get(
-            self.bits, WINDOW)
+        return forward <= size >> 1 and not began_again and candidate.first > _NEAR_0
 
     def _again(self, main: _Stream, number: int, fingerprint: int, now_ns: int) -> int:
         """Count a duplicate; a node that began again with the same data repeats itself, too."""
