@@ -53,11 +53,11 @@ an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a mea
 
 Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:
 
-  bench --quick --out first           a first look, about four minutes; open first/index.html
+  bench --quick --out first           a first look, about five minutes; open first/index.html
   bench preemption --seconds 60       one case, longer
   bench memory --seconds 3600         watch the size of the core for an hour
   bench localization --data drive.csv --out drive    your own recording
-  bench --full --out results          everything, about an hour
+  bench --full --out results          everything, 75 minutes
   bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
   bench --page s                      another terminal: evaluates what is there so far;
                                       after Ctrl-C the same call goes on where it ended

@@ -34,6 +34,7 @@ from rt_robot_os.tools.bench.cases import overload
 from rt_robot_os.tools.bench.cases import preemption
 from rt_robot_os.tools.bench.cases import reaction
 from rt_robot_os.tools.bench.cases import serial
+from rt_robot_os.tools.bench.cases import sink
 from rt_robot_os.tools.bench.cases import spacing
 from rt_robot_os.tools.bench.cases import stability
 from rt_robot_os.tools.bench.cases import start
@@ -43,6 +44,6 @@ from rt_robot_os.tools.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
-    serial.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
+    serial.CASE, sink.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
     throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
     control.CASE, devices.CASE, start.START, start.MEMORY)})
