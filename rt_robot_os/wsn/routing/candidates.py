@@ -17,7 +17,8 @@ The neighbours that a node may send its data to, as the beacons of the last roun
 
 A neighbour's cost is what it advertised: the sum of the links from it to the sink. Whoever has
 advertised less than this node ever did in the round cannot have this node on its way, whatever
-either changes to; so that such neighbours come first.
+either changes to; so that packets go round in no circle. Others are not used, but for the
+neighbours of the sink: without them nobody would be left to the nodes that the sink drives off.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from typing import Final
 
 #: Of neighbours; the dearest is forgotten for a cheaper one.
 MOST: Final = 16
+_NEXT_TO_SINK: Final = 1
 
 
 class Candidate:
@@ -99,8 +101,13 @@ class Candidates:
 
     def best(self) -> Candidate | None:
         """Return whom to send to; None when nobody is left."""
-        usable = [one for one in self._by_address.values() if not one.failed and not one.returns]
+        usable = [one for one in self._by_address.values()
+                  if not (one.failed or one.returns or self._may_return(one))]
         return min(usable, key=self._rank, default=None)
+
+    def _may_return(self, one: Candidate) -> bool:
+        return (self.advertised is not None and one.cost >= self.advertised
+                and one.hops > _NEXT_TO_SINK)
 
     def get(self, address: int) -> Candidate | None:
         """Return a neighbour."""
@@ -113,5 +120,5 @@ class Candidates:
 
     def _rank(self, one: Candidate) -> tuple[bool, bool, int, int]:
         old = one.round_number != self._round
-        may_return = self.advertised is not None and one.cost >= self.advertised
-        return old, may_return, one.total, -one.rssi_dbm
+        dear = self.advertised is not None and one.cost >= self.advertised
+        return old, dear, one.total, -one.rssi_dbm

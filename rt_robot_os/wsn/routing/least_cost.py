@@ -20,9 +20,9 @@ cost of the link, takes the cheapest way of the round and sends the beacon on wi
 after a random delay. An older round never wins, however cheap it was: the sink has moved since.
 
 What the paper leaves open is how nodes live between two rounds. Here a node keeps the neighbours
-that the round showed it. When the parent acknowledges no longer, the next best takes its place,
-first among those that cannot have this node on their way; when nobody is left, packets wait for
-the next round. A neighbour that names this node as its parent, or that sends it data while it is
+that the round showed it. When the parent acknowledges no longer, the next best takes its place
+among those that cannot have this node on their way; when nobody is left, packets wait for the next
+round. A neighbour that names this node as its parent, or that sends it data while it is
 this node's parent, is not sent to: a packet would come back.
 """
 
@@ -109,7 +109,7 @@ class LeastCost(Router):
     :param data_am_type: of the application's packets.
     """
 
-    def __init__(self, node: Node, root: bool = False,
+    def __init__(self, node: Node, root: bool = False, *,
                  beacon_period_ns: int = BEACON_PERIOD_NS, timing: BeaconTiming | None = None,
                  speed: Callable[[], float] | None = None,
                  data_am_type: int = DataMsg.AM_TYPE) -> None:
