@@ -109,8 +109,8 @@ class LeastCost(Router):
     :param data_am_type: of the application's packets.
     """
 
-    def __init__(self, node: Node, root: bool = False, *,
-                 beacon_period_ns: int = BEACON_PERIOD_NS, timing: BeaconTiming | None = None,
+    def __init__(self, node: Node, root: bool = False,
+                 beacon_period_ns: int = BEACON_PERIOD_NS, *, timing: BeaconTiming | None = None,
                  speed: Callable[[], float] | None = None,
                  data_am_type: int = DataMsg.AM_TYPE) -> None:
         if beacon_period_ns < 1:

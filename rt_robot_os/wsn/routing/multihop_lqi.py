@@ -66,8 +66,8 @@ class _MultiHopLqi(Router):
     :param u16_wrap: whether the cost overflows as on motes; see :func:`.link_cost.link_cost`.
     """
 
-    def __init__(self, node: Node, root: bool = False, *,
-                 beacon_period_ns: int = BEACON_PERIOD_NS,
+    def __init__(self, node: Node, root: bool = False,
+                 beacon_period_ns: int = BEACON_PERIOD_NS, *,
                  u16_wrap: bool = True) -> None:
         if beacon_period_ns < 1:
             raise ValueError(f'beacon_period_ns {beacon_period_ns}: 1 or more')
@@ -177,8 +177,8 @@ class MultiHopLqi2(_MultiHopLqi):
     :param collect_id: says in each packet which application it is of.
     """
 
-    def __init__(self, node: Node, root: bool = False, *,
-                 beacon_period_ns: int = BEACON_PERIOD_NS,
+    def __init__(self, node: Node, root: bool = False,
+                 beacon_period_ns: int = BEACON_PERIOD_NS, *,
                  u16_wrap: bool = True, collect_id: int = 0x93) -> None:
         super().__init__(node, root, beacon_period_ns=beacon_period_ns, u16_wrap=u16_wrap)
         self._collect_id = collect_id
@@ -302,8 +302,8 @@ class MultiHopLqi1(_MultiHopLqi):
     :param serial_baud: of the root's serial line, which holds up the stack; 0 for no time at all.
     """
 
-    def __init__(self, node: Node, root: bool = False, *,
-                 beacon_period_ns: int = BEACON_PERIOD_NS,
+    def __init__(self, node: Node, root: bool = False,
+                 beacon_period_ns: int = BEACON_PERIOD_NS, *,
                  u16_wrap: bool = True, data_am_type: int = 17,
                  serial_baud: int = 57_600) -> None:
         super().__init__(node, root, beacon_period_ns=beacon_period_ns, u16_wrap=u16_wrap)
