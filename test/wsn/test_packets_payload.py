@@ -25,8 +25,6 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-import yaml
-
 from rt_robot_os import plugins
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.wsn.packets import conversions
@@ -43,6 +41,7 @@ from rt_robot_os.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.wsn.packets.serial_am import SerialAm
 from rt_robot_os.wsn.packets.surge import SurgeMsg
 from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 SOIL = Payload('soil', 0x42, (
