@@ -27,6 +27,7 @@ from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
+import re
 from typing import Final
 
 from rt_robot_os.units import NS_PER_S
@@ -46,6 +47,7 @@ from rt_robot_os.wsn.sequence_account import SequenceAccount
 from rt_robot_os.wsn.survey import HIGHEST_ID
 from rt_robot_os.wsn.survey import SurveyedNode
 
+_DIGITS: Final = re.compile(r'\d+')
 _UART: Final = 0x7E  # in TinyOS 1.x, where no node has this number
 # Of MultiHopLQI and of CTP: from here on it means that there is no route.
 _NO_ROUTE: Final = 0xFFFE
@@ -85,7 +87,7 @@ class NetworkModel:
     :ivar nodes: by number; the sink is not among them.
     :ivar counters: see :class:`ModelCounters`.
     :ivar unknown_types: AM type -> packets of a type that nobody has declared.
-    :ivar problems: what was wrong with packets -> how many.
+    :ivar problems: what was wrong with packets, with # for each number -> how many.
     :ivar sink_place: x, y and z of the sink, in m; NaN while not known.
     """
 
@@ -109,6 +111,7 @@ class NetworkModel:
         self.counters = ModelCounters()
         self.unknown_types: Counter[int] = Counter()
         self.problems: Counter[str] = Counter()
+        self._examples: dict[str, str] = {}
         self.sink_place = math.nan, math.nan, math.nan
         self.last_ns = -1
         self._since_ns = since_ns
@@ -140,7 +143,10 @@ class NetworkModel:
             return False
         if packet.problem:
             counters.problems += 1
-            _count(self.problems, packet.problem)
+            kind = _DIGITS.sub('#', packet.problem)
+            _count(self.problems, kind)
+            if kind in self.problems:
+                self._examples[kind] = packet.problem
         kind = packet.kind
         if kind == 'data':
             counters.data += 1
@@ -157,7 +163,8 @@ class NetworkModel:
             counters.commands += 1
         else:
             counters.unknown += 1
-            _count(self.unknown_types, packet.am_type)
+            if packet.am_type >= 0:
+                _count(self.unknown_types, packet.am_type)
         return False
 
     def sink_at(self, x: float, y: float, z: float = 0.0) -> None:
@@ -365,8 +372,9 @@ class NetworkModel:
         return True
 
     def named_problems(self) -> Mapping[str, int]:
-        """Return what was wrong with packets, the most frequent first."""
-        return dict(self.problems.most_common(NAMED))
+        """Return what was wrong with packets, the most frequent first; each in its last form."""
+        return {self._examples[kind]: count for kind, count in (
+            self.problems.copy().most_common(NAMED))}
 
 
 def _count(counter: Counter[object] | Counter[int] | Counter[str], key: object) -> None:
