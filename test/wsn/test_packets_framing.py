@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 import csv
 import gzip
-import os
 from pathlib import Path
 import random
 from typing import Any
 
+from broad import examples
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -53,8 +53,6 @@ VECTORS = [
     (0x43, '01', '7e 43 01 be 48 7e')]
 WIRE = [bytes.fromhex(wire) for _, _, wire in VECTORS]
 RECORDED = ('chain4_multihoplqi', 'chain4_ctp', 'lossy4_multihoplqi', 'lossy4_ctp')
-# Any number of examples from outside, such as a million; few here.
-EXAMPLES = int(os.environ.get('RT_ROBOT_OS_BROAD', 0))
 
 
 def body(found: Frame) -> tuple[int, bytes]:
@@ -217,7 +215,7 @@ PIECES = (st.binary(max_size=12) | st.sampled_from([*WIRE, b'\x7e', b'\x7d', b'\
           | st.binary(max_size=40).map(lambda data: frame(0x42, data)))
 
 
-@settings(max_examples=EXAMPLES or 60)
+@settings(max_examples=examples(60))
 @given(st.lists(PIECES, max_size=8), st.lists(st.integers(0, 300), max_size=5))
 def test_any_bytes_are_read_as_a_plain_reader_does(pieces: list[bytes], cuts: list[int]) -> None:
     data = b''.join(pieces) + b'\x7e'
@@ -226,7 +224,7 @@ def test_any_bytes_are_read_as_a_plain_reader_does(pieces: list[bytes], cuts: li
     assert read(*chunks) == list(reference(data))
 
 
-@settings(max_examples=EXAMPLES or 60)
+@settings(max_examples=examples(60))
 @given(st.lists(st.sampled_from([b'\x7d', b'\x5d', b'\x5e', b'\x20', b'a']), max_size=12))
 def test_any_escapes_are_undone(parts: list[bytes]) -> None:
     data = b''.join(parts)

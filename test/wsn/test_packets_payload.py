@@ -138,9 +138,9 @@ def test_payloads_of_one_type_are_told_apart_by_size() -> None:
 
 
 def test_what_is_no_number_is_no_reading() -> None:
-    payload = parse_payload('f 1 a:f=temperature b:f=pulse_per_min')
-    found = decoded(t2(bytes.fromhex('7f800000 42900000'), 1), payload)
-    assert (found.problem, found.readings) == ('a is not finite', {'pulse_per_min': 72.0})
+    payload = parse_payload('f 1 a:f=temperature b:f=pulse_per_min c:f=light')
+    found = decoded(t2(bytes.fromhex('7f800000 42900000 7fc00000'), 1), payload)
+    assert (found.problem, found.readings) == ('', {'pulse_per_min': 72.0})
 
 
 @pytest.mark.parametrize(('text', 'said'), [

@@ -281,11 +281,10 @@ class PacketDecoder:
         if self._group is not None and group != self._group:
             self.foreign_groups += 1
             problem = problem or f'of the group {group:#04x}, ours is {self._group:#04x}'
+        problem = problem or draft.problem
         if problem:
-            draft.readings = {}
-        else:
-            problem = draft.problem
-        self.problems += bool(problem)
+            draft.readings = {}  # nobody is to act on them
+            self.problems += 1
         return Packet(
             stack, platform, am_type, group, destination, draft.source, payload, draft.origin,
             draft.origin_seqno, draft.count, draft.count_bits, draft.hops, draft.parent,

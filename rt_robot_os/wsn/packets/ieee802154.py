@@ -43,12 +43,15 @@ LONGEST: Final = 127
 _PAN_T1: Final = 0xFFFF
 _KIND_MASK: Final = 0x0007
 _KIND_DATA: Final = 1
-_SOURCE_MODE: Final = 0xC000
+# Form of both addresses, and that the sender's has no PAN of its own.
+_ADDRESSES: Final = 0xCC40
 _FCS_SIZE: Final = 2
 
 _T1: Final = Struct('<BHBHHBB')
 _T2: Final = Struct('<BHBHHHBB')
 _ACK: Final = Struct('<BHB')
+# By what the frame control field says of the addresses.
+_LAYOUTS: Final = {FCF_DATA & _ADDRESSES: _T1, FCF_T2_DATA & _ADDRESSES: _T2}
 # A byte with its bits the other way round.
 _MIRRORED: Final = bytes(int(f'{value:08b}'[::-1], 2) for value in range(256))
 
@@ -149,7 +152,10 @@ def read_frame(data: bytes) -> AirFrame:
     if fcf & _KIND_MASK != _KIND_DATA:
         raise ValueError(f'its frame control field {fcf:#06x} is of no data and no '
                          'acknowledgement')
-    layout = _T2 if fcf & _SOURCE_MODE else _T1
+    layout = _LAYOUTS.get(fcf & _ADDRESSES)
+    if layout is None:
+        raise ValueError(f'its frame control field {fcf:#06x} has addresses of another form than '
+                         "TinyOS'")
     if len(data) < layout.size + _FCS_SIZE:
         raise ValueError(f'too short: {len(data)} bytes, a frame with data has '
                          f'{layout.size + _FCS_SIZE}')
@@ -159,6 +165,8 @@ def read_frame(data: bytes) -> AirFrame:
         _, fcf, dsn, pan, destination, am_type, group = fields
         return T1Frame(destination, am_type, payload, group, dsn, fcf, pan)
     _, fcf, dsn, pan, destination, source, network, am_type = fields
+    if network != NETWORK:
+        raise ValueError(f"its network byte is {network:#04x}, TinyOS' is {NETWORK:#04x}")
     return T2Frame(destination, source, am_type, payload, dsn, fcf, pan, network)
 
 

@@ -198,10 +198,8 @@ class Payload:
             values[name] = value.hex() if is_bytes else value
             if wanted is not None:
                 reading = _reading(wanted, value if count == 1 else value[-1])
-                if math.isfinite(reading):
+                if math.isfinite(reading):  # else the node says that it has none
                     readings[wanted.quantity] = reading
-                else:
-                    problem = f'{name} is not finite'
         if self._humid and 'temperature' in readings:
             self._compensate(values, readings)
         return PayloadValues(values, readings, problem)
