@@ -46,10 +46,11 @@ class Gap(NamedTuple):
 class _Origin:
     """The packets of one node, in the order in which it made them."""
 
-    __slots__ = ('made_ns', 'came', 'numbers')
+    __slots__ = ('made_ns', 'took_ns', 'came', 'numbers')
 
     def __init__(self) -> None:
         self.made_ns = array('q')
+        self.took_ns = array('q')
         self.came = bytearray()
         self.numbers: dict[bytes, int] = {}
 
@@ -79,6 +80,7 @@ class Ledger:
             del numbers[next(iter(numbers))]
         numbers[application] = len(one.made_ns)
         one.made_ns.append(now_ns)
+        one.took_ns.append(-1)
         one.came.append(0)
 
     def came(self, origin: int, application: bytes, now_ns: int) -> bool:
@@ -96,7 +98,8 @@ class Ledger:
             self.duplicates += 1
             return False
         one.came[number] = 1
-        self.latencies_ns.append(now_ns - one.made_ns[number])
+        one.took_ns[number] = took_ns = now_ns - one.made_ns[number]
+        self.latencies_ns.append(took_ns)
         return True
 
     @property
@@ -109,11 +112,11 @@ class Ledger:
         """Count what came of each node, each packet once."""
         return {each: one.came.count(1) for each, one in self._origins.items()}
 
-    def fates(self) -> Iterator[tuple[int, int, bool]]:
-        """Return origin, time of making and whether it came, of each packet."""
+    def fates(self) -> Iterator[tuple[int, int, int]]:
+        """Return origin, time of making and how long it took, -1 if it is lost, of each packet."""
         for each, one in self._origins.items():
-            for made_ns, came in zip(one.made_ns, one.came):
-                yield each, made_ns, bool(came)
+            for made_ns, took_ns in zip(one.made_ns, one.took_ns):
+                yield each, made_ns, took_ns
 
     def gaps(self, least: int, end_ns: int) -> list[Gap]:
         """

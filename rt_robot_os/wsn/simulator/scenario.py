@@ -154,6 +154,9 @@ class EnergySettings:
     duty: float = setting(
         1.0, 'share of the time in which the radio listens when nothing is sent: 1 is always, '
         '0.03 low-power listening; counts for the energy alone', '', 0.0, 1.0)
+    wake_interval_s: float = setting(
+        0.5, 'with low-power listening the time between two looks at the channel', 's', 0.001,
+        100.0)
     empty: bool = setting(False, 'a node whose battery is empty is dead')
 
 
