@@ -62,3 +62,289 @@ from rt_robot_os.wsn.simulator.traffic import application
 from rt_robot_os.wsn.simulator.transmission import ACK
 from rt_robot_os.wsn.simulator.transmission import Transmission
 
+#: AM types of beacons, and how the cost stands in them: where, and in which order of bytes.
+_BEACONS: Final = {0x73: (8, 'big'), 0x70: (5, 'big'), 250: (12, 'little')}
+_ACK_DELAYS_NS: Final = {'hardware': TURNAROUND_NS, 'software': TINYOS2.ack_delay_ns}
+_SLICES: Final = 200
+
+#: Called now and then with the simulated seconds so far.
+Progress = Callable[[float], None]
+#: Called with the time and each frame that goes on the air, acknowledgements too.
+OnFrame = Callable[[Transmission], None]
+#: The tree as it changed: time, node, parent, cost, hops.
+TreeChange = tuple[int, int, int | None, int, int]
+
+
+class Simulation:
+    """
+    A network as a scenario has it.
+
+    :param scenario: settled.
+    :param topology: of the same.
+    :param on_frame: see ``OnFrame``.
+    :raises ConfigError: the recorded noise cannot be read.
+    :ivar network: that runs.
+    :ivar ledger: the truth.
+    :ivar tree: how the tree changed, if :meth:`run` is asked to look.
+    """
+
+    def __init__(self, scenario: Scenario, topology: Topology,
+                 on_frame: OnFrame | None = None) -> None:
+        self.scenario = scenario
+        self.topology = topology
+        self.ledger = Ledger(each for each in topology.places if each != topology.sink)
+        self.tree: list[TreeChange] = []
+        self._happened: Counter[str] = Counter()
+        self._data: Counter[int] = Counter()
+        self._beacons = 0
+        self._said: dict[int, tuple[int, bytes]] = {}
+        self._on_frame = on_frame
+        self._wall_s = 0.0
+        self._mac = _mac(scenario)
+        self.medium = _medium(scenario, topology, self._mac)
+        self.medium.on_begin = self._count
+        energy = scenario.energy
+        self.network = Network(
+            self.medium, router_factory(scenario), mac=self._mac, seed=scenario.seed,
+            drift_ppm=scenario.drift_ppm, power=PowerModel(
+                capacity_mah=energy.battery_mah if energy.empty else 1e12,
+                listening_share=energy.duty, wake_interval_s=energy.wake_interval_s))
+        self.network.on_deliver = self._delivered
+        self.network.on_note = self._noted
+        self._random = Random(f'{scenario.seed} scenario')
+        self._add_motes()
+        self._plan_changes()
+        self._plan_way()
+        for text in scenario.faults:
+            self._plan_fault(fault(text))
+
+    # ---- before it runs -----------------------------------------------------------------------
+
+    def _add_motes(self) -> None:
+        scenario, topology = self.scenario, self.topology
+        sources = set(scenario.traffic.sources or topology.places) - {topology.sink}
+        late = {node: round(one.at_s * NS_PER_S) for one in map(fault, scenario.faults)
+                if one.kind == 'boot' for node in self._who(one)}
+        for each, place in topology.places.items():
+            boot_s = scenario.boot_s + self._random.random() * scenario.boot_spread_s
+            self.network.add(
+                each, (place.x, place.y, place.z), is_root=each == topology.sink,
+                power_dbm=scenario.radio.power_dbm,
+                boot_ns=late.get(each, round(boot_s * NS_PER_S)),
+                traffic=self._traffic(each) if each in sources else None)
+
+    def _traffic(self, node: int) -> Traffic:
+        scenario = self.scenario
+        build = application(scenario.traffic.payload or '', self.topology.places[node].quantities,
+                            scenario.period_ns)
+        ledger, network_now = self.ledger, self._now_ns
+
+        def made(mote: Mote, number: int) -> bytes:
+            packet = build(mote, number)
+            ledger.made(node, packet, network_now())
+            return packet
+
+        return Traffic(scenario.period_ns, made, scenario.start_ns,
+                       round(scenario.traffic.jitter_ms * 1e6))
+
+    def _now_ns(self) -> int:
+        return self.network.queue.now_ns
+
+    def _plan_changes(self) -> None:
+        medium = self.medium
+        for change in self.topology.changes:
+            assert isinstance(medium, LinkMedium)
+            link = Link(change.link.prr, round(change.link.rssi_dbm), change.link.lqi)
+            self.network.at(change.at_ns, _Call(medium.set_link, change.source,
+                                                change.destination, link))
+
+    def _plan_way(self) -> None:
+        way = self.topology.way
+        if way is None or way.round_s <= 0.0:
+            return
+        step_ns = round(self.scenario.sink.step_m / self.scenario.sink.speed_m_s * NS_PER_S)
+        height = self.topology.places[self.topology.sink].z
+
+        def drive() -> None:
+            now_ns = self._now_ns()
+            x, y = way.at_s(now_ns / NS_PER_S)
+            position = (x, y, height)
+            if position != self.network.motes[self.topology.sink].position:
+                self.network.move(self.topology.sink, position)
+            self.network.at(now_ns + step_ns, drive)
+
+        self.network.at(round(self.scenario.sink.start_s * NS_PER_S), drive)
+
+    def _who(self, one: Fault) -> list[int]:
+        # The same nodes each time that it is asked.
+        random = Random(f'{self.scenario.seed} {one}')
+        return list(nodes_of(one, self.topology.places, self.topology.sink, random))
+
+    def _plan_fault(self, one: Fault) -> None:
+        at_ns, end_ns = round(one.at_s * NS_PER_S), round((one.at_s + one.for_s) * NS_PER_S)
+        if one.kind == 'noise':
+            if isinstance(self.medium, GainMedium):
+                self.network.at(at_ns, _Call(self.medium.add_noise, one.numbers[0]))
+                self.network.at(end_ns, _Call(self.medium.add_noise, -one.numbers[0]))
+            return
+        for node in self._who(one):
+            mote = self.network.motes[node]
+            if one.kind in ('kill', 'reboot', 'sleep'):
+                self.network.at(at_ns, mote.kill)
+            if one.kind in ('reboot', 'sleep'):
+                self.network.at(end_ns, mote.boot)
+            if one.kind == 'silence':
+                self.network.at(at_ns, _Call(setattr, mote, 'traffic', None))
+                if one.for_s:
+                    self.network.at(end_ns, _Call(setattr, mote, 'traffic', mote.traffic))
+            if one.kind == 'move':
+                place = (*one.numbers, self.topology.places[node].z)
+                self.network.at(at_ns, _Call(self.network.move, node, place))
+
+    # ---- while it runs ------------------------------------------------------------------------
+
+    def _count(self, frame: Transmission) -> None:
+        am_type = frame.am_type
+        if am_type in _BEACONS:
+            self._beacons += 1
+            self._said[frame.sender.address] = (am_type, frame.payload)
+        elif am_type != ACK:
+            self._data[frame.sender.address] += 1
+        if self._on_frame is not None:
+            self._on_frame(frame)
+
+    def _delivered(self, mote: Mote, am_type: int, payload: bytes, origin: int,
+                   packet: bytes) -> None:
+        self.ledger.came(origin, packet, self._now_ns())
+
+    def _noted(self, now_ns: int, mote: Mote, event: str, numbers: tuple[int, ...]) -> None:
+        self._happened[event] += 1
+
+    def run(self, progress: Progress | None = None, watch_tree: bool = False) -> None:
+        """
+        Run to the end of the scenario.
+
+        After a KeyboardInterrupt, which is not caught, what there is so far can be asked for.
+        """
+        end_ns = round(self.scenario.seconds * NS_PER_S)
+        begin_ns, began_s = self._now_ns(), perf_counter()
+        try:
+            for number in range(1, _SLICES + 1):
+                self.network.run_until(begin_ns + (end_ns - begin_ns) * number // _SLICES)
+                if watch_tree:
+                    self._look_at_tree()
+                if progress is not None:
+                    progress(self._now_ns() / NS_PER_S)
+        finally:
+            self._wall_s += perf_counter() - began_s
+
+    def _look_at_tree(self) -> None:
+        last = {node: rest for _, node, *rest in self.tree}
+        now_ns = self._now_ns()
+        for node, mote in self.network.motes.items():
+            router = mote.router
+            now = [router.parent if mote.is_on else None, router.cost, router.hops]
+            if node != self.topology.sink and last.get(node) != now:
+                self.tree.append((now_ns, node, *now))
+
+    # ---- afterwards ---------------------------------------------------------------------------
+
+    def results(self) -> Results:
+        """Return what was found so far."""
+        scenario, sink = self.scenario, self.topology.sink
+        now_ns = self._now_ns()
+        motes = {each: mote for each, mote in self.network.motes.items() if each != sink}
+        routed = {each: mote for each, mote in motes.items()
+                  if mote.is_on and mote.router.parent is not None}
+        counters: Counter[str] = Counter()
+        for mote in self.network.motes.values():
+            counters.update(mote.router.counters)
+        return Results(
+            scenario=scenario.name, protocol=scenario.protocol, seed=scenario.seed,
+            seconds=scenario.seconds, ended_s=now_ns / NS_PER_S, nodes=len(self.network.motes),
+            generated=self.ledger.generated, delivered=self.ledger.delivered,
+            duplicates=self.ledger.duplicates + self.ledger.unknown,
+            data_by_node={each: self._data[each] for each in motes}, beacons=self._beacons,
+            acks=sum(mote.radio.sent_acks for mote in self.network.motes.values()),
+            latencies_ms=latencies_in_ms(self.ledger.latencies_ns),
+            parents={each: mote.router.parent if each in routed else None
+                     for each, mote in motes.items()},
+            costs={each: mote.router.cost for each, mote in routed.items()},
+            hops={each: mote.router.hops for each, mote in routed.items()},
+            beacon_costs=dict(sorted((each, _cost(*said)) for each, said in self._said.items())),
+            used_mah={each: self._used_mah(mote, now_ns) for each, mote in motes.items()},
+            battery_mah=scenario.energy.battery_mah,
+            gaps=self.ledger.gaps(GAP_PACKETS, now_ns),
+            beacon_period_s=(0.0 if scenario.protocol == 'ctp'
+                             else scenario.beacon_period_ns / NS_PER_S),
+            outcomes=dict(zip(OUTCOMES, self.medium.outcomes)), counters=dict(sorted(
+                counters.items())), happenings=dict(sorted(self._happened.items())),
+            events=self.network.queue.executed, wall_s=self._wall_s)
+
+    @staticmethod
+    def _used_mah(mote: Mote, now_ns: int) -> float:
+        battery = mote.battery
+        if battery is None:
+            return 0.0
+        battery.account(now_ns, mote.radio)
+        return battery.used_mah
+
+
+class _Call:
+    """A call with its arguments; a lambda in a loop would take the last ones."""
+
+    __slots__ = ('_call', '_arguments')
+
+    def __init__(self, call: Callable[..., object], *arguments: object) -> None:
+        self._call = call
+        self._arguments = arguments
+
+    def __call__(self) -> None:
+        """Call it."""
+        self._call(*self._arguments)
+
+
+def _cost(am_type: int, payload: bytes) -> int:
+    place, order = _BEACONS[am_type]
+    return int.from_bytes(payload[place:place + 2], 'big' if order == 'big' else 'little')
+
+
+def _mac(scenario: Scenario) -> MacProfile:
+    profile = MAC_PROFILES[scenario.radio.mac or 'tinyos2']
+    if profile.is_tossim:
+        return profile
+    return profile._replace(
+        ack_delay_ns=_ACK_DELAYS_NS[scenario.radio.acknowledge or 'software'])
+
+
+def _noise(scenario: Scenario) -> list[int]:
+    radio, random = scenario.radio, Random(f'{scenario.seed} noise')
+    if radio.noise_file:
+        try:
+            return closest_pattern(read_trace(radio.noise_file), random)
+        except (OSError, ValueError) as error:
+            raise ConfigError([f'radio.noise_file = {radio.noise_file}: {error}']) from None
+    return heavy(random) if radio.noise == 'heavy' else quiet(random)
+
+
+def _medium(scenario: Scenario, topology: Topology, mac: MacProfile) -> Medium:
+    radio = scenario.radio
+    if topology.links is not None:
+        links = LinkMedium(mac)
+        for (source, destination), one in topology.links.items():
+            links.set_link(source, destination, Link(one.prr, round(one.rssi_dbm), one.lqi))
+        return links
+    if topology.gains is not None:
+        gains = GainMedium(_noise(scenario), mac)
+        for (source, destination), gain_db in topology.gains.items():
+            gains.set_gain(source, destination, gain_db)
+        return gains
+    walls = None
+    if topology.walls is not None:
+        count, wall_db = WallCount(topology.walls), radio.wall_db
+
+        def walls(ax: float, ay: float, bx: float, by: float) -> float:
+            return wall_db * count.between(ax, ay, bx, by)
+    return PathLossMedium(PathLoss(
+        radio.loss_1m_db, radio.exponent, radio.shadowing_db, radio.asymmetry_db,
+        radio.fading_db, radio.fading_s, walls), _noise(scenario), mac)
