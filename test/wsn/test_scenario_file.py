@@ -26,7 +26,6 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.schema import declared
 from rt_robot_os.tools.wsn.scenario_file import find_scenario
 from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.tools.wsn.scenario_file import load_with_topology
 from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.scenario import SECTIONS
 
@@ -51,7 +50,7 @@ def problems_of(path: Path, **overrides) -> list[str]:
 
 
 def test_one_line_is_a_scenario(write) -> None:
-    scenario, topology = load_with_topology(write('topology: {grid: 3x4}\n', 'small.yaml'))
+    scenario, topology = load_scenario(write('topology: {grid: 3x4}\n', 'small.yaml'))
     assert scenario.name == 'small'
     assert scenario.period_ns == 781_250_000
     assert scenario.beacon_period_ns == 32_000_000_000
@@ -71,7 +70,7 @@ def test_one_line_is_a_scenario(write) -> None:
 def test_what_is_left_open_follows_from_the_rest(write, text: str, expected) -> None:
     lines = text.strip('{}') if text[0] != '{' else text[1:-1].replace(', beacon', '\nbeacon')
     lines = lines.replace(', tinyos', '\ntinyos')
-    found = load_scenario(write(f'topology: {{grid: 2x2}}\n{lines}\n'))
+    found, _ = load_scenario(write(f'topology: {{grid: 2x2}}\n{lines}\n'))
     assert (found.tinyos, found.radio.mac, found.radio.acknowledge, found.u16_wrap,
             found.traffic.payload, found.beacon_period_ns / 1e9) == expected
 
@@ -118,8 +117,10 @@ def test_a_contradiction_is_told(write, text: str, said: str) -> None:
 
 def test_the_command_line_wins(write) -> None:
     path = write('topology: {grid: 2x2}\nseed: 1\n')
-    found = load_scenario(path, {'seed': 7, 'topology': {'grid': '3x3'}})
-    assert (found.seed, found.topology.grid) == (7, '3x3')
+    found, _ = load_scenario(path, {'seed': 7, 'topology': {'grid': '3x3'}},
+                             ['sink.place=[1, 2.5]', 'radio.noise = heavy', 'topology.grid=4x4'])
+    assert (found.seed, found.topology.grid) == (7, '4x4')
+    assert (found.sink.place, found.radio.noise) == ((1.0, 2.5), 'heavy')
 
 
 def test_an_unknown_scenario_names_those_that_there_are() -> None:
@@ -129,7 +130,7 @@ def test_an_unknown_scenario_names_those_that_there_are() -> None:
 
 @pytest.mark.parametrize('path', SHIPPED, ids=lambda path: path.stem)
 def test_what_is_shipped_can_be_read(path: Path) -> None:
-    scenario, topology = load_with_topology(find_scenario(path.stem))
+    scenario, topology = load_scenario(find_scenario(path.stem))
     assert scenario.name == path.stem
     assert topology.sink in topology.places
     assert len(SHIPPED) >= 8

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -80,27 +81,22 @@ def find_scenario(name: str) -> Path:
                            f'{known}']) from None
 
 
-def load_scenario(path: Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
+def load_scenario(path: Path, overrides: Mapping[str, Any] | None = None,
+                  assignments: Sequence[str] = ()) -> tuple[Scenario, Topology]:
     """
     Read a scenario and check all that can be checked before it runs, files included.
 
     :param overrides: values that win, by section as in the file.
+    :param assignments: the same as texts, such as ``traffic.period_ms=500``; these win.
+    :return: the scenario with nothing left open, and its topology.
     :raises ConfigError: with one line for each problem.
     """
-    return _load(path, overrides)[0]
-
-
-def load_with_topology(path: Path, overrides: Mapping[str, Any] | None = None
-                       ) -> tuple[Scenario, Topology]:
-    """Do the same, and return the topology that was made to check it."""
-    return _load(path, overrides)
-
-
-def _load(path: Path, overrides: Mapping[str, Any] | None) -> tuple[Scenario, Topology]:
     problems = Problems([str(path), COMMAND_LINE])
     tree = _tree(path, problems)
     if overrides:
         tree = merge(tree, read_overrides(overrides, problems))
+    for text in assignments:
+        tree = merge(tree, _assigned(text, problems))
     sections = _sections(tree, problems)
     _check_texts(sections, tree, problems)
     problems.raise_any()
@@ -134,6 +130,22 @@ def _tree(path: Path, problems: Problems) -> Branch:
                      '{grid: 4x5}')
         problems.raise_any()
     assert raw is not None and not isinstance(raw, Leaf)
+    _mix_numbers(raw)
+    return expand(raw, problems)
+
+
+def _assigned(text: str, problems: Problems) -> Branch:
+    key, equals, value = text.partition('=')
+    if not equals or not key.strip():
+        problems.add(Origin(COMMAND_LINE), f'{text}: must be KEY=VALUE, such as protocol=ctp')
+        return Branch(Origin(COMMAND_LINE))
+    try:
+        raw = parse(f'{key.strip()}: {value}', COMMAND_LINE)
+    except YamlProblem as problem:
+        problems.add(Origin(COMMAND_LINE), f'{text}: {problem}')
+        raw = None
+    if not isinstance(raw, RawMap):
+        return Branch(Origin(COMMAND_LINE))
     _mix_numbers(raw)
     return expand(raw, problems)
 

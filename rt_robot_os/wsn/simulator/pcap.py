@@ -21,7 +21,6 @@ Times are in ns. The link type is 802.15.4 with checksum (195) or without (230).
 
 from __future__ import annotations
 
-from binascii import crc_hqx
 from struct import Struct
 from typing import BinaryIO
 from typing import Final
@@ -36,13 +35,8 @@ LONGEST: Final = 127
 
 _HEADER: Final = Struct('<IHHiIII')
 _RECORD: Final = Struct('<IIII')
-_REVERSED: Final = bytes(int(f'{value:08b}'[::-1], 2) for value in range(256))
-
-
-def fcs(frame: bytes) -> bytes:
-    """Return the checksum of a frame as it follows it on the air: CRC-16 of ITU-T, reflected."""
-    crc = crc_hqx(frame.translate(_REVERSED), 0)
-    return bytes((_REVERSED[crc >> 8], _REVERSED[crc & 0xFF]))
+# Of the frame check sequence.
+_FCS_SIZE: Final = 2
 
 
 class PcapWriter:
@@ -50,7 +44,7 @@ class PcapWriter:
     A file of frames.
 
     :param file: opened for writing bytes; the caller closes it.
-    :param with_fcs: the frames have their checksum at the end, and the link type says so.
+    :param with_fcs: keep the frame check sequence; the link type says whether it is there.
     :ivar frames: how many were written.
     """
 
@@ -65,10 +59,10 @@ class PcapWriter:
         """
         Append a frame.
 
-        :param frame: without length byte and without checksum.
+        :param frame: without length byte, with frame check sequence.
         :raises OSError: it cannot be written.
         """
-        data = frame + fcs(frame) if self._with_fcs else frame
+        data = frame if self._with_fcs else frame[:-_FCS_SIZE]
         seconds, ns = divmod(time_ns, NS_PER_S)
         self._file.write(_RECORD.pack(seconds, ns, len(data), len(data)) + data)
         self.frames += 1

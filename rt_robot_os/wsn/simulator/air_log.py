@@ -1,0 +1,69 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Keeps what is on the air as a pcap file, byte for byte as a sniffer would hear it."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+from rt_robot_os.wsn.packets.ieee802154 import ACK_REQUEST
+from rt_robot_os.wsn.packets.ieee802154 import AckFrame
+from rt_robot_os.wsn.packets.ieee802154 import FCF_T2_DATA
+from rt_robot_os.wsn.packets.ieee802154 import T1Frame
+from rt_robot_os.wsn.packets.ieee802154 import T2Frame
+from rt_robot_os.wsn.packets.tos_msg import FCF_DATA
+from rt_robot_os.wsn.radio.mac import MacProfile
+from rt_robot_os.wsn.simulator.pcap import PcapWriter
+from rt_robot_os.wsn.simulator.transmission import ACK
+from rt_robot_os.wsn.simulator.transmission import Transmission
+
+
+def bytes_of(frame: Transmission, version: int) -> bytes:
+    """
+    Return a frame from the length byte to the frame check sequence.
+
+    :param version: of TinyOS.
+    """
+    if frame.am_type == ACK:
+        return AckFrame(frame.dsn).pack()
+    asks = ACK_REQUEST if frame.acknowledge else 0
+    if version == 1:
+        return T1Frame(frame.destination, frame.am_type, frame.payload, dsn=frame.dsn,
+                       fcf=FCF_DATA | asks).pack()
+    return T2Frame(frame.destination, frame.sender.address, frame.am_type, frame.payload,
+                   dsn=frame.dsn, fcf=FCF_T2_DATA | asks).pack()
+
+
+class AirLog:
+    """
+    Writes each frame that goes on the air, those that nobody receives as well.
+
+    :param file: opened for writing bytes; the caller closes it.
+    :param with_fcs: see :class:`.PcapWriter`.
+    """
+
+    def __init__(self, file: BinaryIO, mac: MacProfile, with_fcs: bool = True) -> None:
+        self._writer = PcapWriter(file, with_fcs)
+        self._version = mac.version
+
+    @property
+    def frames(self) -> int:
+        """Return how many were written."""
+        return self._writer.frames
+
+    def __call__(self, frame: Transmission) -> None:
+        """Write a frame; see ``OnFrame``."""
+        self._writer.write(frame.begin_ns, bytes_of(frame, self._version)[1:])

@@ -1,0 +1,48 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Makes the routing protocol that a scenario asks for."""
+
+from __future__ import annotations
+
+from rt_robot_os.wsn.routing.ctp import Ctp
+from rt_robot_os.wsn.routing.least_cost import LeastCost
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.wsn.routing.protocol import Node
+from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.wsn.simulator.network import RouterFactory
+from rt_robot_os.wsn.simulator.scenario import Scenario
+
+
+def router_factory(scenario: Scenario) -> RouterFactory:
+    """
+    Return what makes the protocol of a node.
+
+    :param scenario: settled.
+    """
+    period = max(1, round(scenario.beacon_period_ns / BINARY_MS_NS))
+    wrap = bool(scenario.u16_wrap)
+    if scenario.protocol == 'ctp':
+        return lambda node, root: Ctp(node, root)
+    if scenario.protocol == 'paper':
+        return lambda node, root: LeastCost(node, root, period, wrap)
+
+    def lqi(node: Node, root: bool) -> Router:
+        kind = MultiHopLqi1 if scenario.tinyos == 1 else MultiHopLqi2
+        return kind(node, root, period, wrap)
+
+    return lqi
