@@ -70,15 +70,27 @@ def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
     :return: by label, in the order of the seeds.
     :raises ConfigError: what the network of one of them is made of cannot be read.
     """
-    tasks = [(variant.label, replace(variant.scenario, seed=variant.scenario.seed + index))
+    tasks = [replace(variant.scenario, seed=variant.scenario.seed + index)
              for variant in variants for index in range(seeds)]
-    found: dict[tuple[str, int], Results] = {}
-    for index, result in _computed([scenario for _, scenario in tasks], jobs):
-        found[tasks[index][0], tasks[index][1].seed] = result
+    found = run_each(tasks, jobs, told)
+    return {variant.label: found[index * seeds:(index + 1) * seeds]
+            for index, variant in enumerate(variants)}
+
+
+def run_each(scenarios: Sequence[Scenario], jobs: int = 0,
+             told: Callable[[int, int], None] | None = None) -> list[Results]:
+    """
+    Run scenarios that are settled.
+
+    :param jobs: as for :func:`run_all`, and so is ``told``.
+    :return: what each found, in their order.
+    """
+    found: dict[int, Results] = {}
+    for index, result in _computed(scenarios, jobs):
+        found[index] = result
         if told is not None:
-            told(len(found), len(tasks))
-    return {variant.label: [found[variant.label, scenario.seed] for label, scenario in tasks
-                            if label == variant.label] for variant in variants}
+            told(len(found), len(scenarios))
+    return [found[index] for index in range(len(scenarios))]
 
 
 def _computed(scenarios: Sequence[Scenario], jobs: int) -> Iterator[tuple[int, Results]]:

@@ -1,0 +1,173 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Simulate what others have simulated or measured, and compare."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+import json
+import math
+from pathlib import Path
+import statistics
+import sys
+from typing import Any
+from typing import Final
+from typing import TYPE_CHECKING
+
+from rt_robot_os.programs import FAILED
+from rt_robot_os.programs import OK
+
+if TYPE_CHECKING:
+    from rt_robot_os.tools.wsn.references import Reference
+    from rt_robot_os.wsn.simulator.results import Results
+
+_EPILOG: Final = """
+FOLDER holds tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz, or
+mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or both.
+The exit code is 1 when something differs by more than it may: delivery by 0.03 (0.06 under heavy
+noise) from the mean, frames for each packet that came by 15 %, and against firmware the parent of
+a node at the end, or the cost of a beacon, at all.
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser of the program."""
+    parser = commands.add_parser(
+        'compare', allow_abbrev=False, epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        help='simulate what TOSSIM and real firmware gave, and compare')
+    parser.add_argument('folder', metavar='FOLDER', type=Path)
+    parser.add_argument('--only', metavar='TEXT', default='',
+                        help='only those whose name has all these words, such as "chain7 ctp"')
+    parser.add_argument('--seeds', metavar='N', type=int, default=0,
+                        help='seeds (default: as many as theirs; 3 against firmware)')
+    parser.add_argument('--jobs', metavar='N', type=int, default=0,
+                        help='processes at once (default: one a processor)')
+    parser.add_argument('--json', action='store_true', help='write the result as JSON')
+    parser.set_defaults(run=run)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """
+    One figure of one reference.
+
+    :ivar ok: it differs by no more than it may.
+    """
+
+    what: str
+    ours: str
+    theirs: str
+    ok: bool
+    allowed: str = ''
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """
+    Run the command.
+
+    :return: the exit code.
+    :raises ConfigError: the folder holds no references.
+    """
+    from rt_robot_os.tools.wsn.references import read_references
+    words = arguments.only.split()
+    references = [one for one in read_references(arguments.folder, arguments.seeds or 3)
+                  if all(word in one.name for word in words)]
+    compared = {one.name: differences(one, runs) for one, runs in simulated(
+        references, arguments.seeds, arguments.jobs)}
+    if arguments.json:
+        print(json.dumps({name: [vars(each) for each in found]
+                          for name, found in compared.items()}, indent=1))
+    else:
+        print('\n'.join(_lines(compared)))
+    return OK if all(each.ok for found in compared.values() for each in found) else FAILED
+
+
+def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
+              ) -> Iterator[tuple[Reference, Sequence[Results]]]:
+    """
+    Run what the references have.
+
+    :param seeds: of each so many at most; 0: all.
+    :param jobs: see :func:`rt_robot_os.tools.wsn.runs.run_each`.
+    """
+    from rt_robot_os.tools.wsn.runs import run_each
+    scenarios = [(one.name, scenario) for one in references
+                 for scenario in (one.scenarios[:seeds] if seeds else one.scenarios)]
+
+    def told(done: int, whole: int) -> None:
+        if sys.stderr.isatty():
+            print(f'\r{done} of {whole} runs ', end='\n' if done == whole else '',
+                  file=sys.stderr, flush=True)
+
+    found = run_each([scenario for _, scenario in scenarios], jobs, told)
+    for one in references:
+        yield one, [result for (name, _), result in zip(scenarios, found) if name == one.name]
+
+
+def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
+    """Compare a reference with our runs of it."""
+    ours = statistics.fmean(run.delivery for run in runs)
+    found = [Difference('delivery', f'{ours:.4f}', f'{one.delivery:.4f}',
+                        abs(ours - one.delivery) <= one.delivery_within,
+                        f'{one.delivery_within:.2f}')]
+    if one.frames_per_delivery is not None:
+        frames = statistics.fmean(run.per_delivery(
+            run.transmissions if one.beacons_count else run.data_transmissions) for run in runs)
+        off = frames / one.frames_per_delivery - 1.0
+        found.append(Difference('frames per packet', f'{frames:.2f}',
+                                f'{one.frames_per_delivery:.2f}',
+                                math.isfinite(off) and abs(off) <= one.frames_within,
+                                f'{100 * one.frames_within:.0f} %, is {100 * off:+.0f} %'))
+    if one.parents:
+        found.append(_nodes('parents', [run.parents for run in runs], one.parents))
+    if one.beacon_costs:
+        found.append(_nodes('beacon costs', [run.beacon_costs for run in runs],
+                            one.beacon_costs))
+    return found
+
+
+def _nodes(what: str, ours: Sequence[Mapping[int, int | None]], theirs: Mapping[int, int]
+           ) -> Difference:
+    """Compare what is known of each node with the seed that is like most of the others."""
+    alike = [{node: run.get(node) for node in theirs} for run in ours]
+    same = sum(run == theirs for run in alike)
+    shown = next((run for run in alike if run != theirs), alike[0])
+    return Difference(what, _pairs(shown), _pairs(theirs), same * 2 > len(alike),
+                      f'the same in {same} of {len(alike)}')
+
+
+def _pairs(values: Mapping[int, int | None]) -> str:
+    return ' '.join(f'{node}:{"-" if value is None else value}'
+                    for node, value in sorted(values.items()))
+
+
+def _lines(compared: Mapping[str, Sequence[Difference]]) -> Iterator[str]:
+    from rt_robot_os.tools.wsn.text_report import table
+    rows = [('', 'figure', 'ours', 'theirs', 'may differ by', '')]
+    for name, found in compared.items():
+        for index, each in enumerate(found):
+            rows.append((name if not index else '', each.what, each.ours, each.theirs,
+                         each.allowed, '' if each.ok else 'DIFFERS'))
+    yield from table(rows)
+    wrong = sum(not each.ok for found in compared.values() for each in found)
+    count = sum(map(len, compared.values()))
+    yield ''
+    yield f'{count - wrong} of {count} figures agree, of {len(compared)} networks'

@@ -1,0 +1,222 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+What TOSSIM and real firmware gave for the same networks, from a folder of references.
+
+``tossim_reference.json`` is a list of runs: ``variant`` (``lqi32``: MultiHopLQI with beacons each
+32 s; ``ctp``), ``topology`` (of ``tossim_NAME.topo.txt``), ``noise`` (of ``noise_NAME.txt.gz``),
+``seed``, ``seconds``, ``generated``, ``delivered``, ``transmissions``. ``mspsim_summary.json``
+has, by ``NAME_PROTOCOL``, what real firmware did on emulated motes with the links of
+``mspsim_NAME.links.txt``; the log of the air ``mspsim_NAME_PROTOCOL.air.csv.gz`` beside it says
+when motes began, who their parents were and what their beacons said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+from dataclasses import field
+import gzip
+import json
+import math
+from pathlib import Path
+import re
+import statistics
+from typing import Any
+from typing import Final
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.wsn.packets.ieee802154 import read_frame
+from rt_robot_os.wsn.packets.ieee802154 import T2Frame
+from rt_robot_os.wsn.radio.noise import read_trace
+from rt_robot_os.wsn.simulator.scenario import RadioSettings
+from rt_robot_os.wsn.simulator.scenario import Scenario
+from rt_robot_os.wsn.simulator.scenario import settled
+from rt_robot_os.wsn.simulator.scenario import TopologySettings
+from rt_robot_os.wsn.simulator.scenario import TrafficSettings
+
+TOSSIM_FILE: Final = 'tossim_reference.json'
+FIRMWARE_FILE: Final = 'mspsim_summary.json'
+
+_FRAMES_WITHIN: Final = 0.15
+_QUIET_WITHIN, _HEAVY_WITHIN, _FIRMWARE_WITHIN = 0.03, 0.06, 0.03
+_LOUD_DBM, _LOUD_SHARE = -85, 0.02
+_READINGS: Final = 5
+_FIRST_TICKS: Final = 6
+_LQI_DATA, _CTP_DATA, _LQI_BEACON = 0x74, 0x71, 0x73
+_BROADCAST: Final = 0xFFFF
+
+
+@dataclass(frozen=True)
+class Reference:
+    """
+    One network, and what somebody else's simulation or firmware made of it.
+
+    :ivar scenarios: the same for us, one a seed.
+    :ivar delivery: theirs, the mean over the seeds.
+    :ivar delivery_within: how much ours may differ.
+    :ivar frames_per_delivery: theirs; None when it is not to be compared.
+    :ivar beacons_count: beacons are among these frames.
+    :ivar parents: theirs at the end; empty when not known.
+    :ivar beacon_costs: of their last beacons.
+    """
+
+    name: str
+    scenarios: Sequence[Scenario]
+    delivery: float
+    delivery_within: float
+    frames_per_delivery: float | None = None
+    frames_within: float = _FRAMES_WITHIN
+    beacons_count: bool = True
+    parents: Mapping[int, int] = field(default_factory=dict)
+    beacon_costs: Mapping[int, int] = field(default_factory=dict)
+
+
+def read_references(folder: Path, seeds: int = 3) -> list[Reference]:
+    """
+    Read all references of a folder.
+
+    :param seeds: of firmware there is one run; we make so many.
+    :raises ConfigError: there is none, or what belongs to it is missing or is not understood.
+    """
+    found = []
+    try:
+        if (folder / TOSSIM_FILE).is_file():
+            found += list(_tossim(folder, json.loads((folder / TOSSIM_FILE).read_text())))
+        if (folder / FIRMWARE_FILE).is_file():
+            found += list(_firmware(folder, json.loads((folder / FIRMWARE_FILE).read_text()),
+                                    seeds))
+    except OSError as error:
+        raise ConfigError([f'{error.filename}: cannot be read: {error.strerror}']) from None
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError([f'{folder}: its references cannot be understood: {error!r}']) from None
+    if not found:
+        raise ConfigError([f'{folder}: has neither {TOSSIM_FILE} nor {FIRMWARE_FILE}'])
+    return found
+
+
+def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Reference]:
+    groups: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row['topology'], row['noise'], row['variant']), []).append(row)
+    for (topology, noise, variant), runs in groups.items():
+        trace = _beside(folder, f'noise_{noise}.txt')
+        yield Reference(
+            f'TOSSIM {topology} {noise} {variant}',
+            [tossim_scenario(_beside(folder, f'tossim_{topology}.topo.txt'), trace, variant,
+                             float(run['seconds']), int(run['seed'])) for run in runs],
+            statistics.fmean(run['delivered'] / run['generated'] for run in runs),
+            _HEAVY_WITHIN if _is_heavy(trace) else _QUIET_WITHIN,
+            statistics.fmean(run['transmissions'] / run['delivered'] for run in runs))
+
+
+def _beside(folder: Path, name: str) -> str:
+    for path in (folder / name, folder / f'{name}.gz'):
+        if path.is_file():
+            return str(path)
+    raise ConfigError([f'{folder / name}: there is no such file, packed (.gz) or not'])
+
+
+def _is_heavy(trace: str) -> bool:
+    values = read_trace(trace)
+    return sum(value > _LOUD_DBM for value in values) > _LOUD_SHARE * len(values)
+
+
+def tossim_scenario(topology: str, noise: str, variant: str, seconds: float = 600.0,
+                    seed: int = 1) -> Scenario:
+    """
+    Make the scenario of a TOSSIM run: data every 800 binary ms, motes booted within a second.
+
+    :param variant: ``ctp`` or ``lqiN`` with beacons each N s.
+    :raises ValueError: it is neither.
+    """
+    match = re.fullmatch(r'lqi(\d+)', variant)
+    if match is None and variant != 'ctp':
+        raise ValueError(f'variant {variant!r}: must be ctp or such as lqi32')
+    return settled(Scenario(
+        name=Path(topology).name, seconds=seconds, seed=seed,
+        protocol='ctp' if match is None else 'multihoplqi', tinyos=2,
+        beacon_period_binary_ms=None if match is None else 1024.0 * int(match[1]),
+        topology=TopologySettings(tossim=topology),
+        radio=RadioSettings(mac='tossim', noise_file=noise),
+        traffic=TrafficSettings(period_binary_ms=800.0)))
+
+
+# ---- firmware -------------------------------------------------------------------------------
+
+
+@dataclass
+class _Air:
+    """What a log of the air says."""
+
+    first_us: dict[int, int] = field(default_factory=dict)
+    parents: dict[int, int] = field(default_factory=dict)
+    costs: dict[int, int] = field(default_factory=dict)
+    interval: int = 1024
+
+
+def _firmware(folder: Path, summary: Mapping[str, Mapping[str, Any]], seeds: int
+              ) -> Iterator[Reference]:
+    for name, one in summary.items():
+        network, _, protocol = name.rpartition('_')
+        links = _beside(folder, f'mspsim_{network}.links.txt')
+        air = _air(_beside(folder, f'mspsim_{name}.air.csv'))
+        generated, delivered = (sum(one[key].values()) for key in ('generated', 'delivered'))
+        most = max(one['generated'].values())
+        yield Reference(
+            f'firmware {network} {protocol}',
+            [_firmware_scenario(links, protocol, air, most, seed + 1) for seed in range(seeds)],
+            delivered / generated, _FIRMWARE_WITHIN, one.get('transmissions_per_delivery'),
+            beacons_count=False, parents=air.parents, beacon_costs=air.costs)
+
+
+def _air(path: str) -> _Air:
+    air = _Air()
+    with gzip.open(path, 'rt') if path.endswith('.gz') else open(path) as file:
+        for row in csv.DictReader(file):
+            frame = read_frame(bytes.fromhex(row['mpdu_hex_with_length_byte']))
+            if not isinstance(frame, T2Frame):
+                continue
+            node, data = frame.source, frame.payload
+            if frame.am_type == _LQI_BEACON:
+                air.costs[node] = int.from_bytes(data[8:10], 'big')
+            elif frame.am_type in (_LQI_DATA, _CTP_DATA):
+                if frame.destination != _BROADCAST:
+                    air.parents[node] = frame.destination
+                skipped = 9 if frame.am_type == _LQI_DATA else 8
+                air.interval = int.from_bytes(data[skipped + 2:skipped + 4], 'big') or 1024
+                air.first_us.setdefault(node, int(row['t_us']))
+    return air
+
+
+def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed: int) -> Scenario:
+    """Make the scenario of motes with MultihopOscilloscope: six readings before the first packet."""
+    interval_s = air.interval / 1024
+    first_s = min(air.first_us.values()) / 1e6
+    spread_s = max(air.first_us.values()) / 1e6 - first_s
+    # It ends half a period after the last packet, or what is a round number then.
+    end_s = 10.0 * math.ceil((first_s + interval_s * _READINGS * (packets - 0.5)) / 10.0)
+    return settled(Scenario(
+        name=Path(links).name, seconds=end_s, seed=seed, protocol=protocol, tinyos=2,
+        boot_s=max(0.0, first_s - _FIRST_TICKS * interval_s), boot_spread_s=min(spread_s, 1.0),
+        topology=TopologySettings(links=links), radio=RadioSettings(mac='tinyos2'),
+        traffic=TrafficSettings(period_binary_ms=float(air.interval * _READINGS),
+                                start_ms=1000.0 * _FIRST_TICKS * interval_s)))
