@@ -27,8 +27,8 @@ from rt_robot_os.wsn.packets.ieee802154 import T2Frame
 from rt_robot_os.wsn.packets.tos_msg import FCF_DATA
 from rt_robot_os.wsn.radio.mac import MacProfile
 from rt_robot_os.wsn.simulator.pcap import PcapWriter
-from rt_robot_os.wsn.simulator.transmission import ACK
-from rt_robot_os.wsn.simulator.transmission import Transmission
+from rt_robot_os.wsn.simulator.air import ACK
+from rt_robot_os.wsn.simulator.air import Transmission
 
 
 def bytes_of(frame: Transmission, version: int) -> bytes:

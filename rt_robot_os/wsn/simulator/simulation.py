@@ -43,7 +43,7 @@ from rt_robot_os.wsn.simulator.faults import fault
 from rt_robot_os.wsn.simulator.faults import nodes_of
 from rt_robot_os.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.wsn.simulator.ledger import Ledger
-from rt_robot_os.wsn.simulator.link_medium import Link
+from rt_robot_os.wsn.simulator.air import Link
 from rt_robot_os.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.wsn.simulator.medium import Medium
 from rt_robot_os.wsn.simulator.medium import OUTCOMES
@@ -59,8 +59,8 @@ from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.topology import Topology
 from rt_robot_os.wsn.simulator.topology import WallCount
 from rt_robot_os.wsn.simulator.traffic import application
-from rt_robot_os.wsn.simulator.transmission import ACK
-from rt_robot_os.wsn.simulator.transmission import Transmission
+from rt_robot_os.wsn.simulator.air import ACK
+from rt_robot_os.wsn.simulator.air import Transmission
 
 #: AM types of beacons, and how the cost stands in them: where, and in which order of bytes.
 _BEACONS: Final = {0x73: (8, 'big'), 0x70: (5, 'big'), 250: (12, 'little')}
