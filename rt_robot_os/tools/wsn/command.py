@@ -27,12 +27,14 @@ from collections.abc import Sequence
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
+from rt_robot_os.tools.wsn import compare
 from rt_robot_os.tools.wsn import forward
 from rt_robot_os.tools.wsn import send
+from rt_robot_os.tools.wsn import simulate
 from rt_robot_os.tools.wsn import sniff
 
 # In the order in which the help names them.
-_COMMANDS = (sniff, send, forward)
+_COMMANDS = (simulate, compare, sniff, send, forward)
 
 
 def run(argv: Sequence[str]) -> int:

@@ -208,15 +208,17 @@ def _air(path: str) -> _Air:
 
 
 def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed: int) -> Scenario:
-    """Make the scenario of motes with MultihopOscilloscope: six readings before the first packet."""
+    """Make the scenario of motes with MultihopOscilloscope: six readings, then a packet."""
     interval_s = air.interval / 1024
     first_s = min(air.first_us.values()) / 1e6
-    spread_s = max(air.first_us.values()) / 1e6 - first_s
+    boots_s = {node: max(0.0, first_us / 1e6 - _FIRST_TICKS * interval_s)
+               for node, first_us in air.first_us.items()}
     # It ends half a period after the last packet, or what is a round number then.
     end_s = 10.0 * math.ceil((first_s + interval_s * _READINGS * (packets - 0.5)) / 10.0)
     return settled(Scenario(
         name=Path(links).name, seconds=end_s, seed=seed, protocol=protocol, tinyos=2,
-        boot_s=max(0.0, first_s - _FIRST_TICKS * interval_s), boot_spread_s=min(spread_s, 1.0),
+        boot_s=min(boots_s.values()), boot_spread_s=0.0,
+        faults=tuple(f'boot {node} at {boot_s:.6f}' for node, boot_s in boots_s.items()),
         topology=TopologySettings(links=links), radio=RadioSettings(mac='tinyos2'),
         traffic=TrafficSettings(period_binary_ms=float(air.interval * _READINGS),
                                 start_ms=1000.0 * _FIRST_TICKS * interval_s)))

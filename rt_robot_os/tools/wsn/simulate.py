@@ -182,8 +182,9 @@ def _simulation(arguments: argparse.Namespace, scenario: Any, topology: Any) -> 
         return
     try:
         with arguments.pcap.open('wb') as file:
-            yield Simulation(scenario, topology, AirLog(
-                file, MAC_PROFILES[scenario.radio.mac], not arguments.no_fcs))
+            log = AirLog(file, MAC_PROFILES[scenario.radio.mac], not arguments.no_fcs)
+            yield Simulation(scenario, topology, log)
+            log.flush()
     except OSError as error:
         raise RtRobotError(f'{arguments.pcap}: cannot be written: {error.strerror}') from None
 

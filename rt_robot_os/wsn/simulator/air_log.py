@@ -17,7 +17,10 @@
 
 from __future__ import annotations
 
+from heapq import heappop
+from heapq import heappush
 from typing import BinaryIO
+from typing import Final
 
 from rt_robot_os.wsn.packets.ieee802154 import ACK_REQUEST
 from rt_robot_os.wsn.packets.ieee802154 import AckFrame
@@ -26,9 +29,12 @@ from rt_robot_os.wsn.packets.ieee802154 import T1Frame
 from rt_robot_os.wsn.packets.ieee802154 import T2Frame
 from rt_robot_os.wsn.packets.tos_msg import FCF_DATA
 from rt_robot_os.wsn.radio.mac import MacProfile
-from rt_robot_os.wsn.simulator.pcap import PcapWriter
 from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Transmission
+from rt_robot_os.wsn.simulator.pcap import PcapWriter
+
+# No frame is on the air for longer.
+_LONGEST_NS: Final = 10_000_000
 
 
 def bytes_of(frame: Transmission, version: int) -> bytes:
@@ -58,6 +64,8 @@ class AirLog:
     def __init__(self, file: BinaryIO, mac: MacProfile, with_fcs: bool = True) -> None:
         self._writer = PcapWriter(file, with_fcs)
         self._version = mac.version
+        self._waiting: list[tuple[int, int, bytes]] = []
+        self._number = 0
 
     @property
     def frames(self) -> int:
@@ -66,4 +74,17 @@ class AirLog:
 
     def __call__(self, frame: Transmission) -> None:
         """Write a frame; see ``OnFrame``."""
-        self._writer.write(frame.begin_ns, bytes_of(frame, self._version)[1:])
+        self._number += 1
+        heappush(self._waiting, (frame.begin_ns, self._number,
+                                 bytes_of(frame, self._version)[1:]))
+        self._write_before(frame.end_ns - _LONGEST_NS)
+
+    def flush(self) -> None:
+        """Write what waits for its turn."""
+        self._write_before(None)
+
+    def _write_before(self, time_ns: int | None) -> None:
+        """Write in the order in which frames began; they are told of when they have ended."""
+        while self._waiting and (time_ns is None or self._waiting[0][0] < time_ns):
+            begin_ns, _, data = heappop(self._waiting)
+            self._writer.write(begin_ns, data)

@@ -20,7 +20,7 @@ What happens to a network, read from the texts of a scenario.
 ``kill WHO at S``                         no power from then on
 ``boot WHO at S``                         switched on then, and not at the beginning
 ``reboot WHO at S [for D]``               without power for D seconds (1), then cold again
-``sleep WHO at S for D``                  its radio is off and it sends nothing; it forgets nothing
+``sleep WHO at S for D``                  switched off for D seconds; it boots when it wakes
 ``silence WHO at S [for D]``              its application sends nothing; it forwards
 ``move WHO X Y [at S]``                   is somewhere else from then on
 ``noise DB at S for D``                   so much more noise everywhere

@@ -121,6 +121,14 @@ class GainMedium(Medium):
                         other.links[radio] = other.power_dbm + gain
                         other.hearers = None
 
+    def add_noise(self, more_db: int) -> None:
+        """
+        Raise the noise everywhere, until it is lowered by as much.
+
+        :param more_db: negative to lower it.
+        """
+        self._noise = [value + more_db for value in self._noise]
+
     def hearers(self, radio: Radio) -> Iterable[Radio]:
         """Return who may receive what a radio sends."""
         hearers = radio.hearers

@@ -142,7 +142,7 @@ class Results:
     def as_json(self) -> dict[str, Any]:
         """Return plain values; what is not known is None."""
         made = self.generated
-        return _plain({
+        found: dict[str, Any] = _plain({
             'scenario': self.scenario, 'protocol': self.protocol, 'seed': self.seed,
             'seconds': self.ended_s, 'nodes': self.nodes,
             'generated': made, 'delivered': self.delivered, 'duplicates': self.duplicates,
@@ -167,6 +167,7 @@ class Results:
             'gaps': self._gaps_as_json(), 'losses': self.outcomes, 'counters': self.counters,
             'events': self.happenings, 'events_run': self.events, 'wall_s': self.wall_s,
             'times_real_time': self.ended_s / self.wall_s if self.wall_s else None})
+        return found
 
     def _gaps_as_json(self) -> dict[str, Any]:
         lengths, period = self.gap_s, self.beacon_period_s

@@ -18,10 +18,11 @@
 from __future__ import annotations
 
 from rt_robot_os.wsn.routing.ctp import Ctp
+from rt_robot_os.wsn.routing.ctp_rules import CtpRules
+from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import Node
 from rt_robot_os.wsn.routing.protocol import Router
 from rt_robot_os.wsn.simulator.network import RouterFactory
@@ -34,15 +35,16 @@ def router_factory(scenario: Scenario) -> RouterFactory:
 
     :param scenario: settled.
     """
-    period = max(1, round(scenario.beacon_period_ns / BINARY_MS_NS))
+    period_ns = scenario.beacon_period_ns
     wrap = bool(scenario.u16_wrap)
     if scenario.protocol == 'ctp':
-        return lambda node, root: Ctp(node, root)
+        rules = TOSSIM if scenario.radio.mac == 'tossim' else CtpRules()
+        return lambda node, root: Ctp(node, root, rules)
     if scenario.protocol == 'paper':
-        return lambda node, root: LeastCost(node, root, period, wrap)
+        return lambda node, root: LeastCost(node, root, period_ns)
 
     def lqi(node: Node, root: bool) -> Router:
         kind = MultiHopLqi1 if scenario.tinyos == 1 else MultiHopLqi2
-        return kind(node, root, period, wrap)
+        return kind(node, root, period_ns, wrap)
 
     return lqi

@@ -95,6 +95,9 @@ class RadioSettings:
     noise_file: str = setting(
         '', 'recorded noise: dBm, a line each ms, also packed (.gz); wins over noise',
         is_file=True)
+    noise_learned: int | None = setting(
+        None, 'so many values at the beginning of noise_file are learned from; 0 is all (default: '
+        'all; 3000 with mac: tossim, as TOSSIM has memory for)', minimum=0)
     loss_1m_db: float = setting(40.0, 'path loss over the first metre', 'dB', 0.0, 120.0)
     exponent: float = setting(2.4, 'of the path loss', '', 1.0, 8.0)
     wall_db: float = setting(6.0, 'loss in each wall of the map', 'dB', 0.0, 60.0)

@@ -24,9 +24,8 @@ from time import perf_counter
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets import ctp as ctp_packets
-from rt_robot_os.wsn.packets import multihop_lqi
 from rt_robot_os.wsn.radio.cc2420 import TURNAROUND_NS
 from rt_robot_os.wsn.radio.mac import MAC_PROFILES
 from rt_robot_os.wsn.radio.mac import MacProfile
@@ -35,15 +34,19 @@ from rt_robot_os.wsn.radio.noise import closest_pattern
 from rt_robot_os.wsn.radio.noise import heavy
 from rt_robot_os.wsn.radio.noise import quiet
 from rt_robot_os.wsn.radio.noise import read_trace
+from rt_robot_os.wsn.radio.noise import SERIES_LENGTH
+from rt_robot_os.wsn.radio.noise import TOSSIM_LEARNS
 from rt_robot_os.wsn.radio.path_loss import PathLoss
-from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.wsn.radio.path_loss import Walls
+from rt_robot_os.wsn.simulator.air import ACK
+from rt_robot_os.wsn.simulator.air import Link
+from rt_robot_os.wsn.simulator.air import Transmission
 from rt_robot_os.wsn.simulator.energy import PowerModel
 from rt_robot_os.wsn.simulator.faults import Fault
 from rt_robot_os.wsn.simulator.faults import fault
 from rt_robot_os.wsn.simulator.faults import nodes_of
 from rt_robot_os.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.wsn.simulator.ledger import Ledger
-from rt_robot_os.wsn.simulator.air import Link
 from rt_robot_os.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.wsn.simulator.medium import Medium
 from rt_robot_os.wsn.simulator.medium import OUTCOMES
@@ -59,17 +62,16 @@ from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.topology import Topology
 from rt_robot_os.wsn.simulator.topology import WallCount
 from rt_robot_os.wsn.simulator.traffic import application
-from rt_robot_os.wsn.simulator.air import ACK
-from rt_robot_os.wsn.simulator.air import Transmission
 
 #: AM types of beacons, and how the cost stands in them: where, and in which order of bytes.
 _BEACONS: Final = {0x73: (8, 'big'), 0x70: (5, 'big'), 250: (12, 'little')}
 _ACK_DELAYS_NS: Final = {'hardware': TURNAROUND_NS, 'software': TINYOS2.ack_delay_ns}
 _SLICES: Final = 200
+_SHORTEST_NOISE: Final = 1 << 14
 
 #: Called now and then with the simulated seconds so far.
 Progress = Callable[[float], None]
-#: Called with the time and each frame that goes on the air, acknowledgements too.
+#: Called with each frame that was on the air, acknowledgements too, when it has ended.
 OnFrame = Callable[[Transmission], None]
 #: The tree as it changed: time, node, parent, cost, hops.
 TreeChange = tuple[int, int, int | None, int, int]
@@ -99,10 +101,11 @@ class Simulation:
         self._beacons = 0
         self._said: dict[int, tuple[int, bytes]] = {}
         self._on_frame = on_frame
+        self._seen: dict[int, tuple[int | None, int, int]] = {}
         self._wall_s = 0.0
         self._mac = _mac(scenario)
         self.medium = _medium(scenario, topology, self._mac)
-        self.medium.on_begin = self._count
+        self.medium.trace = self._count
         energy = scenario.energy
         self.network = Network(
             self.medium, router_factory(scenario), mac=self._mac, seed=scenario.seed,
@@ -184,8 +187,8 @@ class Simulation:
         at_ns, end_ns = round(one.at_s * NS_PER_S), round((one.at_s + one.for_s) * NS_PER_S)
         if one.kind == 'noise':
             if isinstance(self.medium, GainMedium):
-                self.network.at(at_ns, _Call(self.medium.add_noise, one.numbers[0]))
-                self.network.at(end_ns, _Call(self.medium.add_noise, -one.numbers[0]))
+                self.network.at(at_ns, _Call(self.medium.add_noise, round(one.numbers[0])))
+                self.network.at(end_ns, _Call(self.medium.add_noise, -round(one.numbers[0])))
             return
         for node in self._who(one):
             mote = self.network.motes[node]
@@ -203,7 +206,7 @@ class Simulation:
 
     # ---- while it runs ------------------------------------------------------------------------
 
-    def _count(self, frame: Transmission) -> None:
+    def _count(self, frame: Transmission, _: object) -> None:
         am_type = frame.am_type
         if am_type in _BEACONS:
             self._beacons += 1
@@ -239,12 +242,12 @@ class Simulation:
             self._wall_s += perf_counter() - began_s
 
     def _look_at_tree(self) -> None:
-        last = {node: rest for _, node, *rest in self.tree}
         now_ns = self._now_ns()
         for node, mote in self.network.motes.items():
             router = mote.router
-            now = [router.parent if mote.is_on else None, router.cost, router.hops]
-            if node != self.topology.sink and last.get(node) != now:
+            now = (router.parent if mote.is_on else None, router.cost, router.hops)
+            if node != self.topology.sink and self._seen.get(node) != now:
+                self._seen[node] = now
                 self.tree.append((now_ns, node, *now))
 
     # ---- afterwards ---------------------------------------------------------------------------
@@ -319,12 +322,18 @@ def _mac(scenario: Scenario) -> MacProfile:
 
 def _noise(scenario: Scenario) -> list[int]:
     radio, random = scenario.radio, Random(f'{scenario.seed} noise')
+    # Short runs need no long series.
+    length = min(SERIES_LENGTH, max(_SHORTEST_NOISE, round(1000 * scenario.seconds)))
     if radio.noise_file:
         try:
-            return closest_pattern(read_trace(radio.noise_file), random)
+            trace = read_trace(radio.noise_file)
+            learned = radio.noise_learned
+            if learned is None and radio.mac == 'tossim':
+                learned = TOSSIM_LEARNS
+            return closest_pattern(trace[:learned or len(trace)], random, length)
         except (OSError, ValueError) as error:
             raise ConfigError([f'radio.noise_file = {radio.noise_file}: {error}']) from None
-    return heavy(random) if radio.noise == 'heavy' else quiet(random)
+    return (heavy if radio.noise == 'heavy' else quiet)(random, length)
 
 
 def _medium(scenario: Scenario, topology: Topology, mac: MacProfile) -> Medium:
@@ -339,12 +348,16 @@ def _medium(scenario: Scenario, topology: Topology, mac: MacProfile) -> Medium:
         for (source, destination), gain_db in topology.gains.items():
             gains.set_gain(source, destination, gain_db)
         return gains
-    walls = None
-    if topology.walls is not None:
-        count, wall_db = WallCount(topology.walls), radio.wall_db
-
-        def walls(ax: float, ay: float, bx: float, by: float) -> float:
-            return wall_db * count.between(ax, ay, bx, by)
+    walls = None if topology.walls is None else _walls(topology.walls, radio.wall_db)
     return PathLossMedium(PathLoss(
         radio.loss_1m_db, radio.exponent, radio.shadowing_db, radio.asymmetry_db,
         radio.fading_db, radio.fading_s, walls), _noise(scenario), mac)
+
+
+def _walls(grid: GridMap, wall_db: float) -> Walls:
+    count = WallCount(grid)
+
+    def loss_db(ax: float, ay: float, bx: float, by: float) -> float:
+        return wall_db * count.between(ax, ay, bx, by)
+
+    return loss_db
