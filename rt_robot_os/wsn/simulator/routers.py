@@ -41,10 +41,10 @@ def router_factory(scenario: Scenario) -> RouterFactory:
         rules = TOSSIM if scenario.radio.mac == 'tossim' else CtpRules()
         return lambda node, root: Ctp(node, root, rules)
     if scenario.protocol == 'paper':
-        return lambda node, root: LeastCost(node, root, period_ns)
+        return lambda node, root: LeastCost(node, root, beacon_period_ns=period_ns)
 
     def lqi(node: Node, root: bool) -> Router:
         kind = MultiHopLqi1 if scenario.tinyos == 1 else MultiHopLqi2
-        return kind(node, root, period_ns, wrap)
+        return kind(node, root, period_ns, u16_wrap=wrap)
 
     return lqi
