@@ -133,8 +133,7 @@ def test_it_works_with_the_forwarder_of_this_package(sinking: Any) -> None:
 
     def pump() -> None:
         assert time.monotonic() < deadline_s
-        for _, output in forwarder.outputs():
-            made.far.write(output)
+        made.far.write(forwarder.take_output(client))
         made.device.receive(S, True)
         made.device.write(S)
         made.device.read(S)

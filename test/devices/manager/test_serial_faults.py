@@ -91,7 +91,7 @@ CASES = {
 
 def test_every_serial_driver_is_here() -> None:
     serial = {name for name in DRIVERS.names() if issubclass(DRIVERS.load(name), SerialDevice)}
-    # A sink is quiet when its nodes are: test_sink_robot.py.
+    # A sink is quiet when its nodes are: test_sink_network.py.
     assert {name.split()[0] for name in CASES} >= serial - {'sink'}
 
 
