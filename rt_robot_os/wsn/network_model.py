@@ -54,8 +54,10 @@ _NO_ROUTE: Final = 0xFFFE
 _MOST_HOPS: Final = 0xFE
 # A cost of a parent that is older than this says nothing about a link of now.
 _COST_AGE_NS: Final = 70 * NS_PER_S
-# What is only known to be heard is heard moderately well.
-_HEARD_LQI: Final = 95.0
+# What a node that somebody wears heard longer ago was heard elsewhere.
+_WORN_NS: Final = 20 * NS_PER_S
+# What is only known to be heard is a room or two away.
+_HEARD_LQI: Final = 105.0
 # Transmissions in tenths, and what LQI they come with.
 _ETX: Final = ((10, 105.0), (15, 91.0), (20, 88.0), (50, 82.0))
 #: Nodes and AM types that are named in the statistics, at most.
@@ -122,8 +124,12 @@ class NetworkModel:
                 self.sink_place = each.x, each.y, each.z
                 continue
             node = self.nodes[each.id] = NetworkNode(each.id, each.name, self._curve)
-            node.surveyed = True
-            node.x, node.y, node.z = each.x, each.y, each.z
+            node.known = True
+            if each.person:
+                node.links.age_ns = _WORN_NS
+            else:
+                node.surveyed = True
+                node.x, node.y, node.z = each.x, each.y, each.z
             self._surveyed += 1
 
     # ---- what comes --------------------------------------------------------------------------
@@ -241,7 +247,7 @@ class NetworkModel:
     def _way(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
         """Learn on which way a data packet came."""
         if packet.parent >= 0:
-            self._set_parent(node, packet.parent)
+            self._set_parent(node, packet.parent, now_ns)
         hops = packet.hops
         so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
         if 0 < hops <= _MOST_HOPS and (not so_far or packet.destination == self.sink_id):
@@ -255,10 +261,10 @@ class NetworkModel:
         if sender is not node:
             sender.heard(now_ns)
         if destination <= HIGHEST_ID and not (destination == _UART and packet.stack == 'tinyos1'):
-            self._set_parent(sender, destination)
+            self._set_parent(sender, destination, now_ns)
         if destination == self.sink_id:
             node.via = source
-        self._near_sink(sender, _HEARD_LQI)
+        self._near_sink(sender, now_ns)
 
     def _beacon(self, packet: Packet, now_ns: int) -> None:
         number = packet.source if packet.source >= 0 else packet.origin
@@ -270,7 +276,7 @@ class NetworkModel:
         self._route(node, packet.parent, packet.hops, packet.cost, now_ns,
                     packet.am_type == CtpBeacon.AM_TYPE and packet.stack == 'tinyos2')
         if node.parent != self.sink_id:
-            self._near_sink(node, _HEARD_LQI)
+            self._near_sink(node, now_ns)
 
     def _debug(self, packet: Packet, now_ns: int) -> None:
         fields, is_ctp = packet.fields, packet.am_type == CollectionDebug.AM_TYPE
@@ -287,7 +293,7 @@ class NetworkModel:
             node = self.node(fields['parent'])
             if node is not None:
                 node.heard(now_ns)
-                self._near_sink(node, _HEARD_LQI)
+                self._near_sink(node, now_ns)
                 self._cost(node, fields['metric'], now_ns)
         elif packet.name == 'loop':
             self.counters.loops_told += 1
@@ -304,7 +310,7 @@ class NetworkModel:
             return
         node.via = last
         if last == origin:
-            self._set_parent(node, self.sink_id)
+            self._set_parent(node, self.sink_id, now_ns)
             node.hops = 1
         elif node.parent == self.sink_id:
             node.parent = node.hops = NOBODY
@@ -317,7 +323,7 @@ class NetworkModel:
         if cost == 0 or parent == node.id:
             node.claims_sink_ns = now_ns
             return
-        self._set_parent(node, parent)
+        node.parent = parent if 0 <= parent <= HIGHEST_ID else NOBODY
         node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
         self._cost(node, cost, now_ns)
         if node.parent < 0 or node.cost < 0:
@@ -330,7 +336,8 @@ class NetworkModel:
             before = other.cost
         if node.cost > before:
             link = node.cost - before
-            self._link(node, other, _lqi_of_etx(link) if is_ctp else lqi_of_link_cost(link))
+            lqi = _lqi_of_etx(link) if is_ctp else lqi_of_link_cost(link)
+            self._link(node, other, lqi, now_ns)
 
     def _cost(self, node: NetworkNode, cost: int, now_ns: int) -> None:
         node.cost = cost if 0 < cost < _NO_ROUTE else NOBODY
@@ -338,33 +345,35 @@ class NetworkModel:
         if cost == 0:
             node.claims_sink_ns = now_ns
 
-    def _set_parent(self, node: NetworkNode, parent: int) -> None:
+    def _set_parent(self, node: NetworkNode, parent: int, now_ns: int) -> None:
         known = 0 <= parent <= HIGHEST_ID and parent != node.id
-        changed = node.parent != parent
         node.parent = parent if known else NOBODY
-        if known and changed:
-            self._link(node, self.nodes.get(parent), _HEARD_LQI)
+        if known and not node.surveyed:
+            other = self.nodes.get(parent)
+            if other is not None or parent == self.sink_id:
+                self._link(node, other, _HEARD_LQI, now_ns)
 
-    def _near_sink(self, node: NetworkNode, lqi: float) -> None:
+    def _near_sink(self, node: NetworkNode, now_ns: int) -> None:
         """Note that the sink hears a node; where it is then is a place to estimate from."""
         if not node.surveyed:
-            self._link(node, None, lqi)
+            self._link(node, None, _HEARD_LQI, now_ns)
 
-    def _link(self, node: NetworkNode, other: NetworkNode | None, lqi: float) -> None:
+    def _link(self, node: NetworkNode, other: NetworkNode | None, lqi: float, now_ns: int
+              ) -> None:
         """Learn where nodes are from a link between two; without another it is the sink."""
         if other is None:
             x, y, _ = self.sink_place
             if not node.surveyed and x == x and y == y:
-                node.links.note((round(x), round(y)), x, y, lqi)
+                node.links.note((round(x), round(y)), x, y, lqi, now_ns)
         elif other.surveyed and not node.surveyed:
-            node.links.note(other.id, other.x, other.y, lqi)
+            node.links.note(other.id, other.x, other.y, lqi, now_ns)
         elif node.surveyed and not other.surveyed:
-            other.links.note(node.id, node.x, node.y, lqi)
+            other.links.note(node.id, node.x, node.y, lqi, now_ns)
 
     def _make_room(self) -> bool:
         """Forget the node that was heard once, longest ago: a slip in somebody's address."""
         once = [node for node in self.nodes.values()
-                if not node.surveyed and node.packets <= 1 and node.heard_ns < self.last_ns]
+                if not node.known and node.packets <= 1 and node.heard_ns < self.last_ns]
         if not once:
             return False
         del self.nodes[min(once, key=lambda node: node.heard_ns).id]

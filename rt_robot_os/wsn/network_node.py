@@ -32,6 +32,8 @@ from rt_robot_os.wsn.sequence_account import SequenceAccount
 NOBODY: Final = -1
 # What is recent is of one to two of these.
 _RECENT_NS: Final = 60 * NS_PER_S
+# Of a node whose place is estimated.
+_USUAL_HEIGHT_M: Final = 1.0
 # Packets overtake each other by so many at most.
 _LATE_PACKETS: Final = 16
 
@@ -42,7 +44,8 @@ class NetworkNode:
 
     :ivar id: its number.
     :ivar name: from the survey; otherwise made of its number.
-    :ivar surveyed: its place is known: ``x``, ``y``, ``z`` in m.
+    :ivar known: it is in the survey.
+    :ivar surveyed: its place is known, too, as nobody wears it: ``x``, ``y``, ``z`` in m.
     :ivar place: as estimated, where it is not surveyed; None while nothing says.
     :ivar account: of its packets by a number that counts them; None while there is none.
     :ivar told: the same, by what the sink's own mote tells of them.
@@ -54,15 +57,16 @@ class NetworkNode:
     :ivar packets: with this node as their origin or sender.
     """
 
-    __slots__ = ('id', 'name', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account', 'told',
-                 'plain', 'unnumbered', 'parent', 'via', 'hops', 'cost', 'cost_ns', 'battery',
-                 'heard_ns', 'first_ns', 'packets', 'asleep', 'claims_sink_ns', 'in_loop', 'state',
-                 'set_period_ns', '_clock', '_interval_ns', '_data_ns', '_recent', '_recent_ns')
+    __slots__ = ('id', 'name', 'known', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account',
+                 'told', 'plain', 'unnumbered', 'parent', 'via', 'hops', 'cost', 'cost_ns',
+                 'battery', 'heard_ns', 'first_ns', 'packets', 'asleep', 'claims_sink_ns',
+                 'in_loop', 'state', 'set_period_ns', '_clock', '_interval_ns', '_data_ns',
+                 '_recent', '_recent_ns')
 
     def __init__(self, number: int, name: str, curve: Curve) -> None:
         self.id = number
         self.name = name
-        self.surveyed = False
+        self.known = self.surveyed = False
         self.x = self.y = self.z = math.nan
         self.place: Place | None = None
         self.links = LinkLog()
@@ -172,7 +176,7 @@ class NetworkNode:
         if self.surveyed:
             x, y, z, stddev_m = self.x, self.y, self.z, 0.0
         elif place is not None:
-            x, y, z, stddev_m = place.x, place.y, 1.0, place.stddev_m
+            x, y, z, stddev_m = place.x, place.y, _USUAL_HEIGHT_M, place.stddev_m
         else:
             x = y = z = stddev_m = math.nan
         return NodeRow(

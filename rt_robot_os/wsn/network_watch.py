@@ -87,6 +87,7 @@ class NetworkWatch:
         self.good = self.weak = self.silent = self.unheard = 0
         self._model = model
         self._rounds = 0
+        self._since_ns = -1
         self._counts: dict[int, tuple[int, int]] = {}
         self._happened: dict[tuple[str, int], tuple[int, str]] = {}
 
@@ -100,7 +101,7 @@ class NetworkWatch:
         found += self._loops()
         for node in model.nodes.values():
             if self._rounds % _PLACE_ROUNDS == node.id % _PLACE_ROUNDS and not node.surveyed:
-                node.place = node.links.place()
+                node.place = node.links.place(now_ns) or node.place
             self._happenings(node, now_ns)
             node.state, own = self._judge(node, now_ns)
             states[node.state] += 1
@@ -111,7 +112,9 @@ class NetworkWatch:
                           if now_ns - each[0] <= _TOLD_NS and key[1] in model.nodes}
         found += (Trouble(kind, number, text)
                   for (kind, number), (_, text) in self._happened.items())
-        found += self._whole()
+        if self._since_ns < 0:
+            self._since_ns = now_ns
+        found += self._whole(now_ns)
         self._rounds += 1
         self.good, self.weak = states[NodeState.GOOD], states[NodeState.WEAK]
         self.silent, self.unheard = states[NodeState.SILENT], states[NodeState.UNHEARD]
@@ -217,10 +220,11 @@ class NetworkWatch:
             done.update(way)
         return found
 
-    def _whole(self) -> list[Trouble]:
+    def _whole(self, now_ns: int) -> list[Trouble]:
         model = self._model
         counters, found = model.counters, []
-        if not counters.packets:
+        silent_ns = round(self.limits.silent_s * NS_PER_S)
+        if not counters.packets and now_ns - self._since_ns >= silent_ns:
             found.append(Trouble('nothing', -1, 'no packet has come yet: is the sink connected?'))
         if counters.nodes_refused:
             found.append(Trouble('refused', -1, f'{counters.nodes_refused} packets came of more '
@@ -234,4 +238,4 @@ class NetworkWatch:
 
 def name_of(node: NetworkNode) -> str:
     """Return what a node is called in texts."""
-    return f'node {node.id}' if not node.surveyed else f'{node.name} (node {node.id})'
+    return f'node {node.id}' if not node.known else f'{node.name} (node {node.id})'

@@ -35,9 +35,10 @@ MOST_LINKS: Final = 32
 # Mean LQI of received frames by their signal to noise ratio in dB, as measured on CC2420.
 _LQI: Final = (79.0, 84.0, 89.0, 94.0, 97.0, 100.0, 103.0, 104.0, 105.5, 106.6, 107.3)
 _SNR_DB: Final = (2.0, 3.0, 5.0, 7.0, 8.0, 10.0, 11.0, 12.0, 14.0, 17.0, 30.0)
-# Indoors: 0 dBm sent, 43 dB lost in the first metre, noise at -98 dBm.
-_SNR_AT_1_M_DB: Final = 55.0
-_EXPONENT: Final = 2.6
+# Indoors: 0 dBm sent, 46 dB lost in the first metre, noise at -96 dBm; walls, which nobody knows
+# here, make the exponent larger than that of a room.
+_SNR_AT_1_M_DB: Final = 50.0
+_EXPONENT: Final = 3.5
 # One frame's quality says its distance to a factor of about two.
 _LOG_STDDEV: Final = 0.7
 # How far the common factor may be from 1: a factor of three.
@@ -150,32 +151,64 @@ def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
     if not math.hypot(x - from_x, y - from_y) <= 3.0 * spread:
         return Place(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
     worse = max(1.0, math.sqrt(residuals / len(links)))
-    return Place(x, y, worse * math.sqrt((xx + yy) / (xx * yy - xy * xy)))
+    return _on_its_side(links, Place(x, y, worse * math.sqrt(
+        (xx + yy) / (xx * yy - xy * xy))))
+
+
+def _on_its_side(links: Sequence[Link], found: Place) -> Place:
+    """Return the foot on the line where all known places lie on one: either side fits as well."""
+    count = len(links)
+    x, y = sum(each.x for each in links) / count, sum(each.y for each in links) / count
+    xx = sum((each.x - x) ** 2 for each in links) / count
+    yy = sum((each.y - y) ** 2 for each in links) / count
+    xy = sum((each.x - x) * (each.y - y) for each in links) / count
+    direction = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    across_x, across_y = -math.sin(direction), math.cos(direction)
+    beside = (found.x - x) * across_x + (found.y - y) * across_y
+    width = math.sqrt(max(0.0, xx * across_x ** 2 + 2.0 * xy * across_x * across_y
+                          + yy * across_y ** 2))
+    if 2.0 * width >= abs(beside):
+        return found
+    return Place(found.x - beside * across_x, found.y - beside * across_y,
+                 math.hypot(found.stddev_m, beside))
 
 
 class LinkLog:
-    """The links of one node, by who is at the other end; the mean of what was heard of each."""
+    """
+    The links of one node, by who is at the other end; the mean of what was heard of each.
 
-    __slots__ = ('_links',)
+    :ivar age_ns: how long a link counts, for nodes that somebody wears; 0 for ever.
+    """
+
+    __slots__ = ('age_ns', '_links', '_noted')
 
     def __init__(self) -> None:
+        self.age_ns = 0
         self._links: dict[Hashable, Link] = {}
+        self._noted: dict[Hashable, int] = {}
 
-    def note(self, other: Hashable, x: float, y: float, lqi: float) -> None:
+    def note(self, other: Hashable, x: float, y: float, lqi: float, now_ns: int) -> None:
         """Note how well the node hears, or is heard at, a known place."""
         distance_m = distance_of_lqi(lqi)
         before = self._links.pop(other, None)
-        if before is not None:
+        noted_ns = self._noted.pop(other, now_ns)
+        self._noted[other] = now_ns
+        if before is not None and self._counts(noted_ns, now_ns):
             # A mean of logarithms: one frame says little.
             distance_m = math.exp(math.log(before.distance_m) + (
                 math.log(distance_m) - math.log(before.distance_m)) / 8)
         elif len(self._links) >= MOST_LINKS:
-            del self._links[next(iter(self._links))]
+            oldest = next(iter(self._links))
+            del self._links[oldest], self._noted[oldest]
         self._links[other] = Link(x, y, distance_m)
 
     def __len__(self) -> int:
         return len(self._links)
 
-    def place(self) -> Place | None:
+    def place(self, now_ns: int) -> Place | None:
         """Return where the node is; None while nothing says."""
-        return estimate(list(self._links.values()))
+        return estimate([link for other, link in self._links.items()
+                         if self._counts(self._noted[other], now_ns)])
+
+    def _counts(self, noted_ns: int, now_ns: int) -> bool:
+        return not self.age_ns or now_ns - noted_ns <= self.age_ns

@@ -162,6 +162,8 @@ def test_without_a_packet_it_says_so() -> None:
         Sink(bench)
         module = bench.add(SensorNetwork, rate_hz=1.0, packets_topics=REST)
         bench.run(3.0)
+        assert module.statistics()['warning'] == ''
+        bench.run(10.0)
         assert module.statistics()['warning'] == 'no packet has come yet: is the sink connected?'
 
 

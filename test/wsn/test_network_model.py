@@ -201,7 +201,7 @@ def test_a_sink_that_drives_by_finds_a_node_that_nobody_surveyed() -> None:
     model = NetworkModel(SURVEY)
     watch, true = NetworkWatch(model), (6.0, 3.0)
     for step in range(60):
-        x, y = 0.2 * step, 1.0 + 0.05 * step
+        x, y = (0.2 * step, 1.0) if step < 30 else (6.0 + 0.1 * (step - 30), 0.2 * (step - 25))
         model.sink_at(x, y)
         distance = math.dist((x, y), true)
         lqi = round(min(108.0, max(70.0, 112.0 - 14.0 * math.log10(max(distance, 0.3)))))
@@ -250,3 +250,16 @@ def test_whatever_comes_nothing_raises_and_all_is_counted(
     assert len(model.nodes) <= len(SURVEY) + 8
     assert all(node.lost >= 0 for node in model.nodes.values())
     assert isinstance(watch.warning(), str)
+
+
+def test_a_node_that_somebody_wears_has_its_name_and_the_place_of_who_hears_it() -> None:
+    model = NetworkModel(survey_of(['hall 3 1.5 2', 'bed 9 8 1', 'wrist 1 2 0.8 id 7 on anna']))
+    watch = NetworkWatch(model)
+    for second in range(100):
+        model.take(data(7, second, source=7, destination=1 if second < 50 else 2), second * S)
+        watch.look(second * S)
+        if second == 40:
+            assert model.nodes[7].place == pytest.approx((3.0, 1.5, 10.0), abs=3.0)
+    wrist = model.nodes[7]
+    assert wrist.name == 'wrist' and wrist.place == pytest.approx((9.0, 8.0, 10.0), abs=3.0)
+    assert wrist.row(100 * S).stddev_m > 5.0
