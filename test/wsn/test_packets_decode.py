@@ -33,8 +33,6 @@ from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.packets.ctp import Neighbour
 from rt_robot_os.wsn.packets.debug import CollectionDebug
-from rt_robot_os.wsn.packets.debug import DebugPacket
-from rt_robot_os.wsn.packets.debug import Estimate
 from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.framing import FrameReader
@@ -47,6 +45,10 @@ from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
 from rt_robot_os.wsn.packets.multihop_lqi import LqiData
 from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
+from rt_robot_os.wsn.packets.neighbour_tables import Estimate
+from rt_robot_os.wsn.packets.neighbour_tables import HeardNeighbour
+from rt_robot_os.wsn.packets.neighbour_tables import RoutePacket
 from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.oscilloscope import OscopeMsg
 from rt_robot_os.wsn.packets.payload_text import parse_payload
@@ -157,6 +159,24 @@ def test_tables_of_neighbours_and_the_oscilloscope_of_tinyos_1() -> None:
     scope = PacketDecoder().decode(
         TelosMsg(0x7E, 10, OscopeMsg(7, 30, 1, bytes.fromhex('01000200')).pack()).pack())
     assert (scope.origin, scope.fields['readings']) == (7, [1, 2])
+
+
+def test_mica_tells_of_its_neighbours() -> None:
+    body = RoutePacket(2, 1200, 2, bytes.fromhex('0300c8 0400ff')).pack()
+    assert RoutePacket.unpack(body).neighbours() == (
+        HeardNeighbour(3, 200), HeardNeighbour(4, 255))
+    decoder = PacketDecoder('tinyos1', platform='mica')
+    packet = MicaMsg(0xFFFF, 250, MicaMultihopMsg(5, 5, 9, 1, body).pack())
+    beacon = decoder.decode(packet.pack())
+    assert (beacon.kind, beacon.origin, beacon.parent, beacon.cost, beacon.hops) == (
+        'beacon', 5, 2, 1200, 1)
+    assert beacon.fields['neighbours'][0] == {'address': 3, 'quality': 200}
+    cut = decoder.decode(packet._replace(payload=packet.payload[:-1]).pack())
+    assert cut.problem == 'too short: 5 bytes for 2 neighbours'
+    # Mica's table has room for five.
+    table = DebugPacket((Estimate(3, 2, 200),)).pack(is_mica=True) + bytes(16)
+    found = decoder.decode(MicaMsg(0, 3, MicaMultihopMsg(1, 5, 9, 1, table).pack()).pack())
+    assert found.fields['estimates'] == [{'node': 3, 'hopcount': 2, 'quality': 200}]
 
 
 def test_beacons_and_data_of_tinyos_2() -> None:

@@ -26,8 +26,6 @@ from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.packets.ctp import Neighbour
 from rt_robot_os.wsn.packets.debug import CollectionDebug
-from rt_robot_os.wsn.packets.debug import DebugPacket
-from rt_robot_os.wsn.packets.debug import Estimate
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.forwarder import ForwarderClient
 from rt_robot_os.wsn.packets.forwarding import Forwarder
@@ -41,6 +39,8 @@ from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
 from rt_robot_os.wsn.packets.multihop_lqi import LqiData
 from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
+from rt_robot_os.wsn.packets.neighbour_tables import Estimate
 from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.payload_text import parse_payload
 from rt_robot_os.wsn.packets.serial_am import SerialAm

@@ -36,14 +36,15 @@ from rt_robot_os.wsn.packets.conversions import sht1x_temperature
 from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.packets.debug import CollectionDebug
-from rt_robot_os.wsn.packets.debug import DEBUG_PACKET_TYPE
-from rt_robot_os.wsn.packets.debug import DebugPacket
 from rt_robot_os.wsn.packets.debug import LqiDebug
 from rt_robot_os.wsn.packets.multihop_lqi import BeaconMsg
 from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
 from rt_robot_os.wsn.packets.multihop_lqi import LqiData
 from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.wsn.packets.neighbour_tables import DEBUG_PACKET_TYPE
+from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
+from rt_robot_os.wsn.packets.neighbour_tables import RoutePacket
 from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.oscilloscope import OscopeMsg
 from rt_robot_os.wsn.packets.payload import Payload
@@ -204,17 +205,24 @@ def _t2_command(payload: bytes, draft: Draft) -> None:
 
 def _t1_debug(payload: bytes, draft: Draft) -> None:
     draft.kind, draft.name = DEBUG, 'estimates'
-    _estimates(multihop(payload, draft), draft)
+    _estimates(multihop(payload, draft), False, draft)
 
 
 def _mica_debug(payload: bytes, draft: Draft) -> None:
     draft.kind, draft.name = DEBUG, 'estimates'
-    _estimates(mica_multihop(payload, draft), draft)
+    _estimates(mica_multihop(payload, draft), True, draft)
 
 
-def _estimates(data: bytes, draft: Draft) -> None:
+def _estimates(data: bytes, is_mica: bool, draft: Draft) -> None:
     draft.fields['estimates'] = [
-        each._asdict() for each in DebugPacket.unpack(data).estimates]
+        each._asdict() for each in DebugPacket.unpack(data, is_mica).estimates]
+
+
+def _mica_beacon(payload: bytes, draft: Draft) -> None:
+    draft.kind, draft.name = BEACON, 'route_packet'
+    beacon = RoutePacket.unpack(mica_multihop(payload, draft))
+    draft.parent, draft.cost = beacon.parent, beacon.cost
+    draft.fields['neighbours'] = [each._asdict() for each in beacon.neighbours()]
 
 
 def _oscope(payload: bytes, draft: Draft) -> None:
@@ -290,7 +298,8 @@ TELOS_READERS: Final[Mapping[int, Reader]] = {
 #: For mica, mica2 and mica2dot.
 MICA_READERS: Final[Mapping[int, Reader]] = {
     MicaSurgeMsg.AM_TYPE: _mica_surge, SurgeCmd.AM_TYPE: _mica_command,
-    DEBUG_PACKET_TYPE: _mica_debug, OscopeMsg.AM_TYPE: _oscope}
+    RoutePacket.AM_TYPE: _mica_beacon, DEBUG_PACKET_TYPE: _mica_debug,
+    OscopeMsg.AM_TYPE: _oscope}
 #: For TinyOS 2.x.
 T2_READERS: Final[Mapping[int, Reader]] = {
     LqiBeacon.AM_TYPE: _lqi_beacon, CtpBeacon.AM_TYPE: _ctp_beacon,

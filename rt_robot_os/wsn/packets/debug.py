@@ -15,7 +15,7 @@
 """
 What motes tell of their routing on the serial line: free telemetry of a network.
 
-CTP and MultiHopLQI of TinyOS 2.x send numbered events, TinyOS 1.x tables of neighbours.
+CTP and MultiHopLQI of TinyOS 2.x send numbered events; TinyOS 1.x: :mod:`.neighbour_tables`.
 """
 
 from __future__ import annotations
@@ -40,10 +40,6 @@ EVENTS: Final = {
     0x53: 'message_pool_error', 0x54: 'queue_entries_error', 0xDE: 'started',
 }
 _ROUTING: Final = range(0x30, 0x40)
-#: The AM type of :class:`DebugPacket`.
-DEBUG_PACKET_TYPE: Final = 3
-_COUNT: Final = Struct('<H')
-_ESTIMATE: Final = Struct('<HBB')
 
 
 class _CollectionDebugFields(NamedTuple):
@@ -92,47 +88,3 @@ class LqiDebug(CollectionDebug):
 
     __slots__ = ()
     AM_TYPE = 0x75
-
-
-class Estimate(NamedTuple):
-    """
-    A neighbour in a table of estimates.
-
-    :ivar quality: how well the node is heard by it, of 255.
-    """
-
-    node: int
-    hopcount: int
-    quality: int
-
-
-class DebugPacket(NamedTuple):
-    """
-    The table of neighbours of a node of TinyOS 1.x; stands behind a header of the routing.
-
-    :ivar estimates: the neighbours.
-    """
-
-    estimates: tuple[Estimate, ...]
-
-    def pack(self) -> bytes:
-        """Return the bytes."""
-        return _COUNT.pack(len(self.estimates)) + b''.join(
-            [_ESTIMATE.pack(*each) for each in self.estimates])
-
-    @classmethod
-    def unpack(cls, data: bytes) -> DebugPacket:
-        """
-        Read the bytes.
-
-        :raises ValueError: there are too few for what the packet says it has.
-        """
-        if len(data) < _COUNT.size:
-            raise ValueError(f'too short: {len(data)} bytes, DebugPacket has {_COUNT.size}')
-        count, = _COUNT.unpack_from(data)
-        size = _COUNT.size + count * _ESTIMATE.size
-        if len(data) < size:
-            raise ValueError(f'too short: {len(data)} bytes, DebugPacket with {count} neighbours '
-                             f'has {size}')
-        return cls(tuple([Estimate(*each)
-                          for each in _ESTIMATE.iter_unpack(data[_COUNT.size:size])]))
