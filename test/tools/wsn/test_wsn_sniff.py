@@ -40,6 +40,7 @@ from rt_robot_os.wsn.packets.paper import DataMsg
 from rt_robot_os.wsn.packets.serial_am import SerialAm
 from rt_robot_os.wsn.packets.surge import SurgeMsg
 from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.wsn.simulator.pcap import PcapWriter
 
 Capture = pytest.CaptureFixture[str]
 
@@ -197,6 +198,19 @@ def test_a_pcap_is_read_whatever_its_form(
     assert [each['problem'] for each in records] == [None, None]
     assert records[0]['time'] == pytest.approx(time_s, abs=1e-9)
     assert records[1]['fields'] == {'dsn': 3}
+
+
+@pytest.mark.parametrize('with_fcs', [True, False])
+def test_a_pcap_of_the_simulator_is_read(
+        with_fcs: bool, tmp_path: Path, capsys: Capture) -> None:
+    sent = T1Frame(0, 17, TelosMsg.unpack(surge(5, 1)).payload, dsn=3).pack()
+    path = tmp_path / 'air.pcap'
+    with path.open('wb') as file:
+        PcapWriter(file, with_fcs).write(1_500_000_001, sent[1:])
+    _, records, err = sniffed(capsys, str(path))
+    assert [(each['origin'], each['problem']) for each in records] == [(5, None)]
+    assert records[0]['time'] == pytest.approx(1.500000001, abs=1e-9)
+    assert records[0]['hex'] == sent.hex()
 
 
 @pytest.mark.parametrize(('content', 'code', 'said'), [
