@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
+from collections.abc import Callable
 from collections.abc import Iterator
 import select
 import socket
@@ -49,6 +50,8 @@ from rt_robot_os.wsn.packets.serial_link import TRIES
 
 #: Bits a second, unless it is said: of telos under TinyOS 1.x, and of telosb under 2.x.
 BAUD: Final = {TINYOS_1.name: 57_600, TINYOS_2.name: 115_200}
+#: After so long without a packet it is told what to check.
+SILENCE_S: Final = 10.0
 _PATIENCE_S: Final = 5.0
 _MOST_READ: Final = 65_536
 # Nothing waits for longer, so that an end that is asked for comes.
@@ -263,13 +266,29 @@ def open_line(where: str, stack: str = AUTO, platform: str = '', baud: int = 0,
     return SerialSinkLine(where, stack, baud, tries)
 
 
-def listen(line: SinkLine, seconds: float = 0.0) -> Iterator[Heard]:
+def listen(line: SinkLine, seconds: float, tell: Callable[[str], object]) -> Iterator[Heard]:
     """
-    Give what comes, for ever or for some seconds.
+    Give what comes, for some seconds or, with 0, for ever.
 
+    :param tell: is told once what to check, when for some time no packet has come.
     :raises DeviceError: the other side is gone.
     """
-    end_s = time.monotonic() + seconds if seconds else float('inf')
-    while time.monotonic() < end_s:
-        yield from line.read()
+    begun_s = time.monotonic()
+    end_s = begun_s + seconds if seconds else float('inf')
+    is_silent = True
+    while (now_s := time.monotonic()) < end_s:
+        for each in line.read():
+            is_silent = False
+            yield each
+        if is_silent and now_s > begun_s + SILENCE_S:
+            is_silent = False
+            tell(_advice(line.reader))
         line.wait()
+
+
+def _advice(reader: FrameReader) -> str:
+    if reader.rejected_bytes + reader.pending_bytes:
+        return ('bytes come, but no packets: check --baud (57600 under TinyOS 1.x on telos and '
+                'micaz, 19200 on mica, 115200 under TinyOS 2.x), and that a base station runs')
+    return ('nothing has come so far: check that the mote runs a base station, that nodes are '
+            'switched on, and that no other program reads the port')

@@ -21,6 +21,7 @@ from collections.abc import Iterable
 from collections.abc import Iterator
 from contextlib import closing
 from contextlib import contextmanager
+from functools import partial
 import json
 import signal
 import sys
@@ -136,12 +137,15 @@ def run(arguments: argparse.Namespace) -> int:
             code = _sniff(sniffer, recording, False)
             if recording.bad_lines:
                 tell('wsn', f'{arguments.where}: {recording.bad_lines} lines hold no frame')
+            if not decoder.packets and recording.reader.rejected_bytes:
+                tell('wsn', f"{arguments.where} holds no frame of TinyOS' serial line: is it a "
+                     'recording of something else, or at a wrong baud rate?')
             return code
     platform = '' if arguments.platform == 'auto' else arguments.platform
     with _ended_like_ctrl_c(), closing(open_line(
             arguments.where, arguments.stack, platform, arguments.baud)) as line:
         sniffer = Sniffer(arguments, decoder, line.reader)
-        return _sniff(sniffer, listen(line, arguments.seconds), True)
+        return _sniff(sniffer, listen(line, arguments.seconds, partial(tell, 'wsn')), True)
 
 
 def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:

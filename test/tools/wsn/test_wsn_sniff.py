@@ -31,6 +31,7 @@ from processes import environment
 from pty_motes import Mote
 import pytest
 
+from rt_robot_os.tools.wsn import line
 from rt_robot_os.tools.wsn.command import run
 from rt_robot_os.wsn.packets.framing import frame
 from rt_robot_os.wsn.packets.ieee802154 import AckFrame
@@ -220,7 +221,8 @@ def test_a_pcap_of_the_simulator_is_read(
     (gzip.compress(frame(0x42, surge(1, 1)) * 9)[:-9], 1, 'cannot be read any further'),
     (b't_us,frame_hex\n1,zz\nx,4245\n', 0, '2 lines hold no frame'),
     (b'12,4526\n', 0, '1 frames with a wrong CRC'),
-    (b'', 0, '0 packets'), (random.Random(1).randbytes(3000), 0, ' bytes rejected')],
+    (b'', 0, '0 packets'),
+    (random.Random(1).randbytes(3000), 0, "holds no frame of TinyOS' serial line")],
     ids=['ethernet', 'cut', 'pcapng', 'gzip', 'no_hex', 'crc', 'empty', 'noise'])
 def test_a_damaged_recording_is_read_as_far_as_it_goes(
         content: bytes, code: int, said: str, tmp_path: Path, capsys: Capture) -> None:
@@ -282,6 +284,19 @@ def test_a_port_that_goes_away_ends_it_with_the_summary(capsys: Capture) -> None
     err = capsys.readouterr().err
     assert (code, 'is gone' in err, 'opened again' in err) == (1, True, False)
     assert '0x11 surge' in err
+
+
+@pytest.mark.parametrize(('sent', 'said'), [
+    ((), 'nothing has come so far: check that the mote runs a base station'),
+    ((bytes(range(100)),), 'bytes come, but no packets: check --baud (57600 under')])
+def test_a_silent_port_is_told_of_once(
+        sent: tuple[bytes, ...], said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+        ) -> None:
+    monkeypatch.setattr(line, 'SILENCE_S', 0.05)
+    monkeypatch.setattr(line, '_TURN_S', 0.01)
+    with Mote(sent) as mote:
+        assert run(['sniff', mote.path, '--seconds', '0.3']) == 0
+    assert capsys.readouterr().err.count(said) == 1
 
 
 def test_a_port_that_is_not_there_is_named() -> None:
