@@ -288,6 +288,15 @@ def test_a_request_for_beacons_is_answered_at_once() -> None:
     assert len(mote.told()) == 1
 
 
+def test_the_longest_interval_between_beacons_is_a_rule() -> None:
+    mote = Mote(rules=CtpRules(longest_interval_ms=256)).with_parent()
+    beacons = 0
+    for _ in range(1000):
+        mote.node.run_binary_ms(256)
+        beacons += len(mote.told())
+    assert 950 <= beacons <= 1050
+
+
 def test_a_lost_parent_is_lost_with_its_place_in_the_table() -> None:
     mote = Mote().with_parent()
     # Beacons after a long silence: the link is judged anew, and its place no longer kept.

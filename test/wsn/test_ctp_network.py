@@ -23,6 +23,7 @@ is set; they take half a minute. ``wsn compare`` does the same for a folder of o
 from __future__ import annotations
 
 from functools import cache
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -187,7 +188,7 @@ def test_motes_deliver_all_as_the_firmware_does(data_dir: Path, name: str, secon
 # ---- at home --------------------------------------------------------------------------------
 
 
-def home(seconds: int, seed: int, rules: CtpRules = CtpRules()) -> Network:
+def home(seconds: int, seed: int, rules: CtpRules = CtpRules(), speed_m_s: float = 0.0) -> Network:
     """Make twelve nodes on a floor of 15 m x 12 m, at the least power, with several hops."""
     medium = PathLossMedium(PathLoss(exponent=3.0, shadowing_db=4.0), quiet(Random(seed), 1 << 15),
                             TINYOS2)
@@ -196,14 +197,36 @@ def home(seconds: int, seed: int, rules: CtpRules = CtpRules()) -> Network:
         place = (5.0 * (address % 4), 4.0 * (address // 4), 1.0)
         network.add(address, place, is_root=address == 0, power_dbm=-25.0,
                     traffic=Traffic(PERIOD_NS, build) if address else None)
+    if speed_m_s:
+        for half_second in range(2 * seconds):
+            place = along_the_walls(speed_m_s * half_second / 2)
+            network.at(half_second * NS_PER_S // 2, partial(network.move, 0, place))
     network.run_until(seconds * NS_PER_S)
     return network
+
+
+def along_the_walls(way_m: float) -> tuple[float, float, float]:
+    """Return where a sink is that drives round the floor."""
+    way_m %= 54.0
+    if way_m < 15.0:
+        return way_m, 0.0, 0.4
+    if way_m < 27.0:
+        return 15.0, way_m - 15.0, 0.4
+    if way_m < 42.0:
+        return 42.0 - way_m, 12.0, 0.4
+    return 0.0, 54.0 - way_m, 0.4
 
 
 def test_a_home_loses_less_than_one_packet_in_two_hundred() -> None:
     got = outcome(home(300, 1))
     assert got.delivery >= 0.995
     assert len([parent for parent in got.parents.values() if parent not in (None, 0)]) >= 3
+
+
+def test_a_sink_that_drives_must_tell_of_itself_often() -> None:
+    assert outcome(home(120, 4, speed_m_s=0.3)).delivery < 0.7
+    told = outcome(home(120, 4, CtpRules(longest_interval_ms=1024), 0.3))
+    assert told.delivery >= 0.98
 
 
 @BROAD

@@ -97,7 +97,7 @@ class RoutingEngine:
         self._updated = updated
         self._is_congested = is_congested
         self._forget()
-        self._trickle = Trickle(node, self._beacon_due)
+        self._trickle = Trickle(node, self._beacon_due, maximum_ms=rules.longest_interval_ms)
         self._timer = node.timer(self.update)
         self._beacon_sender = node.sender(self._beacon_sent)
 

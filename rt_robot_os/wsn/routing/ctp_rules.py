@@ -34,6 +34,8 @@ class CtpRules(NamedTuple):
         radios.
     :ivar forward_queue: packets of others that a node keeps; one more is its own.
     :ivar transmissions: of one packet, until it is given up.
+    :ivar longest_interval_ms: between beacons of a node that sees nothing wrong, in 1/1024 s; at
+        a sink that moves it must be short, since nobody else can tell that the sink has come.
     :ivar sent_cache: packets that a node remembers having passed on.
     :ivar payload_size: of an active message; beacons tell of as many neighbours as fit.
     """
@@ -44,6 +46,7 @@ class CtpRules(NamedTuple):
     packet_ms: int = 7
     forward_queue: int = 12
     transmissions: int = 30
+    longest_interval_ms: int = 512_000
     sent_cache: int = 4
     payload_size: int = 28
 
