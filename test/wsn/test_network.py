@@ -16,15 +16,25 @@
 
 from __future__ import annotations
 
+from flooding import BEACON
 from flooding import FirstHeard
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.wsn.radio.mac import MAC_PROFILES
+from rt_robot_os.wsn.radio.mac import TINYOS1
 from rt_robot_os.wsn.radio.mac import TINYOS2
 from rt_robot_os.wsn.radio.path_loss import PathLoss
+from rt_robot_os.wsn.routing.protocol import BROADCAST
+from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Link
+from rt_robot_os.wsn.simulator.energy import PowerModel
 from rt_robot_os.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.wsn.simulator.medium import BUSY
+from rt_robot_os.wsn.simulator.medium import COLLISION
 from rt_robot_os.wsn.simulator.medium import Medium
 from rt_robot_os.wsn.simulator.mote import Traffic
 from rt_robot_os.wsn.simulator.network import Network
@@ -119,3 +129,181 @@ def test_a_mote_that_moves_away_is_lost_and_comes_back():
     network.move(3, (30.0, 0.0, 0.0))
     network.run_until(60 * S)
     assert network.motes[3].delivered - away > 15
+
+
+def test_an_acknowledgement_comes_when_the_profile_says():
+    for mac, gap_ns in ((TINYOS2, 783_000), (TINYOS1, 192_000)):
+        medium = links(1.0, mac, motes=2)
+        ends: dict[int, int] = {}
+        gaps = []
+
+        def trace(frame, receivers, ends=ends, gaps=gaps):
+            if frame.am_type == ACK:
+                gaps.append(frame.begin_ns - ends[frame.dsn])
+            elif frame.acknowledge:
+                ends[frame.dsn] = frame.end_ns
+
+        medium.trace = trace
+        network = chain(medium, mac, motes=2)
+        network.run_until(20 * S)
+        assert gaps and set(gaps) == {gap_ns}
+
+
+class Shouter(FirstHeard):
+    """Sends frames of no use whenever it can; only two nodes, out of earshot of each other."""
+
+    def start(self) -> None:
+        if not self.root:
+            self._again(False)
+
+    def _again(self, acked: bool) -> None:
+        self._beacons.done = self._again
+        self._beacons.send(0, BEACON, bytes(20), False)
+
+
+def shouting(heard: bool) -> list[int]:
+    """Return the outcomes of two that shout at a third; they may hear each other."""
+    medium = GainMedium(QUIET, TINYOS2)
+    for sender in (1, 2):
+        medium.set_gain(sender, 0, -70.0)
+        if heard:
+            medium.set_gain(sender, 3 - sender, -70.0)
+    network = Network(medium, Shouter, seed=1)
+    for address in range(3):
+        network.add(address, is_root=address == 0)
+    network.run_until(10 * S)
+    return medium.outcomes
+
+
+def test_hidden_senders_collide_and_those_that_hear_each_other_hardly():
+    hidden, fair = shouting(heard=False), shouting(heard=True)
+    assert (hidden[COLLISION] + hidden[BUSY]) / sum(hidden) > 0.2
+    assert (fair[COLLISION] + fair[BUSY]) / sum(fair) < 0.1
+
+
+def test_the_stronger_of_two_frames_is_received_if_it_was_first():
+    def share(stronger_db: float) -> float:
+        medium = GainMedium(QUIET, TINYOS2)
+        medium.set_gain(1, 0, -70.0)
+        medium.set_gain(2, 0, -70.0 + stronger_db)
+        network = Network(medium, Shouter, seed=1)
+        for address in range(3):
+            network.add(address, is_root=address == 0)
+        network.run_until(10 * S)
+        return medium.outcomes[0] / sum(medium.outcomes)
+
+    assert share(20.0) > share(0.0) + 0.05
+
+
+@given(rate=st.floats(0.1, 1.0), seed=st.integers(0, 1000), mac=st.sampled_from(
+    list(MAC_PROFILES.values())), physical=st.booleans())
+@settings(max_examples=25, deadline=None)
+def test_what_becomes_of_each_frame_is_counted_once(rate, seed, mac, physical):
+    medium = gains(mac, -75 - 20 * rate) if physical else links(rate, mac)
+    network = chain(medium, mac, seed=seed)
+    frames = []
+    medium.trace = lambda frame, receivers: frames.append((frame, tuple(receivers)))
+    medium.overhears = True
+    network.run_until(20 * S)
+    motes = network.motes.values()
+    sent = [frame for frame, _ in frames if frame.am_type != ACK]
+    expected = 0
+    for frame in sent:
+        if frame.destination == BROADCAST:
+            expected += max(1, len(medium.hearers(frame.sender)))
+        else:
+            expected += 1
+    assert sum(medium.outcomes) == expected
+    on_air = sum(mote.radio.sent_frames for mote in motes) - len(sent)
+    assert 0 <= on_air <= len(motes)
+    received = sum(mote.radio.received_frames for mote in motes)
+    assert received == medium.outcomes[0]
+    for mote in motes:
+        assert mote.delivered <= mote.generated
+        assert mote.refused <= mote.generated
+    assert len(network.latencies_ns) == sum(mote.delivered for mote in motes)
+    assert all(latency >= 0 for latency in network.latencies_ns)
+
+
+def test_a_clock_that_is_fast_has_short_seconds():
+    network = Network(links(1.0, motes=2), FirstHeard, drift_ppm=0)
+    mote = network.add(1)
+    mote.drift_ppb = 100_000
+    times = []
+    timer = mote.timer(lambda: times.append((network.queue.now_ns, mote.now_ns())))
+    network.at(1, lambda: timer.every(S))
+    network.run_until(1000 * S)
+    true_ns, local_ns = times[-1]
+    assert true_ns - 1 == pytest.approx(len(times) * S * (1 - 1e-4), rel=1e-7)
+    assert local_ns == pytest.approx(len(times) * S, abs=1000)
+
+
+def test_a_battery_runs_empty_and_the_mote_is_off():
+    network = Network(links(1.0), FirstHeard, power=PowerModel(acceleration=3600.0))
+    for address in range(4):
+        network.add(address, is_root=address == 0, used_mah=2000.0 if address == 3 else 0.0)
+    network.run_until(110 * S)
+    assert [mote.is_on for mote in network.motes.values()] == [True, True, True, False]
+    network.motes[3].boot()
+    assert not network.motes[3].is_on
+    network.run_until(140 * S)
+    assert [mote.is_on for mote in network.motes.values()] == [True, False, False, False]
+
+
+def test_a_mote_that_is_taken_away_is_heard_no_more_and_its_place_is_free():
+    for medium in (links(1.0), gains()):
+        network = chain(medium)
+        network.run_until(20 * S)
+        network.remove(3)
+        network.run_until(40 * S)
+        assert 3 not in network.motes
+        network.add(3, traffic=SECOND)
+        network.run_until(80 * S)
+        assert network.motes[3].delivered > 20
+
+
+def test_shadowing_of_a_pair_does_not_depend_on_who_else_is_there():
+    def power(extra: int) -> float:
+        medium = PathLossMedium(PathLoss(), QUIET, TINYOS2)
+        network = Network(medium, FirstHeard, seed=7)
+        for address in range(5, 5 + extra):
+            network.add(address, (float(address), 3.0, 0.0))
+        first, second = network.add(1, (0.0, 0.0, 0.0)), network.add(2, (10.0, 0.0, 0.0))
+        return first.radio.links[second.radio]
+
+    assert power(0) == power(3)
+
+
+def test_walls_weaken_what_goes_through():
+    def power(walls) -> float:
+        medium = PathLossMedium(PathLoss(shadowing_db=0, asymmetry_db=0, walls=walls), QUIET,
+                                TINYOS2)
+        network = Network(medium, FirstHeard)
+        first, second = network.add(1, (0.0, 0.0, 0.0)), network.add(2, (10.0, 0.0, 0.0))
+        return first.radio.links[second.radio]
+
+    assert power(None) == pytest.approx(-43 - 26)
+    assert power(lambda ax, ay, bx, by: 7.0) == pytest.approx(-43 - 26 - 7)
+
+
+@given(places=st.lists(st.tuples(*[st.floats(-400, 400)] * 3), min_size=2, max_size=12),
+       moves=st.lists(st.tuples(st.integers(0, 11), *[st.floats(-400, 400)] * 2), max_size=5))
+@settings(max_examples=10, deadline=None)
+def test_links_are_those_of_the_places_however_the_nodes_came_there(places, moves):
+    def table(network: Network) -> dict[tuple[int, int], float]:
+        return {(mote.address, other.address): round(power, 6)
+                for mote in network.motes.values() for other, power in mote.radio.links.items()}
+
+    def build(positions) -> Network:
+        network = Network(PathLossMedium(PathLoss(), QUIET, TINYOS2), FirstHeard, seed=3)
+        for address, position in enumerate(positions):
+            network.add(address, position)
+        return network
+
+    network = build(places)
+    places = list(places)
+    for address, x, y in moves:
+        if address < len(places):
+            places[address] = (x, y, 1.0)
+            network.move(address, places[address])
+    assert table(network) == table(build(places))

@@ -20,10 +20,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp
 from math import hypot
-from math import log10
 from math import sqrt
 from random import Random
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 #: ``walls(x1, y1, x2, y2)`` in m: the loss in dB by what stands between two places.
 Walls = Callable[[float, float, float, float], float]
@@ -54,15 +56,9 @@ class PathLoss:
     fading_s: float = 5.0
     walls: Walls | None = None
 
-    def loss_db(self, first: tuple[float, float, float], second: tuple[float, float, float],
-                ) -> float:
-        """Return the loss between two places in m, without what is random."""
-        flat = hypot(first[0] - second[0], first[1] - second[1])
-        metres = max(hypot(flat, first[2] - second[2]), _NEAREST_M)
-        loss = self.one_metre_db + 10 * self.exponent * log10(metres)
-        if self.walls is not None:
-            loss += self.walls(first[0], first[1], second[0], second[1])
-        return loss
+    def without_walls_db(self, away_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the loss over distances, without walls and without what is random."""
+        return self.one_metre_db + 10 * self.exponent * np.log10(np.maximum(away_m, _NEAREST_M))
 
     def range_m(self, budget_db: float) -> float:
         """
@@ -87,24 +83,25 @@ class Fading:
     A value is made when it is asked for, from the last one of the pair and the time since.
     """
 
-    __slots__ = ('_spread_db', '_time_ns', '_random', '_pairs')
+    __slots__ = ('_spread_db', '_time_ns', '_still_ns', '_random', '_pairs')
 
     def __init__(self, spread_db: float, time_s: float, random: Random) -> None:
         """:param time_s: after it, 1/e of a value is left."""
         self._spread_db = spread_db
         self._time_ns = time_s * _NS_PER_S
+        self._still_ns = self._time_ns / 64
         self._random = random
-        self._pairs: dict[tuple[int, int], tuple[int, float]] = {}
+        self._pairs: dict[int, tuple[int, float]] = {}
 
     def at(self, first: int, second: int, now_ns: int) -> float:
         """Return the change in dB between two nodes now, the same both ways."""
-        pair = (first, second) if first < second else (second, first)
+        pair = first << 16 | second if first < second else second << 16 | first
         before = self._pairs.get(pair)
         if before is None:
             value = self._random.gauss(0, self._spread_db)
         else:
             since = now_ns - before[0]
-            if since < self._time_ns / 64:
+            if since < self._still_ns:
                 return before[1]
             kept = exp(-since / self._time_ns)
             value = kept * before[1] + sqrt(1 - kept * kept) * self._random.gauss(
@@ -114,5 +111,5 @@ class Fading:
 
     def forget(self, node: int) -> None:
         """Drop what is known of a node that is gone."""
-        for pair in [pair for pair in self._pairs if node in pair]:
+        for pair in [pair for pair in self._pairs if node in (pair >> 16, pair & 0xFFFF)]:
             del self._pairs[pair]

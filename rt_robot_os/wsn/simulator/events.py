@@ -79,6 +79,7 @@ class EventQueue:
         if time_ns < self.now_ns:
             raise ValueError(f'an event at {time_ns} ns: it is {self.now_ns} ns already')
         if event.number:
+            event.number = 0
             self._forget_one()
         number = self._number + 1
         self._number = event.number = number

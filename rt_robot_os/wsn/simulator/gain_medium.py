@@ -21,7 +21,6 @@ noise to it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from collections.abc import Sequence
 from math import floor
 from math import log10
@@ -49,6 +48,11 @@ from rt_robot_os.wsn.simulator.medium import WEAK
 # From here a radio sees that a frame begins.
 _SYNCHRONISATION_SNR_DB: Final = 1.0
 _FALSE_ACK: Final = 0.001
+# From here the noise adds nothing to what the radio sees of the strength.
+_CLEAR_SNR_DB: Final = 12.0
+_NOTHING_DBM: Final = -999.0
+# One in so many values of the noise may be lower than that which a receivable signal has to pass.
+_CALM_SHARE: Final = 100
 
 
 def _milliwatts(dbm: float) -> float:
@@ -76,7 +80,9 @@ class GainMedium(Medium):
         self._length = len(self._noise)
         self._tossim = mac.is_tossim
         self._cca_dbm = mac.cca_dbm
-        self._lowest_dbm = min(self._noise) + WEAKEST_SNR_DB
+        ordered = sorted(self._noise)
+        self._median_dbm = ordered[self._length // 2]
+        self._lowest_dbm = ordered[self._length // _CALM_SHARE] + WEAKEST_SNR_DB
         self._gains: dict[int, dict[int, float]] = {}
         self._fading: Fading | None = None
 
@@ -128,8 +134,12 @@ class GainMedium(Medium):
         :param more_db: negative to lower it.
         """
         self._noise = [value + more_db for value in self._noise]
+        self._lowest_dbm += more_db
+        for radios in self._by_address.values():
+            for radio in radios:
+                radio.hearers = None
 
-    def hearers(self, radio: Radio) -> Iterable[Radio]:
+    def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""
         hearers = radio.hearers
         if hearers is None:
@@ -178,9 +188,42 @@ class GainMedium(Medium):
         if snr_db < STRONG_SNR_DB and not is_received(snr_db, self.draw(frame, radio)):
             return WEAK
         self.lqi = lqi(snr_db, self.draw(frame, radio))
-        self.rssi_dbm = floor(power) if at_begin > 12 else floor(
+        self.rssi_dbm = floor(power) if at_begin > _CLEAR_SNR_DB else floor(
             10 * log10(_milliwatts(power) + _milliwatts(power - at_begin)))
         return RECEIVED
+
+    def give_to_all(self, frame: Transmission, receivers: list[Radio]) -> None:
+        """Give a frame to all that receive it; the same as ``hear`` of each, in less time."""
+        if frame.overlaps is not None or self._fading is not None or self._tossim:
+            super().give_to_all(frame, receivers)
+            return
+        series, length, random = self._noise, self._length, self.random.random
+        begin_ns = frame.begin_ns
+        begin, end = begin_ns // NS_PER_SAMPLE, frame.end_ns // NS_PER_SAMPLE
+        links = frame.sender.links
+        hearers = self.hearers(frame.sender)
+        weak = off = 0
+        for radio in hearers:
+            if not radio.is_on or radio.on_since_ns > begin_ns:
+                off += 1
+                continue
+            place = radio.noise_place
+            power = links.get(radio, _NOTHING_DBM)
+            noise = series[(begin + place) % length]
+            at_end = series[(end + place) % length]
+            snr_db = power - (noise if noise > at_end else at_end)
+            if snr_db < STRONG_SNR_DB and not is_received(snr_db, random()):
+                weak += 1
+                continue
+            receivers.append(radio)
+            rssi_dbm = floor(power) if power - noise > _CLEAR_SNR_DB else floor(
+                10 * log10(_milliwatts(power) + _milliwatts(noise)))
+            radio.take(frame, lqi(snr_db, random()), rssi_dbm)
+        outcomes = self.outcomes
+        outcomes[RECEIVED] += len(receivers)
+        outcomes[WEAK] += weak
+        outcomes[OFF] += off
+        outcomes[NO_LINK] += not hearers
 
     def _hear_among_others(self, frame: Transmission, radio: Radio, power: float) -> int:
         """Return the same where other frames were on the air meanwhile."""

@@ -20,8 +20,6 @@ Two frames at once at a radio that both could have reached it are lost, whatever
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from rt_robot_os.wsn.radio.mac import MacProfile
 from rt_robot_os.wsn.simulator.air import Link
 from rt_robot_os.wsn.simulator.air import Position
@@ -87,7 +85,7 @@ class LinkMedium(Medium):
                 for other in self._by_address.get(address, ()):
                     self._refresh(other)
 
-    def hearers(self, radio: Radio) -> Iterable[Radio]:
+    def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""
         return radio.hearers or ()
 

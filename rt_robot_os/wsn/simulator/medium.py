@@ -92,7 +92,7 @@ class Medium(ABC):
         """Take note that a radio is somewhere else, or sends with another power."""
 
     @abstractmethod
-    def hearers(self, radio: Radio) -> Iterable[Radio]:
+    def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""
 
     @abstractmethod
@@ -124,7 +124,7 @@ class Medium(ABC):
         receivers: list[Radio] = []
         destination = frame.destination
         if destination == BROADCAST:
-            self._give_to_all(frame, receivers)
+            self.give_to_all(frame, receivers)
         else:
             self._give_to_one(frame, destination, receivers)
             if self.overhears:
@@ -171,7 +171,7 @@ class Medium(ABC):
             if not frame.unfinished:
                 frame.overlaps = None
 
-    def _give_to_all(self, frame: Transmission, receivers: list[Radio]) -> None:
+    def give_to_all(self, frame: Transmission, receivers: list[Radio]) -> None:
         """Give a frame to all that receive it."""
         outcomes = self.outcomes
         nobody = True

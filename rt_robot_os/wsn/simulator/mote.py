@@ -79,7 +79,7 @@ class MoteTimer:
             return
         queue = mote.queue
         self._event.call = self._call
-        queue.at(queue.now_ns + max(0, delay_ns - delay_ns * mote.drift_ppb // _BILLION),
+        queue.at(queue.now_ns + max(0, mote.true_ns(delay_ns)),
                  self._event)
 
     def every(self, period_ns: int) -> None:
@@ -102,7 +102,7 @@ class MoteTimer:
         self._rounds += 1
         local_ns = self._rounds * self._period_ns
         mote = self._mote
-        mote.queue.at(self._begun_ns + local_ns - local_ns * mote.drift_ppb // _BILLION,
+        mote.queue.at(self._begun_ns + mote.true_ns(local_ns),
                       self._event)
 
     def _again(self) -> None:
@@ -187,6 +187,10 @@ class Mote:
         """Return the time since the mote started, on its own clock."""
         since = self.queue.now_ns - self._booted_ns
         return since + since * self.drift_ppb // _BILLION
+
+    def true_ns(self, local_ns: int) -> int:
+        """Return how long a time on the mote's clock really is."""
+        return local_ns - local_ns * self.drift_ppb // (_BILLION + self.drift_ppb)
 
     def timer(self, call: Callable[[], None]) -> MoteTimer:
         """Make a timer that calls when it has run down."""
