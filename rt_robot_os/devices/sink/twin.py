@@ -103,6 +103,8 @@ class SimulatedSink(SimulatedDevice):
               'protocol: 4 s, multihoplqi 32 s. ctp has its own.', 'ms', 0.0, _LONGEST_MS),
         Field('power_dbm', float, -25.0, 'Power of the radios: at -25 a house takes several hops.',
               'dBm', -25.0, 0.0),
+        Field('height_m', float, 0.4, 'Height of the sink above the floor, in the middle of the '
+              'robot.', 'm', 0.0, 10.0),
         Field('wall_db', float, 6.0, 'What each wall takes away.', 'dB', 0.0, 60.0),
         Field('person_db', float, _PERSON_DB, 'What each person takes away who stands between '
               'two nodes.', 'dB', 0.0, 60.0),
@@ -203,11 +205,8 @@ class SimulatedSink(SimulatedDevice):
         self._frames.append(data)
 
     def _position(self) -> tuple[float, float, float]:
-        height = self.mounting.position_m[2]
-        if self.world is None:
-            return 0.0, 0.0, height
-        x, y, _ = self.world.pose_of(self.mounting)
-        return x, y, height
+        x, y = (0.0, 0.0) if self.world is None else self.world.base.pose[:2]
+        return x, y, self.settings['height_m']
 
     def _people(self) -> Sequence[tuple[float, float]]:
         return () if self.world is None else [(each.x, each.y) for each in self.world.people]
