@@ -90,6 +90,21 @@ def test_the_foxglove_layout_of_the_service_robot_shows_and_commands_what_there_
             assert field_of(out[topic], field.partition('[')[0]) is not None, path
 
 
+def test_the_foxglove_layout_of_the_sensor_network_shows_what_there_is() -> None:
+    saved = json.loads((CONFIG / 'foxglove_sensor_network.json').read_text())
+    panel = saved['configById']
+    assert sorted(panels(saved['layout'])) == sorted(panel)
+    out = {f'/{m.ros_topic}': m.as_ or m.message
+           for m in load([CONFIG / 'sensor_network.yaml']).mirrors if m.direction == 'out'}
+    assert set(panel['3D!scene']['topics']) <= set(out)
+    assert out['/wsn/nodes'] == 'visualization_msgs/msg/MarkerArray'
+    for name, each in panel.items():
+        assert each.get('topicToRender', '/rosout') in ROS_TOPICS, name
+        for path in each.get('paths', ()):
+            topic, _, field = path['value'].partition('.')
+            assert isinstance(field_of(out[topic], field), float), path
+
+
 def test_every_status_of_the_robot_is_in_one_group_of_the_aggregator() -> None:
     groups = yaml.safe_load((CONFIG / 'diagnostics_aggregator.yaml').read_text())[
         '/**']['ros__parameters']
@@ -118,16 +133,17 @@ def test_the_launch_file_passes_on_what_it_takes() -> None:
     assert float(node.get('respawn_delay', '')) > 0
 
 
-def test_the_launch_file_of_the_service_robot_takes_the_same() -> None:
-    text = (ROOT / 'launch' / 'service_robot.launch.xml').read_text()
+@pytest.mark.parametrize('name', ['service_robot', 'sensor_network'])
+def test_the_launch_file_of_a_whole_robot_takes_the_same(name: str) -> None:
+    text = (ROOT / 'launch' / f'{name}.launch.xml').read_text()
     launch = ElementTree.fromstring(text)
     ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
     taken = [each.get('name') for each in ours.findall('arg')]
     assert [each.get('name') for each in launch.findall('arg')] == taken
     include, = launch.iter('include')
     assert {each.get('name'): each.get('value') for each in include.findall('arg')} == {
-        name: f'$(var {name})' for name in taken}
-    assert launch.findall('arg')[0].get('default', '').endswith('/config/service_robot.yaml')
+        each: f'$(var {each})' for each in taken}
+    assert launch.findall('arg')[0].get('default', '').endswith(f'/config/{name}.yaml')
 
 
 def test_each_server_of_nav2_has_its_parameters_and_is_managed() -> None:

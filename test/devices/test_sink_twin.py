@@ -115,7 +115,7 @@ def test_a_command_is_acknowledged_and_obeyed(tmp_path: Path) -> None:
     with connected(tmp_path, world=World(FLAT)) as made:
         run(made, 6)
         sink: Any = made.device
-        sink._line.link.send(command_packet(parse_command('sleep 1'), 'tinyos1'))
+        sink._line.send(command_packet(parse_command('sleep 1'), 'tinyos1'))
         run(made, 2)
         assert sink.input_counters()['acknowledged_commands'] == 1
         before = len(made.publishers[2].samples)

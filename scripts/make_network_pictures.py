@@ -1,0 +1,161 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Make docs/images/sensor_network.svg: the house's network before and after nodes have died.
+
+    PYTHONPATH=. .venv/bin/python scripts/make_network_pictures.py
+
+The house of config/sensor_network.yaml is simulated, its packets are read as a sink's are, and the
+markers of /wsn/nodes are drawn over the map. It gives the same pictures each time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+
+from rt_robot_os.devices.sink.twin import SimulatedSink
+from rt_robot_os.link.markers import LABELS
+from rt_robot_os.link.markers import LINKS
+from rt_robot_os.link.markers import Marker
+from rt_robot_os.link.markers import markers_of
+from rt_robot_os.link.markers import NODES
+from rt_robot_os.settings.world import load_world
+from rt_robot_os.sim.base import Site
+from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.sim.world import World
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.wsn.network_model import NetworkModel
+from rt_robot_os.wsn.network_rows import NodeRow
+from rt_robot_os.wsn.network_watch import Limits
+from rt_robot_os.wsn.network_watch import NetworkWatch
+from rt_robot_os.wsn.packets.decode import PacketDecoder
+from rt_robot_os.wsn.packets.framing import FrameReader
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURE = ROOT / 'docs' / 'images' / 'sensor_network.svg'
+SIZE_M = 18.0, 12.0
+SCALE, MARGIN = 48.0, 14.0
+STEP_S = 0.01
+KILLED = 3
+
+
+class House:
+    """The house, its network, and what a host makes of its packets."""
+
+    def __init__(self) -> None:
+        """Read the world."""
+        self.world = World(load_world(ROOT / 'config' / 'maps' / 'house_world.yaml'))
+        self.twin = SimulatedSink('sink', {'period_ms': 2000.0, 'power_dbm': -25.0},
+                                  PtyPort('/nowhere'), site=Site(self.world))
+        self.model = NetworkModel(self.world.nodes)
+        self.watch = NetworkWatch(self.model, Limits())
+        self.names = {node.id: node.name for node in self.world.nodes} | {0: 'sink'}
+        self._reader = FrameReader()
+        self._decoder = PacketDecoder('tinyos1')
+        self._steps = 0
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / STEP_S)):
+            self._steps += 1
+            time_s = self._steps * STEP_S
+            now_ns = round(time_s * NS_PER_S)
+            self.world.advance(now_ns)
+            x, y, _ = self.world.base.pose
+            self.model.sink_at(x, y, 0.4)
+            for frame in self._reader.feed(self.twin.sample(time_s)):
+                self.model.take(self._decoder.decode(frame.packet), now_ns)
+        self.watch.look(now_ns)
+
+    def rows(self) -> list[NodeRow]:
+        """Return what /wsn/nodes says now."""
+        return list(self.model.rows(round(self._steps * STEP_S * NS_PER_S)))
+
+
+def drawing(world: World, panels: list[tuple[str, list[Marker]]]) -> Iterator[str]:
+    """Draw panels below one another."""
+    width = SIZE_M[0] * SCALE + 2 * MARGIN
+    height = SIZE_M[1] * SCALE + 2 * MARGIN + 22
+    yield (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} '
+           f'{height * len(panels):g}" font-family="sans-serif" font-size="11" '
+           'text-anchor="middle">')
+    yield '<rect width="100%" height="100%" fill="white"/>'
+    for number, (title, markers) in enumerate(panels):
+        top = number * height
+        yield (f'<text x="{MARGIN:g}" y="{top + 18:g}" font-size="15" text-anchor="start">'
+               f'{escape(title)}</text>')
+        yield from _panel(world, markers, top + 22 + MARGIN)
+    yield '</svg>\n'
+
+
+def _panel(world: World, markers: list[Marker], top: float) -> Iterator[str]:
+    def at(x: float, y: float) -> tuple[float, float]:
+        return MARGIN + x * SCALE, top + (SIZE_M[1] - y) * SCALE
+
+    def path(*ends: float) -> str:
+        (a, b), (c, d) = at(*ends[:2]), at(*ends[2:])
+        return f'M{a:.1f},{b:.1f}L{c:.1f},{d:.1f}'
+
+    lines = ' '.join(path(*each) for each in world.walls.segments.tolist())
+    yield f'<path d="{lines}" stroke="#999" stroke-width="1.2" fill="none"/>'
+    for each in markers:
+        if each.namespace != LINKS:
+            continue
+        for index in range(0, len(each.points), 2):
+            (ax, ay, _), (bx, by, _) = each.points[index:index + 2]
+            yield (f'<path d="{path(ax, ay, bx, by)}" stroke="{_colour(each.colours[index])}" '
+                   'stroke-width="2" fill="none"/>')
+    for each in markers:
+        x, y = at(*each.position[:2])
+        if each.namespace == NODES:
+            yield (f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{each.scale[0] * 28:.1f}" '
+                   f'fill="{_colour(each.colour)}" stroke="#333"/>')
+        elif each.namespace == LABELS:
+            name, *facts = each.text.split('\n')
+            yield f'<text x="{x:.1f}" y="{y - 10:.1f}">{escape(name)}</text>'
+            if facts and facts[-1].startswith('silent'):
+                yield f'<text x="{x:.1f}" y="{y + 19:.1f}" fill="#b00">{escape(facts[-1])}</text>'
+
+
+def _colour(colour: tuple[float, float, float, float]) -> str:
+    return '#' + ''.join(f'{round(255 * part):02x}' for part in colour[:3])
+
+
+def main() -> None:
+    """Write the picture."""
+    house = House()
+    house.run(90)
+    before = house.rows()
+    hanging = {node.id for node in house.world.nodes if not node.person}
+    relays = Counter(int(row.parent) for row in before if row.parent in hanging)
+    killed = [house.names[node] for node, _ in relays.most_common(KILLED)]
+    panels = [('Thirty nodes report: each line leads to the next hop.',
+               list(markers_of(before, house.names)))]
+    for name in killed:
+        house.world.inject(['node', name, 'off'])
+    house.run(45)
+    panels.append((f'45 s after {", ".join(killed[:-1])} and {killed[-1]} have lost their power: '
+                   'those behind them go other ways.',
+                   list(markers_of(house.rows(), house.names))))
+    PICTURE.write_text('\n'.join(drawing(house.world, panels)), encoding='utf-8')
+    lost = [row.id for row in house.rows() if row.hops > 0 and row.age_s > 10]
+    print(f'{PICTURE}: killed {killed}; not heard for 10 s: {[house.names[int(n)] for n in lost]}')
+
+
+if __name__ == '__main__':
+    main()
