@@ -26,7 +26,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.topics import Subscription
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.decode import STACKS
-from rt_robot_os.wsn.packets.payload_text import parse_payloads
+from rt_robot_os.wsn.packets.payload_text import known_payloads
 from rt_robot_os.wsn.packets.tos_msg import PLATFORMS
 from rt_robot_os.wsn.survey import numbered
 from rt_robot_os.wsn.survey import survey_of
@@ -72,7 +72,7 @@ def decoder_from(name: str, settings: Mapping[str, Any]) -> PacketDecoder:
     :raises ConfigError: with every problem of the payloads.
     """
     try:
-        return PacketDecoder(settings['stack'], parse_payloads(settings['payloads']),
+        return PacketDecoder(settings['stack'], known_payloads(settings['payloads']),
                              settings['platform'], group_from(settings))
     except ConfigError as error:
         raise ConfigError([f'{name}.payloads: {problem}' for problem in error.problems]) from error

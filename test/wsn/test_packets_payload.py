@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 import pytest
 from rt_robot_os import plugins
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.sensor_packets import decoder_from
 from rt_robot_os.wsn.packets import conversions
 from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
@@ -36,6 +37,7 @@ from rt_robot_os.wsn.packets.payload import check_payloads
 from rt_robot_os.wsn.packets.payload import installed_payloads
 from rt_robot_os.wsn.packets.payload import Payload
 from rt_robot_os.wsn.packets.payload import PayloadField
+from rt_robot_os.wsn.packets.payload_text import known_payloads
 from rt_robot_os.wsn.packets.payload_text import parse_payload
 from rt_robot_os.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.wsn.packets.serial_am import SerialAm
@@ -201,7 +203,14 @@ def test_packages_add_payloads_by_entry_points(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr('rt_robot_os.wsn.packets.conversions.SOIL', SOIL, raising=False)
     add({'soil': 'rt_robot_os.wsn.packets.conversions:SOIL'})
-    assert installed_payloads() == (SOIL,)
+    assert installed_payloads() == known_payloads([]) == (SOIL,)
+    # One of a configuration stands in for it.
+    own, = known_payloads(['soil 0x43 a:H'])
+    assert own.am_type == 0x43
+    # Whatever reads packets knows it.
+    from_settings = {'stack': 'auto', 'payloads': [], 'platform': 'auto', 'group': -1}
+    found = decoder_from('readings', from_settings).decode(t2(SOIL.pack(VALUES, True)))
+    assert found.readings == pytest.approx(READINGS)
     add({'soil': 'rt_robot_os.wsn.packets.conversions:CONVERSIONS'})
     with pytest.raises(ConfigError, match="payload 'soil' .* is broken: not a Payload but a dict"):
         installed_payloads()

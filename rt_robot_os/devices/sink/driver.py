@@ -57,10 +57,8 @@ from rt_robot_os.wsn.packets.framing import Frame
 from rt_robot_os.wsn.packets.framing import PROTOCOLS
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
-from rt_robot_os.wsn.packets.payload import check_payloads
-from rt_robot_os.wsn.packets.payload import installed_payloads
 from rt_robot_os.wsn.packets.payload import Payload
-from rt_robot_os.wsn.packets.payload_text import parse_payloads
+from rt_robot_os.wsn.packets.payload_text import known_payloads
 from rt_robot_os.wsn.packets.tos_msg import platform_of
 
 PACKET: Final = 'std_msgs/msg/UInt8MultiArray'
@@ -321,6 +319,6 @@ def _sorting(name: str, settings: Mapping[str, Any]) -> Sorting:
 
 def _payloads(name: str, settings: Mapping[str, Any]) -> tuple[Payload, ...]:
     try:
-        return check_payloads((*parse_payloads(settings['payloads']), *installed_payloads()))
+        return known_payloads(settings['payloads'])
     except ConfigError as error:
         raise ConfigError([f'{name}.payloads: {each}' for each in error.problems]) from error

@@ -25,11 +25,8 @@ from typing import Any
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.wsn.packets.decode import AUTO
 from rt_robot_os.wsn.packets.decode import STACKS
-from rt_robot_os.wsn.packets.payload import check_payloads
-from rt_robot_os.wsn.packets.payload import installed_payloads
 from rt_robot_os.wsn.packets.payload import Payload
-from rt_robot_os.wsn.packets.payload_text import parse_payload
-from rt_robot_os.wsn.packets.payload_text import parse_payloads
+from rt_robot_os.wsn.packets.payload_text import known_payloads
 from rt_robot_os.wsn.packets.tos_msg import PLATFORMS
 import yaml
 
@@ -82,18 +79,13 @@ def payloads_of(values: list[str]) -> tuple[Payload, ...]:
     :param values: a text that declares one, or a YAML file with a list of them, each.
     :raises ConfigError: with all that is wrong.
     """
-    found: list[Payload] = []
+    found: list[object] = []
     for value in values:
-        if ':' in value:
-            found.append(parse_payload(value))
-        else:
-            found += _of_file(Path(value))
-    names = {each.name for each in found}
-    return check_payloads([*found, *(each for each in installed_payloads()
-                                     if each.name not in names)])
+        found += [value] if ':' in value else _of_file(Path(value))
+    return known_payloads(found)
 
 
-def _of_file(path: Path) -> tuple[Payload, ...]:
+def _of_file(path: Path) -> list[object]:
     try:
         loaded: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError) as error:
@@ -106,4 +98,4 @@ def _of_file(path: Path) -> tuple[Payload, ...]:
     if not isinstance(loaded, list):
         raise ConfigError([f'payloads {str(path)!r}: must be a list, or a mapping with a list '
                            'under payloads'])
-    return parse_payloads(loaded)
+    return loaded

@@ -34,6 +34,7 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.wsn.packets.payload import check_payloads
+from rt_robot_os.wsn.packets.payload import installed_payloads
 from rt_robot_os.wsn.packets.payload import Payload
 from rt_robot_os.wsn.packets.payload import PayloadField
 
@@ -63,6 +64,19 @@ def parse_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
     if problems:
         raise ConfigError(problems)
     return check_payloads(found)
+
+
+def known_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
+    """
+    Return payloads as they stand in YAML, and those of installed packages.
+
+    :param values: texts and mappings; they stand in for an installed one of the same name.
+    :raises ConfigError: with all that is wrong.
+    """
+    found = parse_payloads(values)
+    names = {each.name for each in found}
+    return check_payloads((*found, *(each for each in installed_payloads()
+                                     if each.name not in names)))
 
 
 def parse_payload(value: object) -> Payload:
