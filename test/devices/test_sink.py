@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+import json
+from pathlib import Path
 import random
 from typing import Any
 
@@ -340,3 +343,22 @@ def test_the_bytes_of_a_base_station_are_recognised() -> None:
 def test_wrong_settings_are_told(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         Sink('sink', settings_of(Sink, **{'port': 'x', **changes}))
+
+
+# ---- what real motes sent ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('name', [
+    'chain4_multihoplqi', 'chain4_ctp', 'lossy4_multihoplqi', 'lossy4_ctp'])
+def test_of_what_a_real_sink_sent_each_packet_comes_once(name: str, data_dir: Path) -> None:
+    told = json.loads((data_dir / 'wsn' / 'mspsim_summary.json').read_text())[name]
+    stream = (data_dir / 'wsn' / f'mspsim_{name}.serial.bin').read_bytes()
+    chunks = [stream[at:at + 97] for at in range(0, len(stream), 97)]
+    with scripted(Sink, chunks, stack='tinyos2') as (device, (_, _, rest)):
+        for n in range(len(chunks) + 9):
+            device.read((n + 1) * 100 * MS)
+        statistics = device.statistics()
+        found = Counter((each[12] << 8 | each[13]) for each in packets(rest) if each[7] == 0x93)
+    assert {str(node): found[node] for node in (1, 2, 3)} == told['delivered']
+    assert statistics.more['duplicates'] == told['duplicates_on_serial']
+    assert (statistics.rejected_bytes, statistics.more['unknown_types']) == (0, 0)

@@ -38,8 +38,7 @@ from rt_robot_os.devices.sink.importance import Classifier
 from rt_robot_os.devices.sink.line import ForwarderLine
 from rt_robot_os.devices.sink.line import Line
 from rt_robot_os.devices.sink.line import SerialLine
-from rt_robot_os.devices.sink.look import KNOWN_1
-from rt_robot_os.devices.sink.look import KNOWN_2
+from rt_robot_os.devices.sink.look import KNOWN
 from rt_robot_os.devices.sink.look import looker
 from rt_robot_os.devices.sink.settings import ANY_GROUP
 from rt_robot_os.devices.sink.settings import SINK_SETTINGS
@@ -309,12 +308,11 @@ def _sorting(name: str, settings: Mapping[str, Any]) -> Sorting:
     payloads = _payloads(name, settings)
     stack = settings['stack']
     groups = settings['groups'] or _GROUPS[stack]
-    known = KNOWN_1 if stack == TINYOS_1.name else KNOWN_2
     return Sorting(
         looker(stack, settings['platform'], payloads), classifier,
         Copies(round(settings['duplicates_s'] * NS_PER_S)), room=settings['queue'],
         groups=() if ANY_GROUP in groups else groups,
-        known_types={*known, *(each.am_type for each in payloads)}, root=settings['root'])
+        known_types={*KNOWN[stack], *(each.am_type for each in payloads)}, root=settings['root'])
 
 
 def _payloads(name: str, settings: Mapping[str, Any]) -> tuple[Payload, ...]:

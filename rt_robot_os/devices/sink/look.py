@@ -32,8 +32,14 @@ from typing import Final
 from typing import Literal
 from typing import NamedTuple
 
+from rt_robot_os.wsn.packets.contents import MICA_READERS
+from rt_robot_os.wsn.packets.contents import T2_COLLECTIONS
+from rt_robot_os.wsn.packets.contents import T2_READERS
+from rt_robot_os.wsn.packets.contents import TELOS_READERS
+from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
 from rt_robot_os.wsn.packets.payload import Payload
+from rt_robot_os.wsn.packets.serial_am import DISPATCH_AM
 from rt_robot_os.wsn.packets.serial_am import SIZE
 from rt_robot_os.wsn.packets.tos_msg import MICA
 from rt_robot_os.wsn.packets.tos_msg import MICA_HEADER
@@ -42,16 +48,16 @@ from rt_robot_os.wsn.packets.tos_msg import TELOS_HEADER
 #: What is wrong with a packet that cannot be used.
 TRUNCATED: Final = 'truncated header'
 LYING: Final = 'length byte that lies'
+NOT_AM: Final = 'no active message'
 
 SURGE: Final = 17
 _LQI_BEACON_1: Final = 250
 _CTP_BEACON, _CTP_DATA, _CTP_DEBUG = 0x70, 0x71, 0x72
 _LQI_BEACON, _LQI_DATA, _LQI_DEBUG = 0x73, 0x74, 0x75
 _OSCILLOSCOPE: Final = 0x93
-#: Types that are known without being declared.
-KNOWN_1: Final = frozenset({3, SURGE, 18, _LQI_BEACON_1})
-KNOWN_2: Final = frozenset({SURGE, 18, _CTP_BEACON, _CTP_DATA, _CTP_DEBUG, _LQI_BEACON, _LQI_DATA,
-                            _LQI_DEBUG, _OSCILLOSCOPE})
+#: Types that are known without being declared, by generation.
+KNOWN: Final = {TINYOS_1.name: frozenset({*TELOS_READERS, *MICA_READERS}),
+                TINYOS_2.name: frozenset({*T2_READERS, *T2_COLLECTIONS})}
 
 
 class Look(NamedTuple):
@@ -176,6 +182,8 @@ def look_2(packet: bytes, looks: Looks | None = None) -> Look:
     if size < _SERIAL_AM:
         return Look(-1, -1, problem=TRUNCATED)
     am_type, group, length = packet[7], packet[6], packet[5]
+    if packet[0] != DISPATCH_AM:
+        return Look(-1, -1, problem=NOT_AM)
     if length != size - _SERIAL_AM:
         return Look(am_type, group, problem=LYING)
     return _look_at(packet, am_type, group, packet[3] << 8 | packet[4], length,

@@ -33,6 +33,7 @@ from rt_robot_os.devices.sink.importance import Classifier
 from rt_robot_os.devices.sink.look import Look
 from rt_robot_os.devices.sink.look import Looker
 from rt_robot_os.devices.sink.look import LYING
+from rt_robot_os.devices.sink.look import NOT_AM
 from rt_robot_os.devices.sink.look import TRUNCATED
 
 _TYPES_TOLD: Final = 8
@@ -51,6 +52,7 @@ class Sorting:
     :ivar truncated: packets that end within their header.
     :ivar lying: packets whose length byte says something else than how long they are.
     :ivar misfit: the last of those two.
+    :ivar not_am: packets under TinyOS 2.x that are no active messages.
     :ivar free_of_charge: beacons of others than the root that claim to be at no cost from it.
     :ivar claimant: who sent the last one; -1 nobody.
     :ivar sink_resets: times that the sink itself began anew, as its numbers tell.
@@ -80,7 +82,7 @@ class Sorting:
         self.waiting = 0
         self.waiting_bytes = 0
         self.ignored = 0
-        self.foreign = self.truncated = self.lying = self.free_of_charge = 0
+        self.foreign = self.truncated = self.lying = self.not_am = self.free_of_charge = 0
         self.foreign_group = self.claimant = -1
         self.misfit = b''
         self._unknown: dict[int, int] = {}
@@ -163,7 +165,8 @@ class Sorting:
             'shared_ids': copies.shared_ids, 'forgotten_streams': copies.forgotten,
             'foreign_groups': self.foreign, 'unknown_types': self.unknown,
             'unknown_by_type': self.unknown_by_type(), 'truncated_headers': self.truncated,
-            'lying_lengths': self.lying, 'cost_0_claims': self.free_of_charge})
+            'lying_lengths': self.lying, 'no_active_messages': self.not_am,
+            'cost_0_claims': self.free_of_charge})
         return found
 
     def unknown_by_type(self) -> str:
@@ -181,6 +184,8 @@ class Sorting:
         elif look.problem == LYING:
             self.lying += 1
             self.misfit = packet
+        elif look.problem == NOT_AM:
+            self.not_am += 1
         else:
             self.foreign += 1
             self.foreign_group = look.group
