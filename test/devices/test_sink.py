@@ -238,7 +238,7 @@ def test_a_root_that_begins_anew_is_noticed() -> None:
         assert device.statistics().more['sink_resets'] == 1
 
 
-# ---- payloads of one's own ----------------------------------------------------------------------
+# ---- payloads of one's own -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('stack, text, make', [
@@ -345,7 +345,7 @@ def test_wrong_settings_are_told(changes: dict[str, Any], said: str) -> None:
         Sink('sink', settings_of(Sink, **{'port': 'x', **changes}))
 
 
-# ---- what real motes sent ------------------------------------------------------------------------
+# ---- what real motes sent --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('name', [
