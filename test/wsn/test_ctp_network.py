@@ -224,8 +224,8 @@ def test_a_home_loses_less_than_one_packet_in_two_hundred() -> None:
 
 
 def test_a_sink_that_drives_must_tell_of_itself_often() -> None:
-    assert outcome(home(120, 4, speed_m_s=0.3)).delivery < 0.7
-    told = outcome(home(120, 4, CtpRules(longest_interval_ms=1024), 0.3))
+    assert outcome(home(60, 3, speed_m_s=0.3)).delivery < 0.7
+    told = outcome(home(60, 3, CtpRules(longest_interval_ms=1024), 0.3))
     assert told.delivery >= 0.98
 
 

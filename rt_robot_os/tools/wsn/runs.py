@@ -158,6 +158,7 @@ def with_protocol(scenario: Scenario, protocol: str) -> Scenario:
     tossim = scenario.radio.mac == 'tossim'
     return settled(replace(
         scenario, protocol=protocol, tinyos=None, u16_wrap=None,
+        longest_interval_binary_ms=None,
         beacon_period_ms=None if protocol == 'ctp' else scenario.beacon_period_ms,
         beacon_period_binary_ms=None if protocol == 'ctp' else scenario.beacon_period_binary_ms,
         radio=replace(scenario.radio, mac='tossim' if tossim else None, acknowledge=None),

@@ -39,6 +39,8 @@ def router_factory(scenario: Scenario) -> RouterFactory:
     wrap = bool(scenario.u16_wrap)
     if scenario.protocol == 'ctp':
         rules = TOSSIM if scenario.radio.mac == 'tossim' else CtpRules()
+        if scenario.longest_interval_binary_ms is not None:
+            rules = rules._replace(longest_interval_ms=scenario.longest_interval_binary_ms)
         return lambda node, root: Ctp(node, root, rules)
     if scenario.protocol == 'paper':
         return lambda node, root: LeastCost(node, root, beacon_period_ns=period_ns)

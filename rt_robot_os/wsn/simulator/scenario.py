@@ -182,6 +182,9 @@ class Scenario:
         None, 'of multihoplqi and paper', 'ms', 10.0, 1e9)
     beacon_period_binary_ms: float | None = setting(
         None, 'the same in 1/1024 s (default: 32768, and 4096 of paper)', '1/1024 s', 10.0, 1e9)
+    longest_interval_binary_ms: int | None = setting(
+        None, 'between two beacons of ctp while all is well (default: 512000, which is 500 s); '
+        '1024 for a sink that moves', '1/1024 s', 256, 10**9)
     u16_wrap: bool | None = setting(
         None, 'link costs overflow as in 16 bits of a mote; when absent: yes, but with mac: '
         'tossim, which runs on a PC')
@@ -256,6 +259,8 @@ def wrong(scenario: Scenario) -> Iterator[Wrong]:
         for key in ('beacon_period_ms', 'beacon_period_binary_ms'):
             if getattr(scenario, key) is not None:
                 yield key, 'must be left out: ctp times its beacons itself'
+    elif scenario.longest_interval_binary_ms is not None:
+        yield 'longest_interval_binary_ms', 'must be left out: only ctp has it'
     for owner, prefix, key in ((scenario, '', 'beacon_period'),
                                (scenario.traffic, 'traffic.', 'period')):
         if None not in (getattr(owner, f'{key}_ms'), getattr(owner, f'{key}_binary_ms')):
