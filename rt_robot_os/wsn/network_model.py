@@ -22,20 +22,21 @@ bounded, nothing raises, and what cannot be used is counted and named. Safe in t
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
-from collections.abc import Mapping
-from dataclasses import dataclass
 import math
-import re
 from typing import Final
 
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.battery_life import Curve
+from rt_robot_os.wsn.network_counters import ModelCounters
+from rt_robot_os.wsn.network_counters import ProblemCounts
+from rt_robot_os.wsn.network_counters import TypeCounts
 from rt_robot_os.wsn.network_node import NetworkNode
 from rt_robot_os.wsn.network_node import NOBODY
 from rt_robot_os.wsn.network_rows import NodeRow
 from rt_robot_os.wsn.network_rows import NodeState
+from rt_robot_os.wsn.node_position import lqi_of_beacons
+from rt_robot_os.wsn.node_position import lqi_of_etx
 from rt_robot_os.wsn.node_position import lqi_of_link_cost
 from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
@@ -47,7 +48,6 @@ from rt_robot_os.wsn.sequence_account import SequenceAccount
 from rt_robot_os.wsn.survey import HIGHEST_ID
 from rt_robot_os.wsn.survey import SurveyedNode
 
-_DIGITS: Final = re.compile(r'\d+')
 _UART: Final = 0x7E  # in TinyOS 1.x, where no node has this number
 # Of MultiHopLQI and of CTP: from here on it means that there is no route.
 _NO_ROUTE: Final = 0xFFFE
@@ -56,30 +56,7 @@ _MOST_HOPS: Final = 0xFE
 _COST_AGE_NS: Final = 70 * NS_PER_S
 # What a node that somebody wears heard longer ago was heard elsewhere.
 _WORN_NS: Final = 20 * NS_PER_S
-# What is only known to be heard is a room or two away.
-_HEARD_LQI: Final = 105.0
-# Transmissions in tenths, and what LQI they come with.
-_ETX: Final = ((10, 105.0), (15, 91.0), (20, 88.0), (50, 82.0))
-#: Nodes and AM types that are named in the statistics, at most.
-NAMED: Final = 8
-
-
-@dataclass
-class ModelCounters:
-    """What came, and what could not be used."""
-
-    packets: int = 0
-    data: int = 0
-    beacons: int = 0
-    debug: int = 0
-    commands: int = 0
-    unknown: int = 0
-    problems: int = 0
-    foreign_groups: int = 0
-    without_origin: int = 0
-    nodes_refused: int = 0
-    nodes_forgotten: int = 0
-    loops_told: int = 0
+_MOST_NEIGHBOURS: Final = 16
 
 
 class NetworkModel:
@@ -88,8 +65,8 @@ class NetworkModel:
 
     :ivar nodes: by number; the sink is not among them.
     :ivar counters: see :class:`ModelCounters`.
-    :ivar unknown_types: AM type -> packets of a type that nobody has declared.
-    :ivar problems: what was wrong with packets, with # for each number -> how many.
+    :ivar unknown_types: AM types that nobody has declared.
+    :ivar problems: what was wrong with packets.
     :ivar sink_place: x, y and z of the sink, in m; NaN while not known.
     """
 
@@ -111,9 +88,8 @@ class NetworkModel:
         self.max_nodes = max_nodes
         self.nodes: dict[int, NetworkNode] = {}
         self.counters = ModelCounters()
-        self.unknown_types: Counter[int] = Counter()
-        self.problems: Counter[str] = Counter()
-        self._examples: dict[str, str] = {}
+        self.unknown_types = TypeCounts()
+        self.problems = ProblemCounts()
         self.sink_place = math.nan, math.nan, math.nan
         self.last_ns = -1
         self._since_ns = since_ns
@@ -149,10 +125,7 @@ class NetworkModel:
             return False
         if packet.problem:
             counters.problems += 1
-            kind = _DIGITS.sub('#', packet.problem)
-            _count(self.problems, kind)
-            if kind in self.problems:
-                self._examples[kind] = packet.problem
+            self.problems.add(packet.problem)
         kind = packet.kind
         if kind == 'data':
             counters.data += 1
@@ -170,7 +143,7 @@ class NetworkModel:
         else:
             counters.unknown += 1
             if packet.am_type >= 0:
-                _count(self.unknown_types, packet.am_type)
+                self.unknown_types.add(packet.am_type)
         return False
 
     def sink_at(self, x: float, y: float, z: float = 0.0) -> None:
@@ -250,8 +223,8 @@ class NetworkModel:
             self._set_parent(node, packet.parent, now_ns)
         hops = packet.hops
         so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
-        if 0 < hops <= _MOST_HOPS and (not so_far or packet.destination == self.sink_id):
-            node.hops = hops
+        if hops >= 0 and (not so_far or packet.destination == self.sink_id):
+            node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
         source, destination = packet.source, packet.destination
         if source < 0 or source == self.sink_id:
             return  # the sink's own mote put its number there
@@ -277,6 +250,10 @@ class NetworkModel:
                     packet.am_type == CtpBeacon.AM_TYPE and packet.stack == 'tinyos2')
         if node.parent != self.sink_id:
             self._near_sink(node, now_ns)
+        for each in packet.fields.get('neighbours', ())[:_MOST_NEIGHBOURS]:
+            other = self.nodes.get(each['address'])
+            if other is not None and other is not node:
+                self._link(node, other, now_ns, lqi_of_beacons(each['quality'] / 250))
 
     def _debug(self, packet: Packet, now_ns: int) -> None:
         fields, is_ctp = packet.fields, packet.am_type == CollectionDebug.AM_TYPE
@@ -336,8 +313,8 @@ class NetworkModel:
             before = other.cost
         if node.cost > before:
             link = node.cost - before
-            lqi = _lqi_of_etx(link) if is_ctp else lqi_of_link_cost(link)
-            self._link(node, other, lqi, now_ns)
+            self._link(node, other, now_ns, (
+                lqi_of_etx(link / 10) if is_ctp else lqi_of_link_cost(link)))
 
     def _cost(self, node: NetworkNode, cost: int, now_ns: int) -> None:
         node.cost = cost if 0 < cost < _NO_ROUTE else NOBODY
@@ -351,24 +328,29 @@ class NetworkModel:
         if known and not node.surveyed:
             other = self.nodes.get(parent)
             if other is not None or parent == self.sink_id:
-                self._link(node, other, _HEARD_LQI, now_ns)
+                self._link(node, other, now_ns)
 
     def _near_sink(self, node: NetworkNode, now_ns: int) -> None:
         """Note that the sink hears a node; where it is then is a place to estimate from."""
         if not node.surveyed:
-            self._link(node, None, _HEARD_LQI, now_ns)
+            self._link(node, None, now_ns)
 
-    def _link(self, node: NetworkNode, other: NetworkNode | None, lqi: float, now_ns: int
-              ) -> None:
-        """Learn where nodes are from a link between two; without another it is the sink."""
+    def _link(self, node: NetworkNode, other: NetworkNode | None, now_ns: int,
+              lqi: float | None = None) -> None:
+        """
+        Learn where nodes are from a link between two.
+
+        :param other: None for the sink.
+        :param lqi: None where they are only known to hear each other.
+        """
         if other is None:
             x, y, _ = self.sink_place
             if not node.surveyed and x == x and y == y:
-                node.links.note((round(x), round(y)), x, y, lqi, now_ns)
+                node.links.note((round(x), round(y)), x, y, now_ns, lqi)
         elif other.surveyed and not node.surveyed:
-            node.links.note(other.id, other.x, other.y, lqi, now_ns)
+            node.links.note(other.id, other.x, other.y, now_ns, lqi)
         elif node.surveyed and not other.surveyed:
-            other.links.note(node.id, node.x, node.y, lqi, now_ns)
+            other.links.note(node.id, node.x, node.y, now_ns, lqi)
 
     def _make_room(self) -> bool:
         """Forget the node that was heard once, longest ago: a slip in somebody's address."""
@@ -380,17 +362,6 @@ class NetworkModel:
         self.counters.nodes_forgotten += 1
         return True
 
-    def named_problems(self) -> Mapping[str, int]:
-        """Return what was wrong with packets, the most frequent first; each in its last form."""
-        return {self._examples[kind]: count for kind, count in (
-            self.problems.copy().most_common(NAMED))}
-
-
-def _count(counter: Counter[object] | Counter[int] | Counter[str], key: object) -> None:
-    """Count a key; a few dozen are kept, the rest are one."""
-    if key in counter or len(counter) < 4 * NAMED:
-        counter[key] += 1  # type: ignore[index]
-
 
 def _fingerprint(packet: Packet) -> int:
     """Return what is the same in each copy of a packet, whatever way it came."""
@@ -401,11 +372,3 @@ def _fingerprint(packet: Packet) -> int:
 
 # Numbers in headers that change from hop to hop.
 _ON_THE_WAY: Final = frozenset(('seqno', 'options', 'thl', 'etx'))
-
-
-def _lqi_of_etx(etx: int) -> float:
-    """Return the LQI that links of so many transmissions, in tenths, have."""
-    for (low, high_lqi), (high, low_lqi) in zip(_ETX, _ETX[1:]):
-        if etx <= high:
-            return high_lqi + (low_lqi - high_lqi) * max(0.0, etx - low) / (high - low)
-    return _ETX[-1][1]

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from collections.abc import Sequence
+from itertools import pairwise
 import math
 from typing import Final
 from typing import NamedTuple
@@ -35,15 +36,22 @@ MOST_LINKS: Final = 32
 # Mean LQI of received frames by their signal to noise ratio in dB, as measured on CC2420.
 _LQI: Final = (79.0, 84.0, 89.0, 94.0, 97.0, 100.0, 103.0, 104.0, 105.5, 106.6, 107.3)
 _SNR_DB: Final = (2.0, 3.0, 5.0, 7.0, 8.0, 10.0, 11.0, 12.0, 14.0, 17.0, 30.0)
+# What is only known to be heard is a room or two away.
+_HEARD_LQI: Final = 105.0
+_WORST_LQI: Final = 80.0
+# Transmissions a packet, and what LQI they come with.
+_ETX: Final = ((1.0, 105.0), (1.5, 91.0), (2.0, 88.0), (5.0, 82.0))
 # Indoors: 0 dBm sent, 46 dB lost in the first metre, noise at -96 dBm; walls, which nobody knows
 # here, make the exponent larger than that of a room.
 _SNR_AT_1_M_DB: Final = 50.0
 _EXPONENT: Final = 3.5
 # One frame's quality says its distance to a factor of about two.
-_LOG_STDDEV: Final = 0.7
+_LOG_STDDEV: Final = 1.0
 # How far the common factor may be from 1: a factor of three.
 _FACTOR_STDDEV: Final = 1.1
 _NEAREST_M: Final = 0.3
+# More links than this say little more.
+_INDEPENDENT: Final = 4.0
 _ROUNDS: Final = 12
 
 
@@ -89,6 +97,19 @@ def distance_of_lqi(lqi: float) -> float:
 def lqi_of_link_cost(cost: int) -> float:
     """Return the LQI that MultiHopLQI gives this link cost; it saturates at 110."""
     return float(min(110.0, max(50.0, 130.0 - (64.0 * max(cost, 0)) ** (1.0 / 3.0))))
+
+
+def lqi_of_etx(transmissions: float) -> float:
+    """Return the LQI of links that need so many transmissions a packet, as CTP counts them."""
+    for (low, high_lqi), (high, low_lqi) in pairwise(_ETX):
+        if transmissions <= high:
+            return high_lqi + (low_lqi - high_lqi) * max(0.0, transmissions - low) / (high - low)
+    return _ETX[-1][1]
+
+
+def lqi_of_beacons(share: float) -> float:
+    """Return the LQI of links over which this share of beacons comes."""
+    return _WORST_LQI + (_HEARD_LQI - _WORST_LQI) * max(0.0, min(share, 1.0))
 
 
 def estimate(links: Sequence[Link]) -> Place | None:
@@ -150,7 +171,9 @@ def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
             break
     if not math.hypot(x - from_x, y - from_y) <= 3.0 * spread:
         return Place(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
-    worse = max(1.0, math.sqrt(residuals / len(links)))
+    # Links side by side go through the same walls.
+    worse = max(1.0, math.sqrt(residuals / len(links))) * max(
+        1.0, math.sqrt(len(links) / _INDEPENDENT))
     return _on_its_side(links, Place(x, y, worse * math.sqrt(
         (xx + yy) / (xx * yy - xy * xy))))
 
@@ -187,13 +210,20 @@ class LinkLog:
         self._links: dict[Hashable, Link] = {}
         self._noted: dict[Hashable, int] = {}
 
-    def note(self, other: Hashable, x: float, y: float, lqi: float, now_ns: int) -> None:
-        """Note how well the node hears, or is heard at, a known place."""
-        distance_m = distance_of_lqi(lqi)
+    def note(self, other: Hashable, x: float, y: float, now_ns: int, lqi: float | None = None
+             ) -> None:
+        """
+        Note how well the node hears, or is heard at, a known place.
+
+        :param lqi: None where it is only known that it is.
+        """
         before = self._links.pop(other, None)
         noted_ns = self._noted.pop(other, now_ns)
         self._noted[other] = now_ns
+        distance_m = distance_of_lqi(_HEARD_LQI if lqi is None else lqi)
         if before is not None and self._counts(noted_ns, now_ns):
+            if lqi is None:
+                distance_m = before.distance_m
             # A mean of logarithms: one frame says little.
             distance_m = math.exp(math.log(before.distance_m) + (
                 math.log(distance_m) - math.log(before.distance_m)) / 8)

@@ -138,10 +138,11 @@ def test_problems_and_unknown_types_are_named_and_bounded() -> None:
         model.take(decoder.decode(bytes(size)), S)
     for am_type in range(256):
         model.take(decoder.decode(SerialAm(0, 3, am_type, b'').pack()), S)
-    named = model.named_problems()
+    named = model.problems.named()
     assert any('bytes are no packet of TinyOS' in text for text in named)
     assert any('LqiBeacon' in text for text in named) and len(named) <= 8
-    assert 0 < len(model.unknown_types) <= 32 and -1 not in model.unknown_types
+    assert 0 < len(model.unknown_types.counts) <= 32 and -1 not in model.unknown_types.counts
+    assert model.unknown_types.text().startswith('0x00:3 0x01:1')
 
 
 def test_ctp_tells_parents_and_costs_in_its_beacons() -> None:

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+import math
+import random
 
 import pytest
 from rt_robot_os.wsn.network_model import NetworkModel
@@ -31,6 +33,7 @@ from rt_robot_os.wsn.packets.serial_am import SerialAm
 from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.wsn.radio.mac import TINYOS1
 from rt_robot_os.wsn.radio.mac import TINYOS2
+from rt_robot_os.wsn.radio.path_loss import PathLoss
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
@@ -42,6 +45,8 @@ from rt_robot_os.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.wsn.simulator.mote import Mote
 from rt_robot_os.wsn.simulator.mote import Traffic
 from rt_robot_os.wsn.simulator.network import Network
+from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
+from rt_robot_os.wsn.survey import survey_of
 
 S = 1_000_000_000
 PERIOD_NS = 800 * S // 1024
@@ -157,3 +162,35 @@ def test_a_node_that_dies_is_silent_and_its_child_has_another_parent() -> None:
     # 5 had no other way than through 4.
     assert states == {1: NodeState.GOOD, 2: NodeState.GOOD, 3: NodeState.GOOD,
                       4: NodeState.SILENT, 5: NodeState.SILENT}
+
+
+def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
+    medium = PathLossMedium(PathLoss(exponent=3.2), [-96] * 10, TINYOS1)
+    network = Network(medium, LeastCost, mac=TINYOS1, seed=1)
+    chance = random.Random(1)
+    places = {number: (chance.uniform(0, 12), chance.uniform(0, 9), 1.0)
+              for number in range(1, 13)}
+    model = NetworkModel(survey_of([f'n{number} {x} {y} {z}' for number, (x, y, z) in list(
+        places.items())[:9]]))
+    watch, decoder = NetworkWatch(model), PacketDecoder('tinyos1')
+
+    def build(mote: Mote, number: int) -> bytes:
+        parent = mote.router.parent
+        return DataMsg(0, 6000, 0xFFFF if parent is None else parent, number, 1, 3800).pack()
+
+    network.add(0, (1.0, 1.0, 0.3), is_root=True, power_dbm=-25.0)
+    for number, place in places.items():
+        network.add(number, place, power_dbm=-25.0, traffic=Traffic(PERIOD_NS, build))
+    network.on_deliver = lambda mote, am_type, payload, origin, application: model.take(
+        decoder.decode(TelosMsg(0x7E, am_type, payload).pack()), network.queue.now_ns)
+    for second in range(1, 100):
+        x = 6.0 + 5.0 * math.cos(0.04 * second)
+        y = 4.5 + 3.5 * math.sin(0.08 * second)
+        network.move(0, (x, y, 0.3))
+        model.sink_at(x, y)
+        network.run_until(second * S)
+        watch.look(second * S)
+    for number in (10, 11, 12):
+        found = model.nodes[number].place
+        assert found is not None
+        assert math.dist(found[:2], places[number][:2]) < min(6.0, 3.0 * found.stddev_m)

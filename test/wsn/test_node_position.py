@@ -64,8 +64,8 @@ def test_a_robot_that_drives_past_finds_a_node() -> None:
         distance = math.dist((x, y), (4.0, 3.0))
         # A room with furniture, and a weaker sender than the estimate thinks of.
         snr = 40.0 - 28.0 * math.log10(distance) + chance.gauss(0.0, 2.0)
-        log.note(('sink', step), x, y, float(np.interp(
-            snr, (2, 5, 8, 12, 17, 30), (79, 89, 97, 104, 106.6, 107.3))), 0)
+        log.note(('sink', step), x, y, 0, float(np.interp(
+            snr, (2, 5, 8, 12, 17, 30), (79, 89, 97, 104, 106.6, 107.3))))
     found = log.place(0)
     assert found is not None and math.dist(found[:2], (4.0, 3.0)) < 2.0
 
@@ -80,17 +80,26 @@ def test_a_straight_way_does_not_say_on_which_side() -> None:
 def test_what_somebody_wears_is_where_it_was_heard_last() -> None:
     log = LinkLog()
     log.age_ns = 20
-    log.note('hall', 0.0, 0.0, 105.0, 10)
-    log.note('bed', 8.0, 3.0, 105.0, 40)
+    log.note('hall', 0.0, 0.0, 10, 105.0)
+    log.note('bed', 8.0, 3.0, 40, 105.0)
     found = log.place(45)
     assert found is not None and found[:2] == (8.0, 3.0)
     assert log.place(100) is None
 
 
+def test_that_a_link_is_used_says_less_than_how_good_it_is() -> None:
+    log = LinkLog()
+    log.note('hall', 0.0, 0.0, 10, 80.0)
+    far = log.place(10)
+    for now_ns in range(20, 100):
+        log.note('hall', 0.0, 0.0, now_ns)
+    assert log.place(100) == pytest.approx(far)
+
+
 def test_links_are_bounded() -> None:
     log = LinkLog()
     for each in range(100):
-        log.note(each, float(each), 0.0, 100.0, 0)
+        log.note(each, float(each), 0.0, 0, 100.0)
     assert len(log) == MOST_LINKS
 
 

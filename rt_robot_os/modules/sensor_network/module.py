@@ -160,10 +160,9 @@ class SensorNetwork(Module):
             'duplicates': sum(node.duplicates for node in nodes),
             'reboots': sum(node.exact.reboots for node in nodes if node.exact),
             **asdict(model.counters),
-            'unknown_types': ' '.join(f'{each:#04x}:{count}' for each, count in sorted(
-                model.unknown_types.copy().items())),
-            'problems_named': '; '.join(f'{count} x {text}' for text, count in (
-                model.named_problems().items())),
+            'unknown_types': model.unknown_types.text(),
+            'problems_named': '; '.join(
+                f'{count} x {text}' for text, count in model.problems.named().items()),
             'packets_lost': sum(reader.lost for reader in self._readers), **lines}
 
     # ---- work --------------------------------------------------------------------------------
