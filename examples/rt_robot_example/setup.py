@@ -43,5 +43,7 @@ setup(
             'battery_gauge = rt_robot_example.battery_gauge'],
         'rt_robot_os.modules': [
             'low_battery = rt_robot_example.low_battery:LowBattery'],
+        'rt_robot_os.payloads': [
+            'soil = rt_robot_example.garden:SOIL'],
     },
 )
