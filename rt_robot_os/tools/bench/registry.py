@@ -33,6 +33,7 @@ from rt_robot_os.tools.bench.cases import mirror
 from rt_robot_os.tools.bench.cases import overload
 from rt_robot_os.tools.bench.cases import preemption
 from rt_robot_os.tools.bench.cases import reaction
+from rt_robot_os.tools.bench.cases import routing
 from rt_robot_os.tools.bench.cases import serial
 from rt_robot_os.tools.bench.cases import sink
 from rt_robot_os.tools.bench.cases import spacing
@@ -46,4 +47,4 @@ CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, sink.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
     throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
-    control.CASE, devices.CASE, start.START, start.MEMORY)})
+    routing.CASE, control.CASE, devices.CASE, start.START, start.MEMORY)})

@@ -53,9 +53,13 @@ class Variant:
     scenario: Scenario
 
 
-def run_one(scenario: Scenario) -> Results:
-    """Run a scenario that is settled from beginning to end."""
-    simulation = Simulation(scenario, make_topology(scenario))
+def run_one(scenario: Scenario, with_host: bool = False) -> Results:
+    """
+    Run a scenario that is settled from beginning to end.
+
+    :param with_host: let the robot's model of the network count as well.
+    """
+    simulation = Simulation(scenario, make_topology(scenario), with_host=with_host)
     simulation.run()
     return simulation.results()
 
@@ -78,28 +82,32 @@ def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
 
 
 def run_each(scenarios: Sequence[Scenario], jobs: int = 0,
-             told: Callable[[int, int], None] | None = None) -> list[Results]:
+             told: Callable[[int, int], None] | None = None, with_host: bool = False
+             ) -> list[Results]:
     """
     Run scenarios that are settled.
 
     :param jobs: as for :func:`run_all`, and so is ``told``.
+    :param with_host: as for :func:`run_one`.
     :return: what each found, in their order.
     """
     found: dict[int, Results] = {}
-    for index, result in _computed(scenarios, jobs):
+    for index, result in _computed(scenarios, jobs, with_host):
         found[index] = result
         if told is not None:
             told(len(found), len(scenarios))
     return [found[index] for index in range(len(scenarios))]
 
 
-def _computed(scenarios: Sequence[Scenario], jobs: int) -> Iterator[tuple[int, Results]]:
+def _computed(scenarios: Sequence[Scenario], jobs: int, with_host: bool
+              ) -> Iterator[tuple[int, Results]]:
     count = min(jobs or len(os.sched_getaffinity(0)), len(scenarios))
     if count <= 1:
-        yield from enumerate(map(run_one, scenarios))
+        for index, scenario in enumerate(scenarios):
+            yield index, run_one(scenario, with_host)
         return
     with ProcessPoolExecutor(count, multiprocessing.get_context('spawn'), _leave_ctrl_c) as pool:
-        waiting = {pool.submit(run_one, scenario): index
+        waiting = {pool.submit(run_one, scenario, with_host): index
                    for index, scenario in enumerate(scenarios)}
         try:
             for future in as_completed(waiting):

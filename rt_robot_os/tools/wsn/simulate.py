@@ -69,6 +69,8 @@ def add_to(commands: Any) -> None:
                         help='without their frame check sequences (link type 230, not 195)')
     parser.add_argument('--picture', metavar='FILE', type=Path,
                         help='draw the tree, as .png or .svg')
+    parser.add_argument('--host', action='store_true',
+                        help="count with the robot's model of the network as well, and compare")
     parser.add_argument('--quiet', action='store_true', help='say nothing of the progress')
     several = parser.add_argument_group('several runs, side by side')
     several.add_argument('--seeds', metavar='N', type=_whole(1), default=1,
@@ -178,12 +180,12 @@ def _simulation(arguments: argparse.Namespace, scenario: Any, topology: Any) -> 
     from rt_robot_os.wsn.simulator.air_log import AirLog
     from rt_robot_os.wsn.simulator.simulation import Simulation
     if arguments.pcap is None:
-        yield Simulation(scenario, topology)
+        yield Simulation(scenario, topology, with_host=arguments.host)
         return
     try:
         with arguments.pcap.open('wb') as file:
             log = AirLog(file, MAC_PROFILES[scenario.radio.mac], not arguments.no_fcs)
-            yield Simulation(scenario, topology, log)
+            yield Simulation(scenario, topology, log, arguments.host)
             log.flush()
     except OSError as error:
         raise RtRobotError(f'{arguments.pcap}: cannot be written: {error.strerror}') from None

@@ -76,6 +76,11 @@ def one_run(one: Results) -> Iterator[str]:
         yield f'protocol: {_counts({name: n for name, n in one.counters.items() if n})}'
     if one.happenings:
         yield f'happened: {_counts(one.happenings)}'
+    if one.host:
+        wrong = len(one.host['losses_that_differ'])
+        yield (f"the robot's count: {one.host['duplicates_to_application']} duplicates to the "
+               f"application, {one.host['withheld']} packets withheld, losses of "
+               f'{len(one.parents) - wrong} of {len(one.parents)} nodes as in truth')
     yield ''
     yield from _nodes(one)
 

@@ -112,6 +112,11 @@ class Ledger:
         """Count what came of each node, each packet once."""
         return {each: one.came.count(1) for each, one in self._origins.items()}
 
+    def lost_before_last(self, origin: int) -> int:
+        """Count what one node lost before the last packet of it that came."""
+        came = self._origins[origin].came
+        return came.rfind(1) + 1 - came.count(1)
+
     def fates(self) -> Iterator[tuple[int, int, int]]:
         """Return origin, time of making and how long it took, -1 if it is lost, of each packet."""
         for each, one in self._origins.items():

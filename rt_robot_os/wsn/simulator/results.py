@@ -30,7 +30,7 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.simulator.ledger import Gap
 
 #: So many packets of a node lost in a row are a break.
-GAP_PACKETS: Final = 3
+GAP_PACKETS: Final = 2
 _SECONDS_A_DAY: Final = 86_400.0
 
 
@@ -50,6 +50,7 @@ class Results:
     :ivar counters: of the protocols, added up.
     :ivar happenings: what happened, by name.
     :ivar beacon_period_s: 0 where there is none.
+    :ivar host: what the robot's model counted, if it was there; see :class:`.host.Host`.
     """
 
     scenario: str
@@ -76,6 +77,7 @@ class Results:
     outcomes: Mapping[str, int] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)
     happenings: Mapping[str, int] = field(default_factory=dict)
+    host: Mapping[str, Any] = field(default_factory=dict)
     events: int = 0
     wall_s: float = 0.0
 
@@ -165,7 +167,8 @@ class Results:
                        'largest_over_mean': self.energy_ratio},
             'first_empty_days': self.first_empty_days,
             'gaps': self._gaps_as_json(), 'losses': self.outcomes, 'counters': self.counters,
-            'events': self.happenings, 'events_run': self.events, 'wall_s': self.wall_s,
+            **({'host': self.host} if self.host else {}), 'events': self.happenings,
+            'events_run': self.events, 'wall_s': self.wall_s,
             'times_real_time': self.ended_s / self.wall_s if self.wall_s else None})
         return found
 

@@ -19,8 +19,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from collections.abc import Mapping
 from random import Random
 from time import perf_counter
+from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
@@ -46,6 +48,7 @@ from rt_robot_os.wsn.simulator.faults import Fault
 from rt_robot_os.wsn.simulator.faults import fault
 from rt_robot_os.wsn.simulator.faults import nodes_of
 from rt_robot_os.wsn.simulator.gain_medium import GainMedium
+from rt_robot_os.wsn.simulator.host import Host
 from rt_robot_os.wsn.simulator.ledger import Ledger
 from rt_robot_os.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.wsn.simulator.medium import Medium
@@ -84,6 +87,7 @@ class Simulation:
     :param scenario: settled.
     :param topology: of the same.
     :param on_frame: see ``OnFrame``.
+    :param with_host: let the robot's model of the network count as well.
     :raises ConfigError: the recorded noise cannot be read.
     :ivar network: that runs.
     :ivar ledger: the truth.
@@ -91,7 +95,7 @@ class Simulation:
     """
 
     def __init__(self, scenario: Scenario, topology: Topology,
-                 on_frame: OnFrame | None = None) -> None:
+                 on_frame: OnFrame | None = None, with_host: bool = False) -> None:
         self.scenario = scenario
         self.topology = topology
         self.ledger = Ledger(each for each in topology.places if each != topology.sink)
@@ -104,6 +108,8 @@ class Simulation:
         self._seen: dict[int, tuple[int | None, int, int]] = {}
         self._wall_s = 0.0
         self._mac = _mac(scenario)
+        self._host = Host(self._mac.version, topology.sink,
+                          len(topology.places)) if with_host else None
         self.medium = _medium(scenario, topology, self._mac)
         self.medium.trace = self._count
         energy = scenario.energy
@@ -218,7 +224,10 @@ class Simulation:
 
     def _delivered(self, mote: Mote, am_type: int, payload: bytes, origin: int,
                    packet: bytes) -> None:
-        self.ledger.came(origin, packet, self._now_ns())
+        now_ns = self._now_ns()
+        is_new = self.ledger.came(origin, packet, now_ns)
+        if self._host is not None:
+            self._host.take(am_type, payload, is_new, now_ns)
 
     def _noted(self, now_ns: int, mote: Mote, event: str, numbers: tuple[int, ...]) -> None:
         self._happened[event] += 1
@@ -282,7 +291,16 @@ class Simulation:
                              else scenario.beacon_period_ns / NS_PER_S),
             outcomes=dict(zip(OUTCOMES, self.medium.outcomes)), counters=dict(sorted(
                 counters.items())), happenings=dict(sorted(self._happened.items())),
-            events=self.network.queue.executed, wall_s=self._wall_s)
+            host=self._counted_by_host(), events=self.network.queue.executed, wall_s=self._wall_s)
+
+    def _counted_by_host(self) -> Mapping[str, Any]:
+        if self._host is None:
+            return {}
+        # CTP gives no number to what it has no room for, and tells the application.
+        unnumbered = self.scenario.protocol == 'ctp'
+        return self._host.as_json({
+            each: self.ledger.lost_before_last(each) - (mote.refused if unnumbered else 0)
+            for each, mote in self.network.motes.items() if each != self.topology.sink})
 
     @staticmethod
     def _used_mah(mote: Mote, now_ns: int) -> float:
