@@ -99,8 +99,14 @@ def load(harness: Harness) -> Measured:
 
 
 def relays(harness: Harness) -> Measured:
-    """Run networks of several sizes, with a sink that stands and with one that drives."""
+    """Run networks of several sizes: the sink in the middle, in a corner, and one that drives."""
     scenario = _scenario('relay_load', seconds=float(harness.arguments['seconds']))
-    return _kept([Variant(f'{size} {sink}', with_sink(with_nodes(scenario, size), sink))
-                  for size in harness.arguments['sizes'] for sink in ('fixed', 'moving')],
-                 harness.arguments['seeds'])
+    variants = []
+    for size in harness.arguments['sizes']:
+        sized = with_nodes(scenario, size)
+        fixed = with_sink(sized, 'fixed')
+        variants += [Variant(f'{size} fixed', fixed),
+                     Variant(f'{size} corner', replace(
+                         fixed, sink=replace(fixed.sink, place=(0.0, 0.0)))),
+                     Variant(f'{size} moving', with_sink(sized, 'moving'))]
+    return _kept(variants, harness.arguments['seeds'])
