@@ -95,7 +95,8 @@ def _plan(options: Options) -> Sequence[Run]:
         Run(_RELAYS, 'a sink that stands, and one that drives', f'{_WORKERS}:relays', {
             'sizes': _sizes(options), 'seconds': length['relays'],
             'seeds': length['relay_seeds']},
-            2 + 0.00007 * len(_SINKS) * sum(_sizes(options)) * length['relays'] * length['relay_seeds'],
+            2 + 0.00006 * len(_SINKS) * sum(_sizes(options))
+            * length['relays'] * length['relay_seeds'],
             UNPINNED, 0, once=True))
 
 
@@ -198,7 +199,7 @@ def _relays(options: Options, outcomes: Outcomes) -> Table:
     return Table('relays: what a moving sink gains', columns, rows, (
         'The scenario relay_load: random nodes, 64 m2 each, a packet and a beacon each 15 s, the',
         'radios asleep 99 % of the time. The sink stands in a corner, in the middle, or drives',
-        'around the middle at 0.5 m/s. Mean and standard deviation of the seeds. A sink that moves',
+        'around the middle at 0.5 m/s. Mean and deviation of the seeds. A sink that moves',
         'shares out what there is to relay, but routes to it are longer and break: it pays where',
         'there are many hops, or the sink would stand at the edge. With radios that always listen',
         'all batteries are empty after 4.8 days, whoever relays.'))
