@@ -275,6 +275,18 @@ def test_what_is_wrong_with_packets_is_counted_and_none_of_it_published() -> Non
         assert '1 packets of other groups, the last of 17' in more['warning']
 
 
+def test_what_is_over_for_a_minute_is_counted_and_warned_of_no_more() -> None:
+    lines = [on_line(data(5, 1, group=0x11)), on_line(data(5, 1)), on_line(data(5, 2))]
+    with scripted(Sink, lines) as (device, _):
+        device.read(S)
+        device.read(60 * S)
+        assert 'of other groups' in device.statistics().more['warning']
+        device.read(62 * S)
+        more = device.statistics().more
+        assert 'warning' not in more
+        assert more['foreign_groups'] == 1
+
+
 def test_packets_of_unknown_types_are_counted_by_type_and_published() -> None:
     strange = [TelosMsg(0x7E, am_type, b'12').pack() for am_type in (99, 99, 200)]
     with scripted(Sink, [b''.join(map(on_line, strange))]) as (device, (_, _, rest)):

@@ -42,6 +42,9 @@ from rt_robot_os.devices.sink.look import KNOWN
 from rt_robot_os.devices.sink.look import looker
 from rt_robot_os.devices.sink.settings import ANY_GROUP
 from rt_robot_os.devices.sink.settings import SINK_SETTINGS
+from rt_robot_os.devices.sink.sorting import CLAIMED
+from rt_robot_os.devices.sink.sorting import FOREIGN
+from rt_robot_os.devices.sink.sorting import SHARED
 from rt_robot_os.devices.sink.sorting import Sorting
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
@@ -71,6 +74,8 @@ _NEXT_JOB_NS: Final = NS_PER_MS
 _TICKETS_MAXIMUM: Final = 64
 # Frames that say for sure that it is the other generation.
 _SURE: Final = 3
+# What happened that long ago needs no warning any more; the counters keep it.
+_TOLD_NS: Final = 60 * NS_PER_S
 # Bytes without a frame that are more than noise on a quiet line.
 _GARBAGE_BYTES: Final = 128
 
@@ -110,9 +115,8 @@ class Sink(SerialDevice[Frame]):
                 f'{settings["depth"]}, or readers of lower priority lose packets'])
         self._most = int(settings['packets_per_job'])
         self._commands = self._bad_commands = self._lost_commands = 0
-        self._bad_command = ''
         self._tickets: deque[tuple[int, str]] = deque(maxlen=_TICKETS_MAXIMUM)
-        self._given_up = ''
+        self._given_up, self._given_up_ns = '', 0
         self._other_stack = self._other_in_a_row = 0
         self._unknown_protocols = 0
         # Bytes that were rejected until the last frame came.
@@ -279,22 +283,24 @@ class Sink(SerialDevice[Frame]):
             if outcome.acknowledged:
                 self._given_up = ''
             else:
-                self._given_up = text
+                self._given_up, self._given_up_ns = text, self._came_ns
                 self.log.error('command %r: the mote has not acknowledged it in %d tries', text,
                                outcome.tries)
 
     def _warning(self) -> str:
         """Return what a person has to look after, the most serious first; else nothing."""
         sorting = self._sorting
+        since_ns = self._came_ns - _TOLD_NS
+        recent = {what for what, at_ns in sorting.last_ns.copy().items() if at_ns > since_ns}
         found = [f'{count} packets of class {name} were lost: its queue was full'
-                 for name, count in zip(sorting.classes, sorting.lost) if count]
-        if self._given_up:
+                 for name, count in zip(sorting.classes, sorting.lost) if name in recent]
+        if self._given_up and self._given_up_ns > since_ns:
             found.append(f'command {self._given_up!r} was not acknowledged')
-        if sorting.copies.shared_id >= 0:
+        if SHARED in recent:
             found.append(f'two nodes seem to have the id {sorting.copies.shared_id}')
-        if sorting.claimant >= 0:
+        if CLAIMED in recent:
             found.append(f'node {sorting.claimant} claims to be at no cost from the sink')
-        if sorting.foreign:
+        if FOREIGN in recent:
             found.append(f'{sorting.foreign} packets of other groups, the last of '
                          f'{sorting.foreign_group}')
         return '; '.join(found)

@@ -36,6 +36,8 @@ from rt_robot_os.devices.sink.look import LYING
 from rt_robot_os.devices.sink.look import NOT_AM
 from rt_robot_os.devices.sink.look import TRUNCATED
 
+#: No names of classes.
+SHARED, CLAIMED, FOREIGN = 'shared id', 'claims no cost', 'foreign group'
 _TYPES_TOLD: Final = 8
 
 
@@ -55,6 +57,8 @@ class Sorting:
     :ivar not_am: packets under TinyOS 2.x that are no active messages.
     :ivar free_of_charge: beacons of others than the root that claim to be at no cost from it.
     :ivar claimant: who sent the last one; -1 nobody.
+    :ivar last_ns: when that was last which a person has to look after, by ``SHARED``,
+        ``CLAIMED``, ``FOREIGN``, or the class that lost a packet.
     :ivar sink_resets: times that the sink itself began anew, as its numbers tell.
     """
 
@@ -87,6 +91,7 @@ class Sorting:
         self.misfit = b''
         self._unknown: dict[int, int] = {}
         self._root_restarts = 0
+        self.last_ns: dict[str, int] = {}
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -111,22 +116,25 @@ class Sorting:
         """
         look = self._look(packet)
         if look.problem or (self._groups and look.group not in self._groups):
-            self._refuse(look, packet)
+            self._refuse(look, packet, arrival_ns)
             return False
         if look.am_type not in self._known_types:
             self._unknown[look.am_type] = self._unknown.get(look.am_type, 0) + 1
         if look.sequence >= 0 or look.content:
             copies = self.copies
-            restarts = copies.restarts
+            restarts, shared = copies.restarts, copies.shared_ids
             if copies.is_copy(look.origin, look.am_type, look.content, look.sequence, look.bits,
                               arrival_ns):
                 self.ignored += 1
                 return False
             if copies.restarts != restarts and look.origin == self._root:
                 self._root_restarts += 1
+            if copies.shared_ids != shared:
+                self.last_ns[SHARED] = arrival_ns
         if look.free_of_charge >= 0 and look.free_of_charge != self._root:
             self.free_of_charge += 1
             self.claimant = look.free_of_charge
+            self.last_ns[CLAIMED] = arrival_ns
         self._put(self._classifier.place(look.am_type, look.kind, look.origin, look.group),
                   packet, arrival_ns)
         return True
@@ -176,7 +184,7 @@ class Sorting:
         more = len(ranked) - _TYPES_TOLD
         return f'{told}, {more} more' if more > 0 else told
 
-    def _refuse(self, look: Look, packet: bytes) -> None:
+    def _refuse(self, look: Look, packet: bytes, arrival_ns: int) -> None:
         self.ignored += 1
         if look.problem == TRUNCATED:
             self.truncated += 1
@@ -189,6 +197,7 @@ class Sorting:
         else:
             self.foreign += 1
             self.foreign_group = look.group
+            self.last_ns[FOREIGN] = arrival_ns
 
     def _put(self, place: int, packet: bytes, arrival_ns: int) -> None:
         queue = self._queues[place]
@@ -196,6 +205,7 @@ class Sorting:
             self.waiting -= 1
             self.waiting_bytes -= len(queue.popleft()[0])
             self.lost[place] += 1
+            self.last_ns[self.classes[place]] = arrival_ns
         self.taken[place] += 1
         self.waiting += 1
         self.waiting_bytes += len(packet)

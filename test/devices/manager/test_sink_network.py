@@ -27,7 +27,7 @@ from serial_bench import SerialBench
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 
 CLASSES = ('alarm', 'vital', 'rest')
-QUIET_S = 3.0
+QUIET_S = 1.2
 
 
 class Bench(SerialBench):
@@ -45,8 +45,8 @@ class Bench(SerialBench):
 
 
 @pytest.mark.parametrize('fault, said', [
-    ('silent', 'silent for 3 s: check that the mote is plugged in'),
-    ('reset', 'silent for 3 s: check that the mote is plugged in'),
+    ('silent', 'silent for 1.2 s: check that the mote is plugged in'),
+    ('reset', 'silent for 1.2 s: check that the mote is plugged in'),
     ('baud', 'no valid frame for 1 s: check the baud rate (57600 under TinyOS 1.x'),
     ('wrong', 'no valid frame for 1 s: these are NMEA 0183 sentences at 57600 baud'),
     ('unplug', 'port sink is gone: check the cable')])
@@ -55,13 +55,13 @@ def test_a_fault_is_told_and_the_sink_comes_back(
     bench = Bench(monkeypatch)
     bench.run(6)
     assert bench.dut.state is DeviceState.ACTIVE
-    bench.simulated['sink'].inject(fault, 4.0)
-    bench.run(4)
+    bench.simulated['sink'].inject(fault, 2.0)
+    bench.run(2)
     assert said in bench.errors('sink')[0]
     bench.packets.clear()
-    bench.run(8)
+    bench.run(5)
     assert bench.dut.state is DeviceState.ACTIVE
-    assert len(bench.packets) > 20
+    assert len(bench.packets) > 10
     assert not bench.kernel.failures
 
 
@@ -69,7 +69,7 @@ def test_noise_costs_packets_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -
     bench = Bench(monkeypatch)
     bench.run(6)
     bench.simulated['sink'].inject('corrupt', 3.0)
-    bench.run(6)
+    bench.run(4)
     statistics = bench.dut.statistics()
     assert statistics.device.rejected_frames > 0
     assert statistics.state is DeviceState.ACTIVE
@@ -80,7 +80,7 @@ def test_noise_costs_packets_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -
     ('tinyos1', 'root'), ('tinyos1', 'sniffer'), ('tinyos2', 'root'), ('tinyos2', 'sniffer')])
 def test_each_packet_comes_once(stack: str, mode: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(monkeypatch, stack=stack, mode=mode)
-    bench.run(20)
+    bench.run(14)
     decoder = PacketDecoder(stack)
     found = [decoder.decode(each) for each in bench.packets]
     data = Counter((each.origin, each.origin_seqno, each.count) for each in found
