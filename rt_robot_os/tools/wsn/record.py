@@ -23,6 +23,8 @@ from typing import Final
 from rt_robot_os.safe_text import safe_line
 from rt_robot_os.tools.wsn.heard import Heard
 from rt_robot_os.wsn.packets.decode import Packet
+from rt_robot_os.wsn.packets.multihop_lqi import NO_PARENT
+from rt_robot_os.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
 
 # Of a record, in this order; each is null where the packet does not say it.
 _NUMBERS: Final = {
@@ -33,6 +35,7 @@ _SHOWN: Final = (('from', 'source'), ('to', 'destination'), ('origin', 'origin')
                  ('seqno', 'seqno'), ('count', 'count'), ('hops', 'hops'), ('parent', 'parent'),
                  ('cost', 'cost'))
 _ALL: Final = 0xFFFF
+_NONE: Final = {'parent': NO_PARENT, 'hops': NO_ROUTE_HOPS}
 
 
 def record_of(heard: Heard, packet: Packet, again: bool) -> dict[str, Any]:
@@ -64,7 +67,7 @@ def line_of(record: dict[str, Any]) -> str:
     parts = [f'{time_s:>17} {record["protocol"] or record["medium"]:7} {am_type} {name:<20}']
     for title, key in _SHOWN:
         if record[key] is not None and not (title == 'to' and record[key] == _ALL):
-            parts.append(f'{title} {_address(title, record[key])}')
+            parts.append(f'{title} {_number(title, record[key])}')
     shown = {key for _, key in _SHOWN} | {'originseqno', 'seq_no'}
     parts += [f'{name}={_text(value)}' for name, value in record['readings'].items()]
     parts += [f'{name} {_text(value)}' for name, value in record['fields'].items()
@@ -89,8 +92,9 @@ def finite(value: Any) -> Any:
     return value
 
 
-def _address(title: str, value: int) -> str:
-    return 'none' if value == _ALL and title == 'parent' else str(value)
+def _number(title: str, value: int) -> str:
+    """Write a number; without a route there is no parent, and no number of hops."""
+    return 'none' if value == _NONE.get(title) else str(value)
 
 
 def _text(value: Any) -> str:

@@ -111,6 +111,14 @@ def test_lines_for_people(stream: Path, capsys: Capture) -> None:
     assert capsys.readouterr().out == ''
 
 
+def test_a_node_without_a_route_has_no_parent(tmp_path: Path, capsys: Capture) -> None:
+    body = MultihopMsg(5, 5, 1, 0, 0xFF, SurgeMsg(0, 100, 0xFFFF, 0).pack()).pack()
+    path = tmp_path / 'line'
+    path.write_bytes(frame(0x42, TelosMsg(0xFFFF, 17, body).pack()))
+    assert run(['sniff', str(path)]) == 0
+    assert ' count 0 hops none parent none ' in capsys.readouterr().out
+
+
 def test_readings_and_problems_are_in_both(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / 'line'
     path.write_bytes(frame(0x42, pulse(4, 7, 72)) + frame(0x42, pulse(4, 8, 71)[:-3])
