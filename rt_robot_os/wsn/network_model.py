@@ -227,6 +227,7 @@ class NetworkModel:
             node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
         source, destination = packet.source, packet.destination
         if source < 0 or source == self.sink_id:
+            node.delivered_ns = now_ns
             return  # the sink's own mote put its number there
         sender = node if source == node.id else self.node(source)
         if sender is None:
@@ -237,6 +238,7 @@ class NetworkModel:
             self._set_parent(sender, destination, now_ns)
         if destination == self.sink_id:
             node.via = source
+            node.delivered_ns = now_ns
         self._near_sink(sender, now_ns)
 
     def _beacon(self, packet: Packet, now_ns: int) -> None:
@@ -283,6 +285,7 @@ class NetworkModel:
         if node.told is None:
             node.told = SequenceAccount(8 if is_ctp else 16, self._since_ns)
         node.told.take(number, number, now_ns)
+        node.delivered_ns = now_ns
         if not is_ctp:
             return
         node.via = last
@@ -301,6 +304,7 @@ class NetworkModel:
             node.claims_sink_ns = now_ns
             return
         node.parent = parent if 0 <= parent <= HIGHEST_ID else NOBODY
+        node.parent_ns = now_ns
         node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
         self._cost(node, cost, now_ns)
         if node.parent < 0 or node.cost < 0:
@@ -325,6 +329,7 @@ class NetworkModel:
     def _set_parent(self, node: NetworkNode, parent: int, now_ns: int) -> None:
         known = 0 <= parent <= HIGHEST_ID and parent != node.id
         node.parent = parent if known else NOBODY
+        node.parent_ns = now_ns
         if known and not node.surveyed:
             other = self.nodes.get(parent)
             if other is not None or parent == self.sink_id:

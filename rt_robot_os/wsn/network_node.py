@@ -53,15 +53,17 @@ class NetworkNode:
     :ivar unnumbered: packets without any number.
     :ivar parent: the next node on the way to the sink.
     :ivar via: the last node before the sink on the way of its last packet.
+    :ivar parent_ns: when the parent was said last.
+    :ivar delivered_ns: when a packet of it came to the sink last.
     :ivar heard_ns: when; -1 never.
     :ivar packets: with this node as their origin or sender.
     """
 
     __slots__ = ('id', 'name', 'known', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account',
-                 'told', 'plain', 'unnumbered', 'parent', 'via', 'hops', 'cost', 'cost_ns',
-                 'battery', 'heard_ns', 'first_ns', 'packets', 'asleep', 'claims_sink_ns',
-                 'in_loop', 'state', 'set_period_ns', '_clock', '_interval_ns', '_data_ns',
-                 '_recent', '_recent_ns')
+                 'told', 'plain', 'unnumbered', 'parent', 'via', 'parent_ns', 'delivered_ns',
+                 'hops', 'cost', 'cost_ns', 'battery', 'heard_ns', 'first_ns', 'packets',
+                 'asleep', 'claims_sink_ns', 'in_loop', 'state', 'set_period_ns', '_clock',
+                 '_interval_ns', '_data_ns', '_recent', '_recent_ns')
 
     def __init__(self, number: int, name: str, curve: Curve) -> None:
         self.id = number
@@ -75,6 +77,7 @@ class NetworkNode:
         self.plain: SequenceAccount | None = None
         self.unnumbered = 0
         self.parent = self.via = NOBODY
+        self.parent_ns = self.delivered_ns = -1
         self.hops = NOBODY
         self.cost = NOBODY
         self.cost_ns = -1

@@ -212,6 +212,11 @@ class NetworkWatch:
                 number = nodes[number].parent
             if number in way:
                 ring = list(way)[way[number]:]
+                done.update(way)
+                # What comes from within it shows that parents were only said at different times.
+                if max(nodes[each].delivered_ns for each in ring) >= min(
+                        nodes[each].parent_ns for each in ring):
+                    continue
                 for each in ring:
                     nodes[each].in_loop = True
                 told = ' > '.join(map(str, [*ring[:8], '...' if len(ring) > 8 else ring[0]]))

@@ -91,6 +91,22 @@ def test_a_circle_of_parents_is_told_with_its_nodes() -> None:
     assert not watch.troubles
 
 
+def test_parents_that_were_said_at_different_times_are_no_circle() -> None:
+    model = NetworkModel()
+    watch = NetworkWatch(model)
+    model.take(beacon(8, 9, 800), S)
+    model.take(data(9, 0), 2 * S)
+    model.take(beacon(9, 8, 900), 2 * S)
+    model.take(data(8, 0), 3 * S)
+    watch.look(4 * S)
+    assert not watch.troubles
+    # Nothing comes any more, and they still say so.
+    model.take(beacon(8, 9, 800), 5 * S)
+    model.take(beacon(9, 8, 900), 6 * S)
+    watch.look(7 * S)
+    assert [each.kind for each in watch.troubles] == ['loop']
+
+
 def test_a_node_that_claims_to_be_the_sink_changes_no_way() -> None:
     model = NetworkModel(SURVEY)
     watch = NetworkWatch(model)
