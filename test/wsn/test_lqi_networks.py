@@ -15,7 +15,7 @@
 """
 Simulated networks of MultiHopLQI against TOSSIM and against firmware on emulated motes.
 
-All topologies and noises, with three seeds each, are run when RT_ROBOT_OS_BROAD is set.
+All topologies and noises, with eight seeds each, are run when RT_ROBOT_OS_BROAD is set.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def compare(data: Path, topology: str, noise: str, variant: str, seeds: int) -> 
 @pytest.mark.parametrize('noise', NOISES)
 @pytest.mark.parametrize('topology', TOPOLOGIES)
 def test_every_network_of_tossim(topology: str, noise: str, variant: str, data_dir: Path) -> None:
-    compare(data_dir, topology, noise, variant, seeds=3)
+    compare(data_dir, topology, noise, variant, seeds=8)
 
 
 def test_a_dense_network_of_tossim(data_dir: Path) -> None:
