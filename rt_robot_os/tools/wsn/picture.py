@@ -60,7 +60,7 @@ def draw(path: Path, simulation: Simulation, results: Results) -> None:
     with import_module('matplotlib').rc_context({
             'font.size': 9.0, 'svg.fonttype': 'none', 'svg.hashsalt': results.scenario}):
         figure: Any = import_module('matplotlib.figure').Figure(
-            figsize=(8.0, 6.4), layout='constrained')
+            figsize=(9.0, 9.0 / _shape(simulation, results)), layout='constrained')
         _draw(figure, simulation, results)
         try:
             figure.savefig(path, dpi=130, metadata={'Date': None} if path.suffix == '.svg'
@@ -87,6 +87,17 @@ def places(simulation: Simulation, results: Results) -> Mapping[int, tuple[float
     return found
 
 
+def _shape(simulation: Simulation, results: Results) -> float:
+    """Return how much wider than high the picture is."""
+    where = np.array(list(places(simulation, results).values()))
+    low, high = where.min(0), where.max(0)
+    if simulation.topology.walls is not None:
+        left, bottom, right, top = simulation.topology.walls.bounds
+        low, high = np.minimum(low, (left, bottom)), np.maximum(high, (right, top))
+    width, height = np.maximum(high - low, 0.1)
+    return float(np.clip(1.35 * width / height, 0.9, 2.4))
+
+
 def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
     axes, topology = figure.subplots(), simulation.topology
     where = places(simulation, results)
@@ -106,7 +117,8 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
     dots = axes.scatter([where[each][0] for each in nodes], [where[each][1] for each in nodes],
                         c=load, cmap='viridis_r', s=14 if many else 90, zorder=3,
                         edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0)
-    figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8)
+    figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
+                    pad=0.02)
     axes.scatter(*where[topology.sink], marker='*', s=160 if many else 260, color='#D55E00',
                  edgecolors='black', linewidths=0.6, zorder=4, label='sink')
     dark = [each for each in nodes if not simulation.network.motes[each].is_on]
@@ -122,7 +134,8 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
         f'{results.scenario}: {results.nodes} nodes, {results.protocol}, after '
         f'{results.ended_s:,.0f} s: {100.0 * results.delivery:.2f} % delivered',
         loc='left', fontsize=10)
-    axes.set_aspect('equal', adjustable='datalim')
+    axes.set_aspect('equal', adjustable='box')
+    axes.margins(0.06)
     if topology.located:
         axes.set_xlabel('x, m')
         axes.set_ylabel('y, m')
@@ -143,7 +156,8 @@ def _draw_tree(axes: Any, simulation: Simulation, results: Results,
     axes.add_collection(import_module('matplotlib.collections').LineCollection(
         list(lines.values()), colors=colours.to_rgba(strengths), linewidths=width, zorder=2))
     axes.autoscale_view()
-    axes.figure.colorbar(colours, ax=axes, label='signal at the parent, dBm', shrink=0.8)
+    axes.figure.colorbar(colours, ax=axes, label='signal at the parent, dBm', shrink=0.8,
+                         pad=0.02)
 
 
 def _strength(simulation: Simulation, node: int, parent: int | None) -> float:

@@ -218,6 +218,7 @@ def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed:
     return settled(Scenario(
         name=Path(links).name, seconds=end_s, seed=seed, protocol=protocol, tinyos=2,
         boot_s=min(boots_s.values()), boot_spread_s=0.0,
+        drift_ppm=0.0,
         faults=tuple(f'boot {node} at {boot_s:.6f}' for node, boot_s in boots_s.items()),
         topology=TopologySettings(links=links), radio=RadioSettings(mac='tinyos2'),
         traffic=TrafficSettings(period_binary_ms=float(air.interval * _READINGS),

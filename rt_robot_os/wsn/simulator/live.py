@@ -178,7 +178,7 @@ class LiveNetwork:
             return obedient(protocol(node, is_root))
 
         self.network = Network(
-            self._medium, router, mac=mac, seed=scenario.seed, drift_ppm=scenario.drift_ppm,
+            self._medium, router, mac=mac, seed=scenario.seed, drift_ppm=scenario.drift_ppm or 0.0,
             power=PowerModel(capacity_mah=energy.battery_mah, acceleration=times,
                              listening_share=energy.duty))
         self.network.on_deliver = self._delivered

@@ -17,9 +17,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Final
+
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.ctp_rules import CtpRules
 from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
+from rt_robot_os.wsn.routing.least_cost import BeaconTiming
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
@@ -28,12 +32,16 @@ from rt_robot_os.wsn.routing.protocol import Router
 from rt_robot_os.wsn.simulator.network import RouterFactory
 from rt_robot_os.wsn.simulator.scenario import Scenario
 
+_SHORTEST_ROUND_NS: Final = 1_000_000_000
 
-def router_factory(scenario: Scenario) -> RouterFactory:
+
+def router_factory(scenario: Scenario, speed: Callable[[], float] | None = None
+                   ) -> RouterFactory:
     """
     Return what makes the protocol of a node.
 
     :param scenario: settled.
+    :param speed: tells how fast the sink drives now, in m/s.
     """
     period_ns = scenario.beacon_period_ns
     wrap = bool(scenario.u16_wrap)
@@ -43,7 +51,11 @@ def router_factory(scenario: Scenario) -> RouterFactory:
             rules = rules._replace(longest_interval_ms=scenario.longest_interval_binary_ms)
         return lambda node, root: Ctp(node, root, rules)
     if scenario.protocol == 'paper':
-        return lambda node, root: LeastCost(node, root, beacon_period_ns=period_ns)
+        timing = None if scenario.renew_m is None else BeaconTiming(
+            scenario.renew_m, min(_SHORTEST_ROUND_NS, period_ns), period_ns)
+        return lambda node, root: LeastCost(
+            node, root, period_ns, timing=timing if root else None,
+            speed=speed if root else None)
 
     def lqi(node: Node, root: bool) -> Router:
         kind = MultiHopLqi1 if scenario.tinyos == 1 else MultiHopLqi2

@@ -37,6 +37,7 @@ PROTOCOLS: Final = ('multihoplqi', 'paper', 'ctp')
 PAYLOADS: Final = ('surge', 'data', 'oscilloscope')
 PROFILES: Final = ('tinyos1', 'tinyos2', 'tossim')
 MOST_NODES: Final = 20_000
+_USUAL_DRIFT_PPM: Final = 20.0
 
 #: Found wrong: the dotted key, and what would be right.
 Wrong = tuple[str, str]
@@ -191,8 +192,13 @@ class Scenario:
     boot_s: float = setting(0.0, 'when the first node is switched on', 's', 0.0, 1e9)
     boot_spread_s: float = setting(
         1.0, 'each node is switched on so much later at most, drawn evenly', 's', 0.0, 1e9)
-    drift_ppm: float = setting(
-        20.0, 'standard deviation of the error of the clocks', 'ppm', 0.0, 1000.0)
+    renew_m: float | None = setting(
+        None, 'of paper with a sink that drives: a round for each so many metres of its way, not '
+        'under 1 s apart, and not above the beacon period; when absent the period alone counts',
+        'm', 0.01, 1e4)
+    drift_ppm: float | None = setting(
+        None, 'standard deviation of the error of the clocks (default: 20; 0 with mac: tossim, '
+        'whose clocks are all right)', 'ppm', 0.0, 1000.0)
     faults: tuple[str, ...] = setting(
         (), 'what happens, in seconds: "kill 5 at 120", "reboot 5 at 120 for 3", "boot 5 at 30", '
         '"sleep 5 at 100 for 60", "silence 5 at 100 for 60", "move 5 X Y at 100", "noise 10 at '
@@ -242,8 +248,11 @@ def settled(scenario: Scenario) -> Scenario:
     acknowledge = scenario.radio.acknowledge or (
         'software' if mac == 'tinyos2' else 'hardware')
     wrap = mac != 'tossim' if scenario.u16_wrap is None else scenario.u16_wrap
+    drift_ppm = scenario.drift_ppm
+    if drift_ppm is None:
+        drift_ppm = 0.0 if mac == 'tossim' else _USUAL_DRIFT_PPM
     return replace(
-        scenario, tinyos=tinyos, u16_wrap=wrap,
+        scenario, tinyos=tinyos, u16_wrap=wrap, drift_ppm=drift_ppm,
         radio=replace(scenario.radio, mac=mac, acknowledge=acknowledge),
         traffic=replace(scenario.traffic, payload=payload))
 
@@ -261,6 +270,8 @@ def wrong(scenario: Scenario) -> Iterator[Wrong]:
                 yield key, 'must be left out: ctp times its beacons itself'
     elif scenario.longest_interval_binary_ms is not None:
         yield 'longest_interval_binary_ms', 'must be left out: only ctp has it'
+    if scenario.renew_m is not None and (scenario.protocol != 'paper' or not scenario.sink.way):
+        yield 'renew_m', 'must be left out: it is for protocol: paper and a sink with a way'
     for owner, prefix, key in ((scenario, '', 'beacon_period'),
                                (scenario.traffic, 'traffic.', 'period')):
         if None not in (getattr(owner, f'{key}_ms'), getattr(owner, f'{key}_binary_ms')):

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from collections.abc import Mapping
+import math
 from random import Random
 from time import perf_counter
 from typing import Any
@@ -114,8 +115,8 @@ class Simulation:
         self.medium.trace = self._count
         energy = scenario.energy
         self.network = Network(
-            self.medium, router_factory(scenario), mac=self._mac, seed=scenario.seed,
-            drift_ppm=scenario.drift_ppm, power=PowerModel(
+            self.medium, router_factory(scenario, self._sink_speed), mac=self._mac,
+            seed=scenario.seed, drift_ppm=scenario.drift_ppm or 0.0, power=PowerModel(
                 capacity_mah=energy.battery_mah if energy.empty else 1e12,
                 listening_share=energy.duty, wake_interval_s=energy.wake_interval_s))
         self.network.on_deliver = self._delivered
@@ -183,6 +184,13 @@ class Simulation:
             self.network.at(now_ns + step_ns, drive)
 
         self.network.at(round(self.scenario.sink.start_s * NS_PER_S), drive)
+
+    def _sink_speed(self) -> float:
+        """Return how fast the sink drives, in m/s: over the last second."""
+        way, now_s = self.topology.way, self._now_ns() / NS_PER_S
+        if way is None:
+            return 0.0
+        return math.dist(way.at_s(now_s), way.at_s(max(0.0, now_s - 1.0)))
 
     def _who(self, one: Fault) -> list[int]:
         # The same nodes each time that it is asked.
