@@ -43,7 +43,6 @@ class Bench(SerialBench):
             self.watch[f'sink/wsn/packets/{name}'] = (
                 lambda message, stamp_ns: self.packets.append(bytes(message.data)))
 
-
     def form(self) -> None:
         """Run until some packets have come: the nodes know their ways to the sink."""
         self.packets.clear()
