@@ -26,6 +26,7 @@ import pytest
 from rt_robot_os.devices.sink.driver import Sink
 from rt_robot_os.devices.sink.twin import SimulatedSink
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -35,6 +36,8 @@ from rt_robot_os.wsn.packets.commands import command_packet
 from rt_robot_os.wsn.packets.commands import parse_command
 from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
+from rt_robot_os.wsn.packets.framing import frame
+from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 FLAT = WorldSettings(map='open', people=('anna 0 2 1',), nodes=(
     'kitchen 3 1 1.4', 'wrist 0 0 1 on anna pulse_per_min alarm battery'))
@@ -111,6 +114,24 @@ def test_it_speaks_as_the_driver_expects(
     assert (statistics.rejected_frames, statistics.more['other_stack']) == (0, 0)
 
 
+def test_the_node_with_the_number_of_the_sink_is_the_sink(tmp_path: Path) -> None:
+    with connected(tmp_path, {'root': 2}, world=World(FLAT), root=2) as made:
+        run(made, 6)
+        found = packets(made)
+    assert {each.origin for each in found['rest']} == {1} and not found['vital']
+
+
+def test_its_group_and_place_are_those_of_the_driver(tmp_path: Path) -> None:
+    device = {'stack': 'tinyos1', 'mode': 'sniffer', 'groups': [-1, 17], 'baud': 0}
+    twin = SimulatedSink.made_for('sink', {}, Place(tmp_path, World(FLAT)), device)
+    assert isinstance(twin, SimulatedSink)
+    twin.pump(0)
+    twin.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab', group=17).pack()))
+    twin.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab').pack()))
+    assert (twin.live.station.taken, twin.live.station.refused) == (1, 1)
+    twin.close()
+
+
 def test_a_command_is_acknowledged_and_obeyed(tmp_path: Path) -> None:
     with connected(tmp_path, world=World(FLAT)) as made:
         run(made, 6)
@@ -152,7 +173,7 @@ def test_faults_of_the_line_give_no_packet_that_was_not_sent(tmp_path: Path, fau
 @pytest.mark.parametrize(('sim', 'problem'), [
     ({'protocol': 'ctp'}, "protocol = 'ctp': motes under tinyos1 have paper or multihoplqi"),
     ({'protocol': 'paper', 'stack': 'tinyos2'}, 'motes under tinyos2 have ctp or multihoplqi'),
-    ({'root': 2}, "root = 2 is a node's")])
+    ({'platform': 'mica'}, 'simulated motes are of the family telos: set that')])
 def test_what_cannot_be_is_told(tmp_path: Path, sim: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         SimulatedSink('sink', sim, PtyPort(tmp_path / 'sink'))

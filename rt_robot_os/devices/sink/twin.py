@@ -35,14 +35,13 @@ from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.least_cost import LeastCost
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.wsn.packets.tos_msg import MICA
+from rt_robot_os.wsn.packets.tos_msg import PLATFORMS
+from rt_robot_os.wsn.packets.tos_msg import TELOS
 from rt_robot_os.wsn.simulator.base_station import STATIONS
 from rt_robot_os.wsn.simulator.live import LiveNetwork
 from rt_robot_os.wsn.simulator.live import Obstacles
-from rt_robot_os.wsn.simulator.network import RouterFactory
+from rt_robot_os.wsn.simulator.routers import router_factory
 from rt_robot_os.wsn.simulator.scenario import EnergySettings
 from rt_robot_os.wsn.simulator.scenario import RadioSettings
 from rt_robot_os.wsn.simulator.scenario import Scenario
@@ -57,7 +56,7 @@ _OF_STACK: Final = {TINYOS_1.name: (PAPER, MULTIHOP_LQI), TINYOS_2.name: (CTP, M
 _SNIFFERS: Final = {TINYOS_1.name: 'tosbase', TINYOS_2.name: 'base_station'}
 _ROOT: Final = 'root'
 # What the twin knows from the section of its driver, if its own says nothing.
-_OF_DRIVER: Final = ('stack', 'mode', 'root')
+_OF_DRIVER: Final = ('stack', 'platform', 'mode', 'root')
 _LONGEST_MS: Final = 3_600_000.0
 _PERSON_DB: Final = 4.0
 # Far apart for a radio of -25 dBm, so that some need others to reach the sink at 0, 0.
@@ -94,6 +93,10 @@ class SimulatedSink(SimulatedDevice):
         Field('mode', str, _ROOT, 'root or sniffer, as the driver has it.',
               choices=(_ROOT, 'sniffer')),
         Field('root', int, 0, 'Address of the sink, as the driver has it.', '', 0, 65533),
+        Field('platform', str, TELOS, 'Family of the motes, as the driver has it.',
+              choices=PLATFORMS),
+        Field('group', int, -1, 'AM group of the network, as the driver has it; -1: the usual '
+              'one.', '', -1, 255),
         Field('payload', str, 'data', 'What nodes send under TinyOS 1.x: data (any quantity, with '
               'its kind and the battery) or surge (what one converter reads); under 2.x '
               'MultihopOscilloscope.', choices=('data', 'surge')),
@@ -125,23 +128,27 @@ class SimulatedSink(SimulatedDevice):
         :raises ConfigError: a setting is wrong, or does not go with another.
         """
         known = {key: device[key] for key in _OF_DRIVER if key in device}
+        groups = [each for each in device.get('groups', ()) if each >= 0]
+        if groups:
+            known['group'] = groups[0]
         return super().made_for(name, {**known, **settings}, place, device)
 
     def prepare(self) -> None:
         """
         Make the network; it begins with the first bytes.
 
-        :raises ConfigError: the protocol is none of the generation, or a node has the address of
-            the sink.
+        :raises ConfigError: the protocol is none of the generation, or the platform not simulated.
         """
         s = self.settings
         scenario = self._scenario()
         world = self.world
         wireless = world.wireless if world is not None and world.wireless.nodes else Wireless(
             survey_of(_LITTLE), ())
-        if s['root'] in [node.surveyed.id for node in wireless.nodes]:
-            raise ConfigError([f"{self.name}: root = {s['root']} is a node's: give one of them "
-                               'another address'])
+        if s['platform'] == MICA and s['stack'] == TINYOS_1.name:
+            raise ConfigError([f'{self.name}: platform = {MICA!r}: simulated motes are of the '
+                               f'family {TELOS}: set that'])
+        # A survey may say where the sink stands; here that is where the robot is.
+        nodes = [node for node in wireless.nodes if node.surveyed.id != s['root']]
         walls = None
         if world is not None and world.map is not None:
             # Late: it needs NumPy, and most twins do not.
@@ -155,11 +162,11 @@ class SimulatedSink(SimulatedDevice):
         else:
             station = 'multihop_oscilloscope' + ('_lqi' if scenario.protocol != CTP else '')
         self.live = LiveNetwork(
-            wireless.nodes, scenario, _protocol_of(scenario), STATIONS[station],
+            nodes, scenario, router_factory(scenario), STATIONS[station],
             surroundings=_Room() if world is None else world,
             obstacles=Obstacles(walls, s['wall_db'], self._people, s['person_db']),
-            sink_position=self._position, to_host=self._to_host, baud=self._baud, root=s['root'],
-            times=s['battery_times'])
+            sink_position=self._position, to_host=self._to_host, baud=self._baud,
+            group=s['group'], root=s['root'], times=s['battery_times'])
 
     def _scenario(self) -> Scenario:
         s = self.settings
@@ -210,14 +217,3 @@ class SimulatedSink(SimulatedDevice):
 
     def _people(self) -> Sequence[tuple[float, float]]:
         return () if self.world is None else [(each.x, each.y) for each in self.world.people]
-
-
-def _protocol_of(scenario: Scenario) -> RouterFactory:
-    period_ns = scenario.beacon_period_ns
-    if scenario.protocol == CTP:
-        return lambda node, root: Ctp(node, root)
-    if scenario.protocol == PAPER:
-        return lambda node, root: LeastCost(node, root, period_ns)
-    if scenario.tinyos == 1:
-        return lambda node, root: MultiHopLqi1(node, root, period_ns)
-    return lambda node, root: MultiHopLqi2(node, root, period_ns)
