@@ -143,7 +143,9 @@ def _is_heavy(trace: str) -> bool:
 def tossim_scenario(topology: str, noise: str, variant: str, seconds: float = 600.0,
                     seed: int = 1) -> Scenario:
     """
-    Make the scenario of a TOSSIM run: data every 800 binary ms, motes booted within a second.
+    Make the scenario of a TOSSIM run: data every 800 binary ms, motes booted within a ms.
+
+    So do TinyOS' own scripts boot them, and it matters: who is heard first may stay the parent.
 
     :param variant: ``ctp`` or ``lqiN`` with beacons each N s.
     :raises ValueError: it is neither.
@@ -152,7 +154,7 @@ def tossim_scenario(topology: str, noise: str, variant: str, seconds: float = 60
     if match is None and variant != 'ctp':
         raise ValueError(f'variant {variant!r}: must be ctp or such as lqi32')
     return settled(Scenario(
-        name=Path(topology).name, seconds=seconds, seed=seed,
+        name=Path(topology).name, seconds=seconds, seed=seed, boot_spread_s=0.001,
         protocol='ctp' if match is None else 'multihoplqi', tinyos=2,
         beacon_period_binary_ms=None if match is None else 1024.0 * int(match[1]),
         topology=TopologySettings(tossim=topology),

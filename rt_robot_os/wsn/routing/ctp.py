@@ -32,6 +32,7 @@ from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Node
 from rt_robot_os.wsn.routing.protocol import Received
 from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 
 #: Collection of TinyOS' MultihopOscilloscope.
 OSCILLOSCOPE: Final = 0x93
@@ -76,14 +77,16 @@ class Ctp(Router):
 
     def start(self) -> None:
         """Begin, with nothing known."""
-        self._forwarding.clear()
-        self._routing.start()
+        # One generator for the whole node, as in TinyOS; it begins with the node's address.
+        random = TinyOsRandom(self._address)
+        self._forwarding.clear(random)
+        self._routing.start(random)
         self._updated()
 
     def stop(self) -> None:
         """End; what waits is lost."""
         self._routing.stop()
-        self._forwarding.clear()
+        self._forwarding.clear(TinyOsRandom(self._address))
 
     def receive(self, frame: Received) -> None:
         """Take a frame for this node or for all; what is none of CTP's is counted."""

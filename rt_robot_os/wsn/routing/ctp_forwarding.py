@@ -36,6 +36,7 @@ from rt_robot_os.wsn.routing.ctp_routing import RoutingEngine
 from rt_robot_os.wsn.routing.ctp_rules import CtpRules
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import Node
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 
 #: How long a node without a route waits before it looks again, in 1/1024 s.
 NO_ROUTE_MS: Final = 10_000
@@ -68,8 +69,8 @@ class ForwardingEngine:
     """
 
     __slots__ = ('_cache', '_collect_id', '_counters', '_destination', '_forwarded', '_node',
-                 '_own_waits', '_queue', '_routing', '_rules', '_sender', '_sending', '_sequence',
-                 '_timer', '_waiting', '_waits_for_parent')
+                 '_own_waits', '_queue', '_random', '_routing', '_rules', '_sender', '_sending',
+                 '_sequence', '_timer', '_waiting', '_waits_for_parent')
 
     def __init__(self, node: Node, routing: RoutingEngine, rules: CtpRules, collect_id: int,
                  counters: dict[str, int]) -> None:
@@ -82,10 +83,11 @@ class ForwardingEngine:
         self._cache: list[tuple[int, int, int, int]] = []
         self._timer = node.timer(self._waited)
         self._sender = node.sender(self._sent)
-        self.clear()
+        self.clear(TinyOsRandom(node.address))
 
-    def clear(self) -> None:
-        """Forget all packets, and begin to number them anew."""
+    def clear(self, random: TinyOsRandom) -> None:
+        """Forget all packets, and begin to number them anew, with these random numbers."""
+        self._random = random
         self._timer.stop()
         self._queue.clear()
         self._cache.clear()
@@ -235,7 +237,7 @@ class ForwardingEngine:
         cache.append(instance)
 
     def _wait(self, least_ms: int) -> None:
-        self._wait_ms(least_ms + self._node.random.randrange(least_ms))
+        self._wait_ms(least_ms + (self._random.number() & 0xFFFF) % least_ms)
 
     def _wait_ms(self, delay_ms: int) -> None:
         self._waiting = True

@@ -40,6 +40,7 @@ from rt_robot_os.wsn.routing.link_estimator import LinkEstimator
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Node
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 from rt_robot_os.wsn.routing.trickle import Trickle
 
 #: A link that costs as much in tenths is not used.
@@ -88,7 +89,7 @@ class RoutingEngine:
     def __init__(self, node: Node, root: bool, rules: CtpRules, route_found: Callable[[], None],
                  updated: Callable[[], None], is_congested: Callable[[], bool]) -> None:
         self.root = root
-        self.links = LinkEstimator(node.random, self._evicted)
+        self.links = LinkEstimator(TinyOsRandom(node.address), self._evicted)
         self.changes = 0
         self.beacons = 0
         self._node = node
@@ -109,11 +110,11 @@ class RoutingEngine:
         self._lost = False
         self._sequence = 0
 
-    def start(self) -> None:
+    def start(self, random: TinyOsRandom) -> None:
         """Know nothing, send beacons, and look for a parent."""
         self._forget()
-        self.links.clear()
-        self._trickle.reset()
+        self.links.clear(random)
+        self._trickle.begin(random)
         self._timer.every(int(UPDATE_MS * BINARY_MS_NS))
 
     def stop(self) -> None:

@@ -25,10 +25,10 @@ that the motes give them, because the motes' decisions depend on it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from random import Random
 from typing import Final
 
 from rt_robot_os.wsn.packets.ctp import Neighbour
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 
 TABLE_SIZE: Final = 10
 #: What is said of a link that is not known, in tenths of a transmission.
@@ -134,13 +134,13 @@ class LinkEstimator:
 
     __slots__ = ('_evicted', '_last_told', '_links', '_random', '_table')
 
-    def __init__(self, random: Random, evicted: Callable[[int], None]) -> None:
-        self._random = random
+    def __init__(self, random: TinyOsRandom, evicted: Callable[[int], None]) -> None:
         self._evicted = evicted
-        self.clear()
+        self.clear(random)
 
-    def clear(self) -> None:
-        """Know nobody."""
+    def clear(self, random: TinyOsRandom) -> None:
+        """Know nobody, and go on with these random numbers."""
+        self._random = random
         # No place becomes free again: it goes from one neighbour to the next.
         self._table: list[_Link] = []
         self._links: dict[int, _Link] = {}
@@ -260,4 +260,4 @@ class LinkEstimator:
 
     def _any_young(self) -> _Link | None:
         young = [link for link in self._table if not link.mature and not link.pinned]
-        return self._random.choice(young) if young else None
+        return young[(self._random.number() & 0xFFFF) % len(young)] if young else None

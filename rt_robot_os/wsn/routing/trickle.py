@@ -27,6 +27,7 @@ from typing import Final
 
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import Node
+from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
 
 #: Bounds of the interval in 1/1024 s.
 MINIMUM_MS: Final = 128
@@ -37,26 +38,31 @@ class Trickle:
     """
     Call once in each interval; an interval lasts twice as long as the one before, up to a bound.
 
-    :param node: whose timer and chance.
+    :param node: whose timer and random numbers.
     :param call: to be made. It may call ``reset``.
     :param minimum_ms: first interval after ``reset`` in 1/1024 s; two or more.
     :param maximum_ms: the bound.
     :ivar interval_ms: of now.
     """
 
-    __slots__ = ('_at_ms', '_call', '_maximum_ms', '_minimum_ms', '_node', '_passed', '_timer',
+    __slots__ = ('_at_ms', '_call', '_maximum_ms', '_minimum_ms', '_passed', '_random', '_timer',
                  'interval_ms')
 
     def __init__(self, node: Node, call: Callable[[], None], minimum_ms: int = MINIMUM_MS,
                  maximum_ms: int = MAXIMUM_MS) -> None:
         self.interval_ms = minimum_ms
         self._call = call
-        self._node = node
         self._minimum_ms = minimum_ms
         self._maximum_ms = maximum_ms
         self._at_ms = 0
         self._passed = False
+        self._random = TinyOsRandom(node.address)
         self._timer = node.timer(self._expired)
+
+    def begin(self, random: TinyOsRandom) -> None:
+        """Begin after a boot, with the node's new random numbers."""
+        self._random = random
+        self.reset()
 
     def reset(self) -> None:
         """Begin with the shortest interval; what was planned is forgotten."""
@@ -69,7 +75,7 @@ class Trickle:
 
     def _choose(self) -> None:
         half_ms = self.interval_ms // 2
-        self._at_ms = half_ms + self._node.random.randrange(half_ms)
+        self._at_ms = half_ms + self._random.below(half_ms)
         self._passed = False
         self._timer.start(int(self._at_ms * BINARY_MS_NS))
 
