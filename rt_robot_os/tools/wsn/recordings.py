@@ -21,11 +21,11 @@ What a file is is seen from its first bytes, not from its name.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from collections.abc import Mapping
 import csv
 import gzip
 import io
 from itertools import chain
+import math
 import os
 import re
 import stat
@@ -33,6 +33,7 @@ from struct import Struct
 import sys
 from typing import cast
 from typing import Final
+import zlib
 
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.tools.wsn.heard import AIR
@@ -100,7 +101,9 @@ class Recording:
                 yield from self._csv()
             else:
                 yield from self._line()
-        except (OSError, EOFError) as error:
+        except RecordingError:
+            raise
+        except (OSError, EOFError, zlib.error) as error:
             raise RecordingError(f'{self.path} cannot be read any further: {error}') from error
 
     def close(self) -> None:
@@ -118,29 +121,25 @@ class Recording:
 
     def _csv(self) -> Iterator[Heard]:
         # In bytes lines end at any line feed; a NUL is for csv to refuse.
-        text = (line.decode(errors='replace') for line in self._file)
+        text: Iterator[str] = (line.decode(errors='replace') for line in self._file)
         first = next(text)
         names = next(csv.reader([first]))
         if 'hex' not in first:  # no head: it begins with a frame
             names = ['t_us', 'hex'] if len(names) == 2 else ['t_us', 'source', 'mpdu_hex']
-            rows = csv.DictReader(chain([first], text), names)
-        else:
-            rows = csv.DictReader(text, names)
+            text = chain([first], text)
         content = next(name for name in names if 'hex' in name)
-        try:
-            for row in rows:
-                yield from self._row(row, content, 'mpdu' in content)
-        except csv.Error as error:
-            raise RecordingError(f'{self.path}: {error}') from error
+        for line in text:
+            try:
+                row = dict(zip(names, next(csv.reader([line]), [])))
+                time_s = float(row.get('t_us') or 'nan') * _US
+                data = bytes.fromhex(row[content])
+            except (ValueError, KeyError, csv.Error):
+                self.bad_lines += 1
+            else:
+                yield from self._row(time_s, data, 'mpdu' in content)
 
-    def _row(self, row: Mapping[str, str], name: str, is_air: bool) -> Iterator[Heard]:
-        try:
-            time_s = float(row.get('t_us') or 'nan') * _US
-            data = bytes.fromhex(row.get(name) or '')
-        except ValueError:
-            self.bad_lines += 1
-            return
-        when = time_s if time_s == time_s else None
+    def _row(self, time_s: float, data: bytes, is_air: bool) -> Iterator[Heard]:
+        when = time_s if math.isfinite(time_s) else None
         if is_air:
             # Some note the length byte, some do not.
             if not data or data[0] != len(data) - 1:
