@@ -140,7 +140,8 @@ class TrafficSettings:
         None, 'the same in 1/1024 s, as TinyOS counts (default 800 of these: 781.25 ms)',
         '1/1024 s', 1.0, 1e9)
     start_ms: float | None = setting(
-        None, 'from boot to the first packet (default: one period)', 'ms', 0.0, 1e9)
+        None, 'from boot to the first packet (default: drawn for each node, evenly, up to one '
+        'period, so that they do not all send at once)', 'ms', 0.0, 1e9)
     jitter_ms: float = setting(
         0.0, 'each packet is late by up to this, drawn evenly', 'ms', 0.0, 1e9)
     payload: str | None = setting(
@@ -221,10 +222,10 @@ class Scenario:
         return _ns(self.beacon_period_ms, self.beacon_period_binary_ms, default)
 
     @property
-    def start_ns(self) -> int:
-        """Return the time from boot to the first packet."""
+    def start_ns(self) -> int | None:
+        """Return the time from boot to the first packet; None where it is drawn."""
         start_ms = self.traffic.start_ms
-        return self.period_ns if start_ms is None else round(start_ms * NS_PER_MS)
+        return None if start_ms is None else round(start_ms * NS_PER_MS)
 
 
 #: The sections of a scenario and what is in them.
