@@ -207,8 +207,8 @@ class NetworkModel:
             account = node.account
             if account is None or account.bits != packet.count_bits:
                 account = node.account = SequenceAccount(packet.count_bits, self._since_ns)
-            clock = packet.fields.get('count')
-            renewed = clock is not None and node.clock_went_back(clock)
+            renewed = packet.name == 'oscilloscope' and node.clock_went_back(
+                packet.fields['count'])
             return account.take(packet.count, _fingerprint(packet), now_ns, renewed)
         if packet.origin_seqno >= 0:
             if node.plain is None:

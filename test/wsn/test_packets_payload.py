@@ -29,6 +29,7 @@ from rt_robot_os import plugins
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.sensor_packets import decoder_from
 from rt_robot_os.wsn.packets import conversions
+from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.multihop_lqi import LqiData
@@ -240,3 +241,20 @@ def test_a_simulated_sensor_gives_what_was_meant(name: str, raw: int) -> None:
     for beyond in (-1e6, 1e6, conversion.convert(raw) + 1e5):
         limited: Any = conversion.raw(beyond)
         assert 0 <= limited <= 65535 and math.isfinite(conversion.convert(limited))
+
+
+def test_a_field_that_counts_the_packets_says_what_was_lost() -> None:
+    own = parse_payload('surge 17 type:H light:H=light,par_illuminance parent:H seq_no:I')
+    packet = TelosMsg(0x7E, 17, MultihopMsg(0, 5, 9, 9, 2, own.pack(
+        {'light': 100, 'parent': 3, 'seq_no': 70_000}, False)).pack()).pack()
+    found = PacketDecoder('tinyos1', [own]).decode(packet)
+    assert (found.count, found.count_bits, found.parent, found.origin) == (70_000, 32, 3, 5)
+    assert (found.hops, found.origin_seqno) == (2, 9) and found.readings['light'] > 0.0
+    # A header that counts goes before; a signed number does not count.
+    collected = SerialAm(0xFFFF, 0, CtpData.AM_TYPE, CtpData(
+        0, 0, 10, 5, 250, 0x42, b'\0\7').pack()).pack()
+    decoder = PacketDecoder('tinyos2', [parse_payload('soil 0x42 seq_no:H')])
+    assert decoder.decode(collected).count_bits == 8 and decoder.decode(collected).count == 250
+    assert parse_payload('soil 0x42 seq_no:h').count_bits == 0
+    cut = TelosMsg(0x7E, 17, MultihopMsg(0, 5, 9, 9, 2, b'\0\0').pack()).pack()
+    assert PacketDecoder('tinyos1', [own]).decode(cut).count_bits == 0

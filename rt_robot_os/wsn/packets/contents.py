@@ -47,6 +47,7 @@ from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
 from rt_robot_os.wsn.packets.neighbour_tables import RoutePacket
 from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.oscilloscope import OscopeMsg
+from rt_robot_os.wsn.packets.payload import COUNTING_FIELD
 from rt_robot_os.wsn.packets.payload import Payload
 from rt_robot_os.wsn.packets.surge import MicaSurgeMsg
 from rt_robot_os.wsn.packets.surge import SurgeCmd
@@ -76,6 +77,11 @@ READINGS: Final[Mapping[int, tuple[str, Callable[[float], float]]]] = {
     paper.Kind.SMOKE: ('smoke', same),
     paper.Kind.WATER: ('water', same),
 }
+
+
+# Field of a user's own payload -> what it is where no header says it.
+_OF_THE_PACKET: Final = (('origin', 'origin'), ('parent', 'parent'), ('hops', 'hops'),
+                         ('seqno', 'origin_seqno'))
 
 
 class Draft:
@@ -119,12 +125,12 @@ def read_payload(declared: Payload, data: bytes, big_endian: bool, draft: Draft)
     draft.kind, draft.name = DATA, declared.name
     fields, draft.readings, draft.problem = declared.read(data, big_endian)
     draft.fields.update(fields)
-    if draft.origin < 0:
-        for name in ('origin', 'parent', 'hops'):
-            if isinstance(value := fields.get(name), int):
-                setattr(draft, name, value)
-        if isinstance(value := fields.get('seqno'), int):
-            draft.origin_seqno = value
+    for name, attribute in _OF_THE_PACKET:
+        value = fields.get(name)
+        if isinstance(value, int) and getattr(draft, attribute) < 0:
+            setattr(draft, attribute, value)
+    if declared.count_bits and not draft.count_bits and COUNTING_FIELD in fields:
+        draft.count, draft.count_bits = int(fields[COUNTING_FIELD]), declared.count_bits
 
 
 def _t1_beacon(payload: bytes, draft: Draft) -> None:

@@ -48,6 +48,9 @@ from rt_robot_os.wsn.quantities import quantity
 
 GROUP: Final = 'rt_robot_os.payloads'
 CODES: Final = 'bBhHiIlLqQfd?sx'
+#: The name of the field that counts packets; by its code, how many bits it has.
+COUNTING_FIELD: Final = 'seq_no'
+_COUNTING_CODES: Final = {'B': 8, 'H': 16, 'I': 32, 'L': 32}
 _CODE: Final = re.compile(rf'(\d{{0,3}})([{re.escape(CODES)}])', re.ASCII)
 _NAME: Final = re.compile(r'[A-Za-z_][A-Za-z0-9_]{0,63}', re.ASCII)
 _NO_NUMBER: Final = 'sx'
@@ -73,7 +76,8 @@ class PayloadField:
     One field.
 
     A field called ``origin``, ``seqno``, ``parent`` or ``hops`` is that of the packet, where no
-    header of the routing has it.
+    header of the routing has it. One called ``seq_no`` without a sign counts the packets of its
+    origin: what is missing is lost.
 
     :ivar code: of Python's struct, standard sizes, such as ``H``; with a count, such as ``5H``, it
         is a list, of which the last is the reading; ``8s`` is bytes, ``2x`` passes over two.
@@ -145,6 +149,8 @@ class Payload:
     :ivar fields: in order, without gaps between them.
     :ivar byte_order: ``''`` as the generation of TinyOS has it, ``little`` or ``big``.
     :ivar routed: under TinyOS 1.x it stands behind the header of MultiHopLQI.
+    :ivar size: in bytes.
+    :ivar count_bits: of the field that counts packets; 0 without one.
     :raises ConfigError: something is wrong; each line names payload, field, value and remedy.
     """
 
@@ -154,6 +160,7 @@ class Payload:
     byte_order: str = ''
     routed: bool = True
     size: int = field(init=False, default=0)
+    count_bits: int = field(init=False, default=0)
     _layouts: tuple[Struct, ...] = field(init=False, repr=False, compare=False, default=())
     _plan: tuple[_Plan, ...] = field(init=False, repr=False, compare=False, default=())
     _humid: bool = field(init=False, repr=False, compare=False, default=False)
@@ -171,6 +178,9 @@ class Payload:
         if self.size > MOST_BYTES:
             raise ConfigError([f'payload {self.name!r} has {self.size} bytes: no packet can hold '
                                f'more than {MOST_BYTES}; take fields away'])
+        object.__setattr__(self, 'count_bits', next(
+            (_COUNTING_CODES.get(each.code, 0) for each in self.fields
+             if each.name == COUNTING_FIELD), 0))
         object.__setattr__(self, '_plan', tuple(map(_plan_of, self.fields)))
         object.__setattr__(self, '_humid', any(each.conversion == _HUMIDITY
                                                for each in self.fields))
