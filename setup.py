@@ -46,7 +46,7 @@ setup(
     install_requires=['numpy>=1.26', 'pyserial>=3.5', 'PyYAML>=6.0', 'rich>=13', 'setuptools'],
     extras_require={'attitude': ['vqf'], 'camera': ['opencv-python-headless', 'pillow'],
                     'compile': ['mypy>=1.9'], 'docs': ['sphinx>=7.2'],
-                    'i2c': ['smbus2'], 'peers': ['horus-robotics'],
+                    'i2c': ['smbus2'], 'peers': ['horus-robotics', 'simpy'],
                     'plot': ['matplotlib'], 'record': ['mcap>=1.3'], 'sound': ['sounddevice'],
                     'test': ['hypothesis', 'mcap>=1.3', 'mcap-ros2-support', 'pillow', 'pytest',
                              'rosbags']},

@@ -44,7 +44,8 @@ KEYS = {
 # import name -> the extra of setup.py that brings it: what only some robots need
 OPTIONAL = {
     'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'mypy': 'compile',
-    'mypy_extensions': 'compile', 'mypyc': 'compile', 'smbus2': 'i2c', 'sounddevice': 'sound',
+    'mypy_extensions': 'compile', 'mypyc': 'compile', 'simpy': 'peers',
+    'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}

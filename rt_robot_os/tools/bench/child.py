@@ -43,7 +43,7 @@ from rt_robot_os.tools.bench.result import Status
 JOB_FILE = 'job.json'
 RESULT_FILE = 'result.npz'
 _OWN = 'rt_robot_os'
-_REMEDIES = {'horus': 'horus-robotics'}
+_REMEDIES = {'horus': 'horus-robotics', 'simpy': 'simpy'}
 _META = 'meta'
 
 

@@ -30,6 +30,7 @@ from rt_robot_os.tools.bench.cases import load
 from rt_robot_os.tools.bench.cases import localization
 from rt_robot_os.tools.bench.cases import micro
 from rt_robot_os.tools.bench.cases import mirror
+from rt_robot_os.tools.bench.cases import network
 from rt_robot_os.tools.bench.cases import overload
 from rt_robot_os.tools.bench.cases import preemption
 from rt_robot_os.tools.bench.cases import reaction
@@ -47,4 +48,4 @@ CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, sink.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
     throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
-    routing.CASE, control.CASE, devices.CASE, start.START, start.MEMORY)})
+    control.CASE, devices.CASE, routing.CASE, network.CASE, start.START, start.MEMORY)})
