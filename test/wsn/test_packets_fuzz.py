@@ -105,7 +105,7 @@ def damaged(data: bytes, chance: random.Random, most: int = 4) -> bytes:
 def test_packets_that_lie_are_decoded_without_a_fault() -> None:
     chance = random.Random(14)
     decoder = PacketDecoder(payloads=[OWN], group=0x7D)
-    for _ in range(count := examples(2000)):
+    for _ in range(count := examples(1000)):
         protocol, packet = chance.choice(PACKETS)
         changed = damaged(packet, chance)
         reader = FrameReader()
@@ -128,7 +128,7 @@ def test_a_fuzzed_line_accounts_for_every_byte() -> None:
     chance = random.Random(41)
     reader, decoder, link = FrameReader(), PacketDecoder(), Link(TINYOS_1)
     fed = framed = 0
-    for _ in range(examples(2000)):
+    for _ in range(examples(1500)):
         wire = frame(*chance.choice(PACKETS))
         data = wire if chance.random() < 0.5 else damaged(wire, chance)
         for found in reader.feed(data):
