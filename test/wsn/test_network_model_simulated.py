@@ -190,7 +190,11 @@ def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
         model.sink_at(x, y)
         network.run_until(second * S)
         watch.look(second * S)
+    errors = []
     for number in (10, 11, 12):
         found = model.nodes[number].place
         assert found is not None
-        assert math.dist(found[:2], places[number][:2]) < min(6.0, 3.0 * found.stddev_m)
+        errors.append(math.dist(found[:2], places[number][:2]))
+        assert errors[-1] < 3.0 * found.stddev_m
+    # Half a room, not half a house.
+    assert sorted(errors)[1] < 5.0
