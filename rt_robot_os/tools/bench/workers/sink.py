@@ -245,12 +245,13 @@ def robot(link: str, note: Note) -> tuple[Kernel, SensorManager, Sink]:
     sink = Sink('sink', {**values, 'port': link, 'baud': BAUD})
     sensors.add(sink, rate_hz=20.0, priority=70, interrupt=True)
     for name, priority in ((ALARM, 60), (VITAL, 50), (REST, 20)):
-        _add_reader(kernel, bus, name, priority, note)
+        add_reader(kernel, bus, name, priority, note)
     sensors.connect()
     return kernel, sensors, sink
 
 
-def _add_reader(kernel: Kernel, bus: Bus, name: str, priority: int, note: Note) -> None:
+def add_reader(kernel: Kernel, bus: Bus, name: str, priority: int, note: Note) -> None:
+    """Add the task of a class, which tells of each packet and decodes it."""
     decoder = PacketDecoder(TINYOS_1.name)
 
     def read() -> None:

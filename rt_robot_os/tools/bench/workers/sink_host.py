@@ -37,6 +37,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.workers.sink import add_reader
 from rt_robot_os.tools.bench.workers.sink import mixture
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
@@ -115,8 +116,12 @@ def hour(harness: Harness) -> Measured:
     setattr(sink, 'make_port', _Port)
     sensors.add(sink, rate_hz=FRAMES_HZ * _PIECES, priority=70)
     read = [0]
+
+    def note(name: str, number: int) -> None:
+        read[0] += 1
+
     for name, priority in zip(DEFAULT_CLASSES, (60, 50, 20)):
-        _add_reader(kernel, bus, name, priority, read)
+        add_reader(kernel, bus, name, priority, note)
     pieces: list[bytes] = []
 
     def line() -> None:
@@ -141,15 +146,3 @@ def hour(harness: Harness) -> Measured:
     return Measured(figures={
         'frames': float(statistics.frames), 'lost': float(seconds * FRAMES_HZ - read[0]),
         'cpu_percent': 100.0 * used_ns / (seconds * NS_PER_S)})
-
-
-def _add_reader(kernel: Kernel, bus: Bus, name: str, priority: int, read: list[int]) -> None:
-    decoder = PacketDecoder(TINYOS_1.name)
-
-    def step() -> None:
-        while subscription.take():
-            decoder.decode(bytes(subscription.msg.data))
-            read[0] += 1
-
-    task = kernel.add_task(f'{name}s', step, priority=priority)
-    subscription = bus.subscribe(f'wsn/packets/{name}', name, task=task)
