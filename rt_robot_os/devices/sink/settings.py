@@ -55,8 +55,8 @@ SINK_SETTINGS: Final = (
     Field('root', int, 0, 'Address of the root of the network: no other node is at no cost from '
           'the sink.', minimum=0, maximum=0xFFFF),
     Field('payloads', list, (), "Payloads of your own, a text each, such as 'soil 0x42 "
-          "origin:H seqno:H moisture:H', see docs/packets.md: their types are known, and copies of "
-          'them are left out.'),
+          "origin:H seqno:H moisture:H', see docs/packets.md: their types are known, and copies "
+          'of them are left out.'),
     Field('classes', list, DEFAULT_CLASSES, 'Classes of packets, the most important first; each '
           'is a topic of its own below topic.'),
     Field('rules', list, DEFAULT_RULES, "Which packets are of which class: 'CLASS if FACT VALUES "

@@ -65,8 +65,9 @@ _SINE_NOTES = (
     'packet, a task with the priority of its class has the value. Loop: an ordinary program reads',
     'the port itself, sleeps a period and takes one value. "Computing": so many tasks of the core',
     'of the lowest priority, or threads, compute 8 ms of every 97 ms each. What is not through a',
-    'cycle after four times its length is measured by the part that it did. The paper (Xenomai):',
-    '18 s at any load, more without real time.')
+    'cycle after four times its length is measured by the part that it did. The work queues by',
+    'which Linux hands serial bytes on are left where they are. The paper (Xenomai): 18 s at any',
+    'load, more without real time.')
 _FLOOD_COLUMNS = (
     Column('p50', 'p50', 'us', 'last byte to task'),
     Column('p99', 'p99', 'us', 'last byte to task'),
