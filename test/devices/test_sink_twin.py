@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +38,13 @@ from rt_robot_os.wsn.packets.commands import parse_command
 from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.framing import frame
+from rt_robot_os.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 FLAT = WorldSettings(map='open', people=('anna 0 2 1',), nodes=(
     'kitchen 3 1 1.4', 'wrist 0 0 1 on anna pulse_per_min alarm battery'))
+SOIL = ('soil 0x42 origin:H seqno:H moisture:H[0.1%]=soil_moisture_percent,0.1 '
+        'air:H=temperature,sht1x_temperature supply:H=battery,battery_volts')
 QUICK = {'period_ms': 250.0}
 
 
@@ -157,6 +161,30 @@ def test_without_power_the_mote_is_silent_and_then_begins_anew(tmp_path: Path) -
         assert len(made.publishers[2].samples) > before
 
 
+@pytest.mark.parametrize(('stack', 'mode', 'protocol'), [
+    ('tinyos1', 'root', 'paper'), ('tinyos1', 'root', 'multihoplqi'), ('tinyos2', 'root', 'ctp'),
+    ('tinyos2', 'root', 'multihoplqi'), ('tinyos2', 'sniffer', 'ctp'),
+    ('tinyos1', 'sniffer', 'paper')])
+def test_nodes_send_a_payload_of_somebodys_own(
+        tmp_path: Path, stack: str, mode: str, protocol: str) -> None:
+    sim = {'stack': stack, 'mode': mode, 'protocol': protocol, 'payloads': [SOIL],
+           'payload': 'soil'}
+    if protocol == 'multihoplqi':
+        sim['beacon_period_ms'] = 1000.0
+    nodes = 'pot 3 1 0.2 soil_moisture_percent temperature', 'hall 1 1 1'
+    world = World(replace(FLAT, nodes=nodes))
+    with connected(tmp_path, sim, world=world, stack=stack, mode=mode) as made:
+        run(made, 8)
+        decoder = PacketDecoder(stack, parse_payloads([SOIL]))
+        found = [decoder.decode(bytes(sample.data)) for each in made.publishers
+                 for sample in each.samples]
+    pots = [each for each in found if each.name == 'soil' and each.origin == 1]
+    assert len(pots) > 10 and not any(each.problem for each in found)
+    assert pots[-1].readings['temperature'] == pytest.approx(21.0, abs=1.0)
+    assert 20.0 < pots[-1].readings['soil_moisture_percent'] < 80.0
+    assert 2.0 < pots[-1].readings['battery'] < 3.3
+
+
 @pytest.mark.parametrize('fault', ['garbage', 'corrupt', 'short', 'baud', 'wrong'])
 def test_faults_of_the_line_give_no_packet_that_was_not_sent(tmp_path: Path, fault: str) -> None:
     with connected(tmp_path, {'corrupt_probability': 0.2, 'faults': [f'{fault} at 0 for 6']},
@@ -173,6 +201,7 @@ def test_faults_of_the_line_give_no_packet_that_was_not_sent(tmp_path: Path, fau
 @pytest.mark.parametrize(('sim', 'problem'), [
     ({'protocol': 'ctp'}, "protocol = 'ctp': motes under tinyos1 have paper or multihoplqi"),
     ({'protocol': 'paper', 'stack': 'tinyos2'}, 'motes under tinyos2 have ctp or multihoplqi'),
+    ({'payload': 'soil'}, "payload = 'soil': must be data, surge or one of your own payloads"),
     ({'platform': 'mica'}, 'simulated motes are of the family telos: set that')])
 def test_what_cannot_be_is_told(tmp_path: Path, sim: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):

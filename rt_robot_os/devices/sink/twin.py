@@ -35,12 +35,20 @@ from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.packets.framing import TINYOS_1
 from rt_robot_os.wsn.packets.framing import TINYOS_2
+from rt_robot_os.wsn.packets.payload import installed_payloads
+from rt_robot_os.wsn.packets.payload import Payload
+from rt_robot_os.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.wsn.packets.tos_msg import MICA
 from rt_robot_os.wsn.packets.tos_msg import PLATFORMS
 from rt_robot_os.wsn.packets.tos_msg import TELOS
+from rt_robot_os.wsn.routing.ctp import Ctp
+from rt_robot_os.wsn.routing.least_cost import LeastCost
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
 from rt_robot_os.wsn.simulator.base_station import STATIONS
 from rt_robot_os.wsn.simulator.live import LiveNetwork
 from rt_robot_os.wsn.simulator.live import Obstacles
+from rt_robot_os.wsn.simulator.network import RouterFactory
 from rt_robot_os.wsn.simulator.routers import router_factory
 from rt_robot_os.wsn.simulator.scenario import EnergySettings
 from rt_robot_os.wsn.simulator.scenario import RadioSettings
@@ -52,11 +60,14 @@ from rt_robot_os.wsn.survey import survey_of
 PAPER: Final = 'paper'
 MULTIHOP_LQI: Final = 'multihoplqi'
 CTP: Final = 'ctp'
+DATA: Final = 'data'
+SURGE: Final = 'surge'
+OSCILLOSCOPE: Final = 'oscilloscope'
 _OF_STACK: Final = {TINYOS_1.name: (PAPER, MULTIHOP_LQI), TINYOS_2.name: (CTP, MULTIHOP_LQI)}
 _SNIFFERS: Final = {TINYOS_1.name: 'tosbase', TINYOS_2.name: 'base_station'}
 _ROOT: Final = 'root'
 # What the twin knows from the section of its driver, if its own says nothing.
-_OF_DRIVER: Final = ('stack', 'platform', 'mode', 'root')
+_OF_DRIVER: Final = ('stack', 'platform', 'mode', 'root', 'payloads')
 _LONGEST_MS: Final = 3_600_000.0
 _PERSON_DB: Final = 4.0
 # Far apart for a radio of -25 dBm, so that some need others to reach the sink at 0, 0.
@@ -97,9 +108,11 @@ class SimulatedSink(SimulatedDevice):
               choices=PLATFORMS),
         Field('group', int, -1, 'AM group of the network, as the driver has it; -1: the usual '
               'one.', '', -1, 255),
-        Field('payload', str, 'data', 'What nodes send under TinyOS 1.x: data (any quantity, with '
-              'its kind and the battery) or surge (what one converter reads); under 2.x '
-              'MultihopOscilloscope.', choices=('data', 'surge')),
+        Field('payload', str, DATA, f'What nodes send under TinyOS 1.x: {DATA} (any quantity, '
+              f'with its kind and the battery) or {SURGE} (what one converter reads); under 2.x {DATA} '
+              'is MultihopOscilloscope. Or the name of one of your own payloads: nodes send it '
+              'that measure something of it.'),
+        Field('payloads', list, (), 'Payloads of your own, as the driver has them.'),
         Field('period_ms', float, 2000.0, 'Time between two packets of a node; it measures its '
               'quantities in turn.', 'ms', 20.0, _LONGEST_MS),
         Field('beacon_period_ms', float, 0.0, 'Time between two beacons; 0 is that of the '
@@ -141,6 +154,7 @@ class SimulatedSink(SimulatedDevice):
         """
         s = self.settings
         scenario = self._scenario()
+        payload = self._own_payload()
         world = self.world
         wireless = world.wireless if world is not None and world.wireless.nodes else Wireless(
             survey_of(_LITTLE), ())
@@ -162,11 +176,12 @@ class SimulatedSink(SimulatedDevice):
         else:
             station = 'multihop_oscilloscope' + ('_lqi' if scenario.protocol != CTP else '')
         self.live = LiveNetwork(
-            nodes, scenario, router_factory(scenario), STATIONS[station],
+            nodes, scenario, _protocol(scenario, payload), STATIONS[station],
             surroundings=_Room() if world is None else world,
             obstacles=Obstacles(walls, s['wall_db'], self._people, s['person_db']),
             sink_position=self._position, to_host=self._to_host, baud=self._baud,
-            group=s['group'], root=s['root'], times=s['battery_times'])
+            group=s['group'], root=s['root'], times=s['battery_times'],
+            payload=payload)
 
     def _scenario(self) -> Scenario:
         s = self.settings
@@ -175,14 +190,26 @@ class SimulatedSink(SimulatedDevice):
         if protocol not in protocols:
             raise ConfigError([f'{self.name}: protocol = {protocol!r}: motes under {s["stack"]} '
                                f'have {" or ".join(protocols)}; or set stack'])
+        usual = SURGE if s['payload'] == SURGE else DATA
+        if s['stack'] != TINYOS_1.name:
+            usual = OSCILLOSCOPE
         return settled(Scenario(
             protocol=protocol, tinyos=1 if s['stack'] == TINYOS_1.name else 2, seed=s['seed'],
             beacon_period_ms=(s['beacon_period_ms'] or None) if protocol != CTP else None,
             radio=RadioSettings(power_dbm=s['power_dbm'], noise=s['noise']),
-            traffic=TrafficSettings(
-                period_ms=s['period_ms'],
-                payload=s['payload'] if s['stack'] == TINYOS_1.name else 'oscilloscope'),
+            traffic=TrafficSettings(period_ms=s['period_ms'], payload=usual),
             energy=EnergySettings()))
+
+    def _own_payload(self) -> Payload | None:
+        name = self.settings['payload']
+        if name in (DATA, SURGE):
+            return None
+        own = {each.name: each for each in (
+            *installed_payloads(), *parse_payloads(self.settings['payloads']))}
+        if name not in own:
+            raise ConfigError([f'{self.name}: payload = {name!r}: must be {DATA}, {SURGE} or one '
+                               f'of your own payloads ({", ".join(own) or "there are none"})'])
+        return own[name]
 
     def check_speed(self) -> None:
         """Check nothing: what does not fit is lost in the mote, as it is in a real one."""
@@ -217,3 +244,18 @@ class SimulatedSink(SimulatedDevice):
 
     def _people(self) -> Sequence[tuple[float, float]]:
         return () if self.world is None else [(each.x, each.y) for each in self.world.people]
+
+
+def _protocol(scenario: Scenario, payload: Payload | None) -> RouterFactory:
+    """Make what makes the routing of a node; packets of somebody's own have their own AM type."""
+    if payload is None:
+        return router_factory(scenario)
+    am_type, period_ns = payload.am_type, scenario.beacon_period_ns
+    if scenario.protocol == CTP:
+        return lambda node, root: Ctp(node, root, collect_id=am_type)
+    if scenario.protocol == PAPER:
+        return lambda node, root: LeastCost(
+            node, root, beacon_period_ns=period_ns, data_am_type=am_type)
+    if scenario.tinyos == 1:
+        return lambda node, root: MultiHopLqi1(node, root, period_ns, data_am_type=am_type)
+    return lambda node, root: MultiHopLqi2(node, root, period_ns, collect_id=am_type)

@@ -115,7 +115,8 @@ class BaseStation:
     """
 
     def __init__(self, station: Station, to_host: Callable[[bytes, int], object],
-                 to_radio: Callable[[Outgoing], bool], baud: int = 0, group: int = -1) -> None:
+                 to_radio: Callable[[Outgoing], bool], baud: int = 0, group: int = -1,
+                 am_type: int = Oscilloscope.AM_TYPE) -> None:
         """
         Begin with empty queues.
 
@@ -123,6 +124,7 @@ class BaseStation:
         :param to_radio: begins to send a packet; returns False while another is on its way.
         :param baud: of the line; 0: nothing waits.
         :param group: of the network; -1 the usual one.
+        :param am_type: of data on the line, where a root of TinyOS 2.x takes the header off.
         """
         self.station = station
         self.sent = self.line_full = self.taken = self.radio_full = self.refused = 0
@@ -131,6 +133,7 @@ class BaseStation:
         self._byte_ns = _BITS_PER_BYTE * _NS_PER_S // baud if baud else 0
         usual = GROUP if station.protocols is TINYOS_1 else GROUP_T2
         self._group = usual if group < 0 else group
+        self._am_type = am_type
         self._reader = FrameReader()
         self._debug_seqno = 0
         # When each frame that waits for the line has left it.
@@ -162,7 +165,7 @@ class BaseStation:
             self._send(packet.pack(), now_ns)
         else:
             # MultihopOscilloscope hands on what the application had sent, without a header.
-            self._send(SerialAm(BROADCAST, 0, Oscilloscope.AM_TYPE, application).pack(), now_ns)
+            self._send(SerialAm(BROADCAST, 0, self._am_type, application).pack(), now_ns)
 
     def heard(self, destination: int, source: int, am_type: int, payload: bytes, dsn: int,
               acknowledge: bool, now_ns: int) -> None:

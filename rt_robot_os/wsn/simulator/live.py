@@ -27,6 +27,8 @@ import math
 from random import Random
 from typing import Final
 
+from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.wsn.packets.payload import Payload
 from rt_robot_os.wsn.packets.surge import SurgeCmd
 from rt_robot_os.wsn.radio.mac import MAC_PROFILES
 from rt_robot_os.wsn.radio.noise import heavy
@@ -144,7 +146,8 @@ class LiveNetwork:
     def __init__(self, nodes: Sequence[LiveNode], scenario: Scenario, protocol: RouterFactory,
                  station: Station, *, surroundings: Surroundings, obstacles: Obstacles,
                  sink_position: Callable[[], Position], to_host: Callable[[bytes, int], object],
-                 baud: int = 0, group: int = -1, root: int = 0, times: float = 1.0) -> None:
+                 baud: int = 0, group: int = -1, root: int = 0, times: float = 1.0,
+                 payload: Payload | None = None) -> None:
         """
         Make it; nothing runs before the first :meth:`advance`.
 
@@ -157,6 +160,7 @@ class LiveNetwork:
             :meth:`advance`.
         :param root: the sink's address.
         :param times: batteries empty so many times faster.
+        :param payload: that the nodes send; None: that of the scenario.
         """
         self._nodes = tuple(nodes)
         self._obstacles = obstacles
@@ -187,7 +191,10 @@ class LiveNetwork:
             root, sink_position(), is_root=True, power_dbm=radio.power_dbm)
         self._flood = Flood(self.root, mac.version > 1)
         self._raw = self.root.sender(self._raw_is_through)
-        self.station = BaseStation(station, self._serial, self._send, baud, group)
+        self.station = BaseStation(
+            station, self._serial, self._send, baud, group,
+            Oscilloscope.AM_TYPE if payload is None else payload.am_type)
+        self._payload = payload or scenario.traffic.payload or 'data'
         for each in self._nodes:
             self._add(each, scenario, surroundings, random)
         if station.sniffs:
@@ -206,7 +213,7 @@ class LiveNetwork:
         self._applications[surveyed.id] = NodeApplication(
             mote, surveyed.quantities,
             NodeReadings(node, surroundings, Random(f'{scenario.seed} sensors {surveyed.id}')),
-            scenario.traffic.payload or 'data', scenario.period_ns, self.network.mac.version > 1)
+            self._payload, scenario.period_ns, self.network.mac.version > 1)
         self._boots[surveyed.id] = 1
         self._pressed[surveyed.id] = False
 

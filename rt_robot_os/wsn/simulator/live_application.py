@@ -23,14 +23,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from struct import calcsize
 from struct import Struct
+from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.wsn.packets.conversions import battery_raw
+from rt_robot_os.wsn.packets.conversions import CONVERSIONS
 from rt_robot_os.wsn.packets.message import Message
 from rt_robot_os.wsn.packets.oscilloscope import MULTIHOP_READINGS
 from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.paper import DataMsg
+from rt_robot_os.wsn.packets.payload import Payload
+from rt_robot_os.wsn.packets.payload import PayloadField
 from rt_robot_os.wsn.packets.surge import SurgeCmd
 from rt_robot_os.wsn.packets.surge import SurgeCmdT2
 from rt_robot_os.wsn.packets.surge import SurgeMsg
@@ -48,6 +54,7 @@ _NS_PER_S: Final = 1_000_000_000
 _NS_PER_MS: Final = 1_000_000
 _U16: Final = 0xFFFF
 _NO_PARENT: Final = 0xFFFF
+_FULL_V: Final = 3.0
 # A node that is looked at closely sends so much oftener, the others so much more seldom.
 _FOCUS: Final = 4
 _COMMANDS_KEPT: Final = 8
@@ -223,6 +230,22 @@ class Flood:
             self._timer.start(_REPEAT_NS + int(self._mote.random.random() * _SPREAD_NS))
 
 
+def field_value(field: PayloadField, reading: float) -> Any:
+    """Return what a field would hold of a reading: a number that fits, several for several."""
+    count, code = int(field.code[:-1] or 1), field.code[-1]
+    if field.conversion:
+        raw: float = CONVERSIONS[field.conversion].raw(reading)
+    else:
+        raw = (reading - field.offset) / field.scale
+    if code not in 'fd':
+        bits = 8 * calcsize('<' + code)
+        low = 0 if code.isupper() else -2 ** (bits - 1)
+        raw = min(max(round(raw), low), low + 2 ** bits - 1)
+        if code == '?':
+            return bool(raw)
+    return raw if count == 1 else (raw,) * count
+
+
 class NodeApplication:
     """
     Measures and sends, as often as it was told; its quantities take turns.
@@ -231,17 +254,24 @@ class NodeApplication:
 
     :param mote: that it is on.
     :param readings: its sensors.
-    :param payload: ``data`` (of the paper), ``surge`` or ``oscilloscope``.
+    :param payload: ``data`` (of the paper), ``surge``, ``oscilloscope`` or one of somebody's own;
+        of that a node sends nothing which measures nothing that it holds.
     :param period_ns: between two packets.
     """
 
     def __init__(self, mote: Mote, quantities: tuple[str, ...], readings: NodeReadings,
-                 payload: str, period_ns: int, big_endian: bool) -> None:
+                 payload: str | Payload, period_ns: int, big_endian: bool) -> None:
         self._mote = mote
         self._quantities = quantities
         self._alarms = tuple(each for each in quantities if each in ALARMS)
         self._readings = readings
-        self._pack = {'data': self._data, 'surge': self._surge}.get(payload, self._oscilloscope)
+        self._own = payload if isinstance(payload, Payload) else None
+        self._big_endian = big_endian
+        self._pack: Callable[[str, float], bytes] = {
+            'data': self._data, 'surge': self._surge, 'oscilloscope': self._oscilloscope,
+        }.get(str(payload), self._of_own)
+        self._is_mute = self._own is not None and not {
+            each.quantity for each in self._own.fields}.intersection(quantities)
         self._usual_ns = self._period_ns = period_ns
         self._sleeps = False
         self._seq_no = self._turn = self._boots = 0
@@ -253,7 +283,7 @@ class NodeApplication:
     def press(self, pressed: bool) -> None:
         """Take note that the button is pressed, or no longer; say so at once."""
         self._pressed = pressed
-        if self._alarms:
+        if self._alarms and not self._is_mute:
             self._urgent.start(1)
 
     def obey(self, command: int, value: int) -> None:
@@ -274,7 +304,8 @@ class NodeApplication:
         self._set_traffic()
 
     def _set_traffic(self) -> None:
-        self._mote.traffic = None if self._sleeps else Traffic(self._period_ns, self._build)
+        mute = self._sleeps or self._is_mute
+        self._mote.traffic = None if mute else Traffic(self._period_ns, self._build)
 
     def _send_alarm(self) -> None:
         if not self._mote.originate(self._packet(self._alarms[0])):
@@ -298,29 +329,46 @@ class NodeApplication:
         self._seq_no = (self._seq_no + 1) & 0xFFFFFFFF
         return packet
 
-    def _voltage(self) -> int:
+    def _battery_v(self) -> float:
         battery = self._mote.battery
-        return battery.raw_voltage if battery is not None else _U16 >> 4
+        return battery.voltage_v if battery is not None else _FULL_V
 
     def _parent(self) -> int:
         parent = self._mote.router.parent
         return _NO_PARENT if parent is None else parent
 
     def _data(self, quantity: str, now_s: float) -> bytes:
-        voltage = self._voltage()
-        kind, raw = self._readings.raw(quantity, now_s, voltage)
-        return DataMsg(0, raw, self._parent(), self._seq_no, kind, voltage).pack()
+        volts = self._battery_v()
+        kind, raw = self._readings.raw(quantity, now_s, volts)
+        return DataMsg(0, raw, self._parent(), self._seq_no, kind, battery_raw(volts)).pack()
 
     def _surge(self, quantity: str, now_s: float) -> bytes:
         """Send what a converter reads, the light if there is any: Surge does not say what."""
-        _, raw = self._readings.raw(self._plain(), now_s, self._voltage())
+        _, raw = self._readings.raw(self._plain(), now_s, self._battery_v())
         return SurgeMsg(0, raw, self._parent(), self._seq_no).pack()
 
     def _oscilloscope(self, quantity: str, now_s: float) -> bytes:
-        raws = tuple(self._readings.raw(self._plain(), now_s, self._voltage())[1]
+        raws = tuple(self._readings.raw(self._plain(), now_s, self._battery_v())[1]
                      for _ in range(MULTIHOP_READINGS))
         interval = min(round(self._period_ns / BINARY_MS_NS), _U16)
         return Oscilloscope.of(0, interval, self._mote.address, self._seq_no & _U16, raws).pack()
+
+    def _of_own(self, quantity: str, now_s: float) -> bytes:
+        """Send all that a payload of somebody's own holds; what the node lacks is 0."""
+        own = self._own
+        assert own is not None
+        values: dict[str, Any] = {
+            'origin': self._mote.address, 'seqno': self._seq_no & _U16, 'parent': self._parent(),
+            'hops': self._mote.router.hops}
+        volts = self._battery_v()
+        for field in own.fields:
+            if field.quantity in self._quantities or field.quantity == 'battery':
+                values[field.name] = field_value(
+                    field, self._readings.value(field.quantity, now_s, volts))
+        try:
+            return own.pack(values, self._big_endian)
+        except ValueError:  # a field of that name holds something else
+            return bytes(own.size)
 
     def _plain(self) -> str:
         return 'light' if 'light' in self._quantities else 'battery'

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the nodes of a simulated house measure, as the raw numbers that their sensors give.
+What the nodes of a simulated house measure, in its unit and as their sensors give it.
 
 Warmth and light are those of the place; what a body says is made up, plausible and slow.
 """
@@ -28,6 +28,7 @@ from typing import Final
 from typing import NamedTuple
 from typing import Protocol
 
+from rt_robot_os.wsn.packets.conversions import battery_raw
 from rt_robot_os.wsn.packets.conversions import centikelvin_raw
 from rt_robot_os.wsn.packets.conversions import par_illuminance_raw
 from rt_robot_os.wsn.packets.conversions import same_raw
@@ -97,6 +98,8 @@ _SLOW: Final[Mapping[str, _Slow]] = {
     'light': _Slow(1.0, 0.03, 20.0), 'pulse_per_min': _Slow(72.0, 4.0, 60.0),
     'respiration_per_min': _Slow(15.0, 1.5, 60.0), 'spo2_percent': _Slow(97.0, 0.7, 60.0),
     'body_temperature': _Slow(36.8, 0.15, 1800.0)}
+# Of a quantity of somebody's own.
+_ANY: Final = _Slow(50.0, 5.0, 60.0)
 
 
 class NodeReadings:
@@ -116,25 +119,34 @@ class NodeReadings:
         self._wandering: dict[str, tuple[float, float]] = {}
         self._was_at: tuple[float, float, float] = (0.0, *node.position_m[:2])
 
-    def raw(self, quantity: str, now_s: float, battery_raw: int) -> tuple[Kind, int]:
+    def value(self, quantity: str, now_s: float, battery_v: float) -> float:
         """
-        Measure.
+        Measure, in the unit of the quantity.
 
-        :param quantity: one of the node's.
-        :param battery_raw: what the converter gives of the battery.
-        :return: what it is, and the number that its sensor gives; ``Kind.NONE`` and 0 for a
-            quantity that no simulated sensor measures.
+        :param battery_v: of the node's battery.
+        :return: of a quantity that nobody knows here, what wanders about 50.
         """
         if quantity == 'battery':
-            return Kind.BATTERY, battery_raw
+            return battery_v
         if quantity in ALARMS:
-            return Kind[quantity.upper()], int(self._node.alarm)
+            return float(self._node.alarm)
         measure = _MEASURES.get(quantity)
-        return (Kind.NONE, 0) if measure is None else measure(self, now_s)
+        return self._slow(quantity, now_s) if measure is None else measure(self, now_s)
+
+    def raw(self, quantity: str, now_s: float, battery_v: float) -> tuple[Kind, int]:
+        """
+        Measure, as the number that the sensor gives.
+
+        :return: what it is, and the number; ``Kind.NONE`` and 0 for what the paper has no kind of.
+        """
+        kind, convert = _SENSORS.get(quantity, (Kind.NONE, None))
+        if convert is None:
+            return Kind.NONE, 0
+        return kind, convert(self.value(quantity, now_s, battery_v))
 
     def _slow(self, quantity: str, now_s: float) -> float:
         """Return a number that wanders, by a random walk that returns to its mean."""
-        slow = _SLOW[quantity]
+        slow = _SLOW.get(quantity, _ANY)
         before = self._wandering.get(quantity)
         if before is None:
             away = self._random.gauss(0.0, 1.0)
@@ -148,46 +160,47 @@ class NodeReadings:
         x, y, _ = self._node.position_m
         return self._surroundings.temperature_c(x, y) + self._slow('temperature', now_s)
 
-    def _temperature(self, now_s: float) -> tuple[Kind, int]:
-        return Kind.TEMPERATURE, sht1x_temperature_raw(self._temperature_c(now_s))
-
-    def _humidity(self, now_s: float) -> tuple[Kind, int]:
+    def _humidity(self, now_s: float) -> float:
         fraction = (_HUMIDITY + _HUMIDITY_PER_DEG * (self._temperature_c(now_s) - _AT_DEG_C)
                     + self._slow('humidity', now_s))
-        return Kind.HUMIDITY, sht1x_humidity_raw(min(max(fraction, 0.0), 1.0))
+        return min(max(fraction, 0.0), 1.0)
 
-    def _light(self, now_s: float) -> tuple[Kind, int]:
+    def _light_lx(self, now_s: float) -> float:
         x, y, _ = self._node.position_m
-        lux = self._surroundings.light_lux(x, y) * self._slow('light', now_s)
-        return Kind.LIGHT, par_illuminance_raw(max(lux, 0.0))
+        return max(self._surroundings.light_lux(x, y) * self._slow('light', now_s), 0.0)
 
-    def _pulse(self, now_s: float) -> tuple[Kind, int]:
+    def _pulse_per_min(self, now_s: float) -> float:
         excited = _EXCITED_PER_MIN if self._node.alarm else 0.0
-        return Kind.PULSE, same_raw(self._slow('pulse_per_min', now_s) + excited)
+        return self._slow('pulse_per_min', now_s) + excited
 
-    def _respiration(self, now_s: float) -> tuple[Kind, int]:
-        return Kind.RESPIRATION, same_raw(self._slow('respiration_per_min', now_s))
+    def _spo2_percent(self, now_s: float) -> float:
+        return min(self._slow('spo2_percent', now_s), 100.0)
 
-    def _spo2(self, now_s: float) -> tuple[Kind, int]:
-        return Kind.SPO2, same_raw(min(self._slow('spo2_percent', now_s), 100.0))
-
-    def _body_temperature(self, now_s: float) -> tuple[Kind, int]:
-        return Kind.BODY_TEMPERATURE, centikelvin_raw(self._slow('body_temperature', now_s))
-
-    def _acceleration(self, now_s: float) -> tuple[Kind, int]:
+    def _acceleration_g(self, now_s: float) -> float:
         """Return 1 g, and more or less of it while somebody walks about with the node."""
         x, y, _ = self._node.position_m
         before_s, before_x, before_y = self._was_at
         self._was_at = now_s, x, y
         took_s = now_s - before_s
         speed = math.hypot(x - before_x, y - before_y) / took_s if took_s > 0.0 else 0.0
-        shaking = 0.01 + 0.2 * min(speed, 1.5)
-        return Kind.ACCELERATION, same_raw(1000.0 * (1.0 + self._random.gauss(0.0, shaking)))
+        return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
 
 
-_MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], tuple[Kind, int]]]] = {
-    'temperature': NodeReadings._temperature, 'humidity': NodeReadings._humidity,
-    'light': NodeReadings._light, 'pulse_per_min': NodeReadings._pulse,
-    'respiration_per_min': NodeReadings._respiration, 'spo2_percent': NodeReadings._spo2,
-    'body_temperature': NodeReadings._body_temperature,
-    'acceleration_g': NodeReadings._acceleration}
+def _milli_raw(value: float) -> int:
+    return same_raw(1000.0 * value)
+
+
+# What is not there is only what wanders.
+_MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], float]]] = {
+    'temperature': NodeReadings._temperature_c, 'humidity': NodeReadings._humidity,
+    'light': NodeReadings._light_lx, 'pulse_per_min': NodeReadings._pulse_per_min,
+    'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g}
+# Quantity -> how the paper calls it, and what the sensor gives of it.
+_SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
+    'temperature': (Kind.TEMPERATURE, sht1x_temperature_raw),
+    'humidity': (Kind.HUMIDITY, sht1x_humidity_raw), 'light': (Kind.LIGHT, par_illuminance_raw),
+    'battery': (Kind.BATTERY, battery_raw), 'pulse_per_min': (Kind.PULSE, same_raw),
+    'respiration_per_min': (Kind.RESPIRATION, same_raw), 'spo2_percent': (Kind.SPO2, same_raw),
+    'body_temperature': (Kind.BODY_TEMPERATURE, centikelvin_raw),
+    'acceleration_g': (Kind.ACCELERATION, _milli_raw), 'alarm': (Kind.ALARM, same_raw),
+    'smoke': (Kind.SMOKE, same_raw), 'water': (Kind.WATER, same_raw)}
