@@ -109,9 +109,9 @@ class SimulatedSink(SimulatedDevice):
         Field('group', int, -1, 'AM group of the network, as the driver has it; -1: the usual '
               'one.', '', -1, 255),
         Field('payload', str, DATA, f'What nodes send under TinyOS 1.x: {DATA} (any quantity, '
-              f'with its kind and the battery) or {SURGE} (what one converter reads); under 2.x {DATA} '
-              'is MultihopOscilloscope. Or the name of one of your own payloads: nodes send it '
-              'that measure something of it.'),
+              f'with its kind and the battery) or {SURGE} (what one converter reads); under 2.x '
+              f'{DATA} is MultihopOscilloscope. Or the name of one of your own payloads: nodes '
+              'send it that measure something of it.'),
         Field('payloads', list, (), 'Payloads of your own, as the driver has them.'),
         Field('period_ms', float, 2000.0, 'Time between two packets of a node; it measures its '
               'quantities in turn.', 'ms', 20.0, _LONGEST_MS),
