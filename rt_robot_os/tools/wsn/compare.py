@@ -42,8 +42,9 @@ _EPILOG: Final = """
 FOLDER holds tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz, or
 mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or both.
 The exit code is 1 when something differs by more than it may: delivery by 0.03 (0.06 under heavy
-noise) from the mean, frames for each packet that came by 15 %, and against firmware the parent of
-a node at the end, or the cost of a beacon, at all.
+noise) from the mean, or from the one run of firmware by two standard deviations of our seeds;
+frames for each packet that came by 15 %; against firmware, when a node in most of our runs never
+had the parent that it had there at the end, or never said a cost that it said there.
 """
 
 
@@ -57,7 +58,7 @@ def add_to(commands: Any) -> None:
     parser.add_argument('--only', metavar='TEXT', default='',
                         help='only those whose name has all these words, such as "chain7 ctp"')
     parser.add_argument('--seeds', metavar='N', type=int, default=0,
-                        help='seeds (default: as many as theirs; 3 against firmware)')
+                        help='seeds (default: as many as theirs; 6 against firmware)')
     parser.add_argument('--jobs', metavar='N', type=int, default=0,
                         help='processes at once (default: one a processor)')
     parser.add_argument('--json', action='store_true', help='write the result as JSON')
@@ -88,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from rt_robot_os.tools.wsn.references import read_references
     words = arguments.only.split()
-    references = [one for one in read_references(arguments.folder, arguments.seeds or 3)
+    references = [one for one in read_references(arguments.folder, arguments.seeds or 6)
                   if all(word in one.name for word in words)]
     compared = {one.name: differences(one, runs) for one, runs in simulated(
         references, arguments.seeds, arguments.jobs)}
@@ -124,10 +125,14 @@ def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
 
 def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
     """Compare a reference with our runs of it."""
-    ours = statistics.fmean(run.delivery for run in runs)
+    deliveries = [run.delivery for run in runs]
+    ours, within, said = statistics.fmean(deliveries), one.delivery_within, ''
+    if one.single and len(runs) > 2:
+        # Theirs is one draw; where links are poor, draws differ.
+        within = max(within, 2.0 * statistics.stdev(deliveries))
+        said = ' (2 sigma of ours)' if within > one.delivery_within else ''
     found = [Difference('delivery', f'{ours:.4f}', f'{one.delivery:.4f}',
-                        abs(ours - one.delivery) <= one.delivery_within,
-                        f'{one.delivery_within:.2f}')]
+                        abs(ours - one.delivery) <= within, f'{within:.2f}{said}')]
     if one.frames_per_delivery is not None:
         frames = statistics.fmean(run.per_delivery(
             run.transmissions if one.beacons_count else run.data_transmissions) for run in runs)
@@ -137,21 +142,39 @@ def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
                                 math.isfinite(off) and abs(off) <= one.frames_within,
                                 f'{100 * one.frames_within:.0f} %, is {100 * off:+.0f} %'))
     if one.parents:
-        found.append(_nodes('parents', [run.parents for run in runs], one.parents))
+        found.append(_parents(one.parents, runs))
     if one.beacon_costs:
-        found.append(_nodes('beacon costs', [run.beacon_costs for run in runs],
-                            one.beacon_costs))
+        found.append(_costs(one.beacon_costs, runs))
     return found
 
 
-def _nodes(what: str, ours: Sequence[Mapping[int, int | None]], theirs: Mapping[int, int]
-           ) -> Difference:
-    """Compare what is known of each node with the seed that is like most of the others."""
-    alike = [{node: run.get(node) for node in theirs} for run in ours]
-    same = sum(run == theirs for run in alike)
-    shown = next((run for run in alike if run != theirs), alike[0])
-    return Difference(what, _pairs(shown), _pairs(theirs), same * 2 > len(alike),
-                      f'the same in {same} of {len(alike)}')
+def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
+    """
+    Compare the tree at the end.
+
+    Where links are poor it changes all the time, and theirs is one of those that occur: it agrees
+    when each node had that parent in most of our runs.
+    """
+    same = sum({node: run.parents.get(node) for node in theirs} == theirs for run in runs)
+    had = sum(all(parent in run.parents_had[node] for node, parent in theirs.items())
+              for run in runs)
+    ours = next((run.parents for run in runs if run.parents != theirs), runs[0].parents)
+    return Difference('parents', _pairs({node: ours.get(node) for node in theirs}),
+                      _pairs(theirs), 2 * had > len(runs),
+                      f'at the end in {same}, at some time in {had} of {len(runs)}')
+
+
+def _costs(theirs: Mapping[int, frozenset[int]], runs: Sequence[Results]) -> Difference:
+    """Compare all costs that beacons said: each of theirs must be one of ours, to the number."""
+    ours = {node: frozenset().union(*(run.costs_said.get(node, frozenset()) for run in runs))
+            for node in theirs}
+    return Difference('beacon costs', _sets(ours), _sets(theirs),
+                      all(said <= ours[node] for node, said in theirs.items()), 'nothing')
+
+
+def _sets(values: Mapping[int, frozenset[int]]) -> str:
+    return ' '.join(f'{node}:{"/".join(map(str, sorted(said)))}'
+                    for node, said in sorted(values.items()))
 
 
 def _pairs(values: Mapping[int, int | None]) -> str:

@@ -73,8 +73,9 @@ class Reference:
     :ivar delivery_within: how much ours may differ.
     :ivar frames_per_delivery: theirs; None when it is not to be compared.
     :ivar beacons_count: beacons are among these frames.
+    :ivar single: theirs is one run.
     :ivar parents: theirs at the end; empty when not known.
-    :ivar beacon_costs: of their last beacons.
+    :ivar beacon_costs: all costs that their beacons said.
     """
 
     name: str
@@ -84,11 +85,12 @@ class Reference:
     frames_per_delivery: float | None = None
     frames_within: float = _FRAMES_WITHIN
     beacons_count: bool = True
+    single: bool = False
     parents: Mapping[int, int] = field(default_factory=dict)
-    beacon_costs: Mapping[int, int] = field(default_factory=dict)
+    beacon_costs: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
-def read_references(folder: Path, seeds: int = 3) -> list[Reference]:
+def read_references(folder: Path, seeds: int = 6) -> list[Reference]:
     """
     Read all references of a folder.
 
@@ -171,7 +173,7 @@ class _Air:
 
     first_us: dict[int, int] = field(default_factory=dict)
     parents: dict[int, int] = field(default_factory=dict)
-    costs: dict[int, int] = field(default_factory=dict)
+    costs: dict[int, set[int]] = field(default_factory=dict)
     interval: int = 1024
 
 
@@ -187,7 +189,8 @@ def _firmware(folder: Path, summary: Mapping[str, Mapping[str, Any]], seeds: int
             f'firmware {network} {protocol}',
             [_firmware_scenario(links, protocol, air, most, seed + 1) for seed in range(seeds)],
             delivered / generated, _FIRMWARE_WITHIN, one.get('transmissions_per_delivery'),
-            beacons_count=False, parents=air.parents, beacon_costs=air.costs)
+            beacons_count=False, single=True, parents=air.parents,
+            beacon_costs={node: frozenset(costs) for node, costs in air.costs.items()})
 
 
 def _air(path: str) -> _Air:
@@ -199,7 +202,7 @@ def _air(path: str) -> _Air:
                 continue
             node, data = frame.source, frame.payload
             if frame.am_type == _LQI_BEACON:
-                air.costs[node] = int.from_bytes(data[8:10], 'big')
+                air.costs.setdefault(node, set()).add(int.from_bytes(data[8:10], 'big'))
             elif frame.am_type in (_LQI_DATA, _CTP_DATA):
                 if frame.destination != _BROADCAST:
                     air.parents[node] = frame.destination

@@ -45,6 +45,8 @@ class Results:
     :ivar latencies_ms: sorted.
     :ivar parents: None without a route.
     :ivar beacon_costs: the last cost that each node said; of the sink, too.
+    :ivar costs_said: all costs that each node's beacons said, once it had a route.
+    :ivar parents_had: all parents that each node had.
     :ivar used_mah: of each battery.
     :ivar outcomes: what became of frames at those that they were for, by name.
     :ivar counters: of the protocols, added up.
@@ -72,6 +74,8 @@ class Results:
     beacon_costs: Mapping[int, int]
     used_mah: Mapping[int, float]
     battery_mah: float
+    costs_said: Mapping[int, frozenset[int]] = field(default_factory=dict)
+    parents_had: Mapping[int, frozenset[int]] = field(default_factory=dict)
     gaps: Sequence[Gap] = ()
     beacon_period_s: float = 0.0
     outcomes: Mapping[str, int] = field(default_factory=dict)

@@ -31,6 +31,7 @@ from typing import Final
 
 from rt_robot_os.schema import setting
 from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 
 PROTOCOLS: Final = ('multihoplqi', 'paper', 'ctp')
@@ -191,8 +192,9 @@ class Scenario:
         None, 'link costs overflow as in 16 bits of a mote; when absent: yes, but with mac: '
         'tossim, which runs on a PC')
     boot_s: float = setting(0.0, 'when the first node is switched on', 's', 0.0, 1e9)
-    boot_spread_s: float = setting(
-        1.0, 'each node is switched on so much later at most, drawn evenly', 's', 0.0, 1e9)
+    boot_spread_s: float | None = setting(
+        None, 'each node is switched on so much later at most, drawn evenly (default: the period '
+        'of the traffic, so that not all send at once; 1 s with mac: tossim)', 's', 0.0, 1e9)
     renew_m: float | None = setting(
         None, 'of paper with a sink that drives: a round for each so many metres of its way, not '
         'under 1 s apart, and not above the beacon period; when absent the period alone counts',
@@ -252,8 +254,11 @@ def settled(scenario: Scenario) -> Scenario:
     drift_ppm = scenario.drift_ppm
     if drift_ppm is None:
         drift_ppm = 0.0 if mac == 'tossim' else _USUAL_DRIFT_PPM
+    spread_s = scenario.boot_spread_s
+    if spread_s is None:
+        spread_s = 1.0 if mac == 'tossim' else scenario.period_ns / NS_PER_S
     return replace(
-        scenario, tinyos=tinyos, u16_wrap=wrap, drift_ppm=drift_ppm,
+        scenario, tinyos=tinyos, u16_wrap=wrap, drift_ppm=drift_ppm, boot_spread_s=spread_s,
         radio=replace(scenario.radio, mac=mac, acknowledge=acknowledge),
         traffic=replace(scenario.traffic, payload=payload))
 

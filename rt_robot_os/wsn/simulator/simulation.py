@@ -104,7 +104,9 @@ class Simulation:
         self._happened: Counter[str] = Counter()
         self._data: Counter[int] = Counter()
         self._beacons = 0
-        self._said: dict[int, tuple[int, bytes]] = {}
+        self._said: dict[int, int] = {}
+        self._all_said: dict[int, set[int]] = {each: set() for each in topology.places}
+        self._parents: dict[int, set[int]] = {each: set() for each in topology.places}
         self._on_frame = on_frame
         self._seen: dict[int, tuple[int | None, int, int]] = {}
         self._wall_s = 0.0
@@ -136,7 +138,8 @@ class Simulation:
         late = {node: round(one.at_s * NS_PER_S) for one in map(fault, scenario.faults)
                 if one.kind == 'boot' for node in self._who(one)}
         for each, place in topology.places.items():
-            boot_s = scenario.boot_s + self._random.random() * scenario.boot_spread_s
+            boot_s = scenario.boot_s + self._random.random() * (
+                scenario.boot_spread_s or 0.0)
             self.network.add(
                 each, (place.x, place.y, place.z), is_root=each == topology.sink,
                 power_dbm=scenario.radio.power_dbm,
@@ -224,7 +227,9 @@ class Simulation:
         am_type = frame.am_type
         if am_type in _BEACONS:
             self._beacons += 1
-            self._said[frame.sender.address] = (am_type, frame.payload)
+            node = frame.sender.address
+            self._said[node] = cost = _cost(am_type, frame.payload)
+            self._all_said[node].add(cost)
         elif am_type != ACK:
             self._data[frame.sender.address] += 1
         if self._on_frame is not None:
@@ -239,6 +244,8 @@ class Simulation:
 
     def _noted(self, now_ns: int, mote: Mote, event: str, numbers: tuple[int, ...]) -> None:
         self._happened[event] += 1
+        if event == 'parent' and numbers:
+            self._parents[mote.address].add(numbers[0])
 
     def run(self, progress: Progress | None = None, watch_tree: bool = False) -> None:
         """
@@ -291,7 +298,9 @@ class Simulation:
                      for each, mote in motes.items()},
             costs={each: mote.router.cost for each, mote in routed.items()},
             hops={each: mote.router.hops for each, mote in routed.items()},
-            beacon_costs=dict(sorted((each, _cost(*said)) for each, said in self._said.items())),
+            beacon_costs=dict(sorted(self._said.items())),
+            costs_said={each: frozenset(said) for each, said in self._all_said.items()},
+            parents_had={each: frozenset(had) for each, had in self._parents.items()},
             used_mah={each: self._used_mah(mote, now_ns) for each, mote in motes.items()},
             battery_mah=scenario.energy.battery_mah,
             gaps=self.ledger.gaps(GAP_PACKETS, now_ns),
