@@ -109,10 +109,11 @@ def test_noise_for_a_while_costs_packets_then(tmp_path: Path) -> None:
     path.write_text('seconds: 60\nprotocol: ctp\ntopology: {grid: 1x3}\n'
                     'faults: [noise 60 at 20 for 20]\ntraffic: {period_ms: 1000}\n')
     simulation = simulated(path)
-    lost = [made_ns / 1e9 for _, made_ns, took_ns in simulation.ledger.fates() if took_ns < 0]
-    slow = [made_ns / 1e9 for _, made_ns, took_ns in simulation.ledger.fates() if took_ns > 1e9]
-    assert len(lost) + len(slow) > 10
-    assert all(8 < at_s < 41 for at_s in lost + slow)
+    bad = [made_ns / 1e9 for _, made_ns, took_ns in simulation.ledger.fates()
+           if not 0 <= took_ns < 1e9]
+    during = [at_s for at_s in bad if 15 < at_s < 41]
+    assert len(during) > 10
+    assert len(bad) - len(during) < 0.3 * len(during)
 
 
 def test_a_moving_sink_is_where_its_way_leads(tmp_path: Path) -> None:
