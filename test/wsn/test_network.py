@@ -92,6 +92,22 @@ def test_one_seed_gives_one_run_and_another_one_another():
     assert outline(5) != outline(6)
 
 
+@pytest.mark.parametrize('mac', MAC_PROFILES.values(), ids=MAC_PROFILES)
+@pytest.mark.parametrize('physical', [False, True], ids=['links', 'gains'])
+def test_a_run_is_the_same_when_somebody_looks_on(mac, physical):
+    def outline(watched: bool) -> list[int]:
+        air = gains(mac, -93.0) if physical else links(0.7, mac)
+        if watched:
+            air.overhears = True
+            air.trace = lambda frame, receivers: None
+        network = chain(air, mac, traffic=Traffic(
+            S // 20, SECOND.build, jitter_ns=S // 40))
+        network.run_until(20 * S)
+        return [network.queue.executed, network.duplicates, *air.outcomes, *network.latencies_ns]
+
+    assert outline(True) == outline(False)
+
+
 def test_a_signal_below_the_noise_is_not_heard():
     network = chain(gains(gain_db=-99.0))
     network.run_until(60 * S)

@@ -103,11 +103,14 @@ class Ctp(Router):
         except ValueError:
             self.counters['bad_frames'] += 1
 
+    def snoops(self, am_type: int, payload: bytes) -> bool:
+        """Return whether such a frame for another node asks for beacons or tells of a queue."""
+        return am_type == CtpData.AM_TYPE and bool(payload) and bool(
+            self._congestion or payload[0] & PULL)
+
     def snoop(self, frame: Received) -> None:
         """Take a frame for another node: it may ask for beacons, or tell of a long queue."""
-        if frame.am_type != CtpData.AM_TYPE or not frame.payload:
-            return
-        if not (self._congestion or frame.payload[0] & PULL):
+        if not self.snoops(frame.am_type, frame.payload):
             return
         try:
             self._forwarding.overheard(frame.source, CtpData.unpack(frame.payload))

@@ -163,5 +163,9 @@ class Router(ABC):
         :return: False when there is no room; the packet is lost, and the application knows.
         """
 
+    def snoops(self, am_type: int, payload: bytes) -> bool:
+        """Return whether such a frame for another node means anything to ``snoop``."""
+        return True
+
     def snoop(self, frame: Received) -> None:
         """Take a frame for another node; the radio hears all."""

@@ -48,6 +48,10 @@ from rt_robot_os.wsn.simulator.medium import WEAK
 # From here a radio sees that a frame begins.
 _SYNCHRONISATION_SNR_DB: Final = 1.0
 _FALSE_ACK: Final = 0.001
+# What is drawn for a frame at a radio; below it, by sequence number, against each other frame.
+_AT_BEGIN: Final = 256
+_AT_END: Final = 257
+_LQI: Final = 258
 # From here the noise adds nothing to what the radio sees of the strength.
 _CLEAR_SNR_DB: Final = 12.0
 _NOTHING_DBM: Final = -999.0
@@ -181,13 +185,14 @@ class GainMedium(Medium):
         at_begin = power - self._noise[(begin_ns // NS_PER_SAMPLE + place) % self._length]
         snr_db = power - self._noise[(frame.end_ns // NS_PER_SAMPLE + place) % self._length]
         if self._tossim:
-            if at_begin < STRONG_SNR_DB and not is_received(at_begin, self.draw(frame, radio)):
+            if at_begin < STRONG_SNR_DB and not is_received(
+                    at_begin, self.draw(frame, radio, _AT_BEGIN)):
                 return WEAK
         elif at_begin < snr_db:
             snr_db = at_begin
-        if snr_db < STRONG_SNR_DB and not is_received(snr_db, self.draw(frame, radio)):
+        if snr_db < STRONG_SNR_DB and not is_received(snr_db, self.draw(frame, radio, _AT_END)):
             return WEAK
-        self.lqi = lqi(snr_db, self.draw(frame, radio))
+        self.lqi = lqi(snr_db, self.draw(frame, radio, _LQI))
         self.rssi_dbm = floor(power) if at_begin > _CLEAR_SNR_DB else floor(
             10 * log10(_milliwatts(power) + _milliwatts(power - at_begin)))
         return RECEIVED
@@ -246,7 +251,7 @@ class GainMedium(Medium):
         if self._tossim:
             for other, level in others:
                 if other.begin_ns > begin_ns and not is_received(
-                        power - level, self.draw(frame, radio)):
+                        power - level, self.chance(frame, radio, other.dsn)):
                     return COLLISION
             worst = sum(_milliwatts(level) for other, level in others if other.end_ns > end_ns)
             noise = at_end
@@ -254,9 +259,9 @@ class GainMedium(Medium):
             worst = self._worst(begin_ns, others)
             noise = max(at_begin, at_end)
         snr_db = power - 10 * log10(_milliwatts(noise) + worst)
-        if not is_received(snr_db, self.draw(frame, radio)):
+        if not is_received(snr_db, self.draw(frame, radio, _AT_END)):
             return COLLISION if worst > _milliwatts(noise) else WEAK
-        self.lqi = lqi(snr_db, self.draw(frame, radio))
+        self.lqi = lqi(snr_db, self.draw(frame, radio, _LQI))
         self.rssi_dbm = floor(10 * log10(_milliwatts(power) + _milliwatts(at_begin)))
         return RECEIVED
 
@@ -302,7 +307,7 @@ class GainMedium(Medium):
                     other, radio, begin_ns)
         snr_db = power - 10 * log10(total)
         if self._tossim:
-            if not is_received(snr_db, self.draw(frame, radio)):
+            if not is_received(snr_db, self.chance(frame, radio, _AT_BEGIN)):
                 return COLLISION if total > 2 * noise else WEAK
         elif snr_db < _SYNCHRONISATION_SNR_DB:
             return COLLISION if total > 2 * noise else WEAK

@@ -106,7 +106,7 @@ class LinkMedium(Medium):
         if not radio.is_on or radio.on_since_ns > frame.begin_ns:
             return OFF
         if frame.overlaps is None:
-            if link.reception_rate < 1 and self.draw(frame, radio) >= link.reception_rate:
+            if link.reception_rate < 1 and self.draw(frame, radio, 0) >= link.reception_rate:
                 return WEAK
         else:
             outcome = self._start(frame, radio, link)
@@ -142,6 +142,6 @@ class LinkMedium(Medium):
                 before = other.sender.fixed_links.get(radio)
                 if before is not None and not self._start(other, radio, before):
                     return BUSY
-        if link.reception_rate < 1 and self.draw(frame, radio) >= link.reception_rate:
+        if link.reception_rate < 1 and self.chance(frame, radio, 0) >= link.reception_rate:
             return WEAK
         return RECEIVED

@@ -40,6 +40,9 @@ BUSY: Final = 3
 SENDING: Final = 4
 OFF: Final = 5
 NO_LINK: Final = 6
+_MASK: Final = (1 << 64) - 1
+_CHANCES: Final = 1 << 53
+
 #: What became of a frame at a node that it was for, by number.
 OUTCOMES: Final = (
     'received', 'weak', 'collision', 'receiving_another', 'sending', 'off', 'no_link')
@@ -54,6 +57,7 @@ class Medium(ABC):
     :ivar lqi: of the frame that was received last.
     :ivar rssi_dbm: of the same.
     :ivar overhears: frames for others are given to all as well.
+    :ivar snooped: says which of these are given to all although not all have to be.
     :ivar trace: called with each frame, acknowledgements too, when it has ended, and with who
         received it; of frames for one node all of them only with ``overhears``.
     """
@@ -64,16 +68,17 @@ class Medium(ABC):
         self.lqi = 0
         self.rssi_dbm = 0
         self.overhears = False
+        self.snooped: Callable[[Transmission], bool] | None = None
         self.trace: Callable[[Transmission, list[Radio]], None] | None = None
         self.random = Random(0)
-        self._overheard = Random(0)
+        self._salt = 0
         self._on_air: list[Transmission] = []
         self._by_address: dict[int, list[Radio]] = {}
 
     def seed(self, seed: int) -> None:
         """Begin the series of random numbers."""
         self.random.seed(f'{seed} air')
-        self._overheard.seed(f'{seed} overheard')
+        self._salt = Random(f'{seed} overheard').getrandbits(64)
 
     def attach(self, radio: Radio, position: Position) -> None:
         """
@@ -127,7 +132,7 @@ class Medium(ABC):
             self.give_to_all(frame, receivers)
         else:
             self._give_to_one(frame, destination, receivers)
-            if self.overhears:
+            if self.overhears or (self.snooped is not None and self.snooped(frame)):
                 self._give_to_others(frame, destination, receivers)
         self.finish(frame)
         if self.trace is not None:
@@ -208,8 +213,24 @@ class Medium(ABC):
                 receivers.append(radio)
                 radio.overhear(frame, self.lqi, self.rssi_dbm)
 
-    def draw(self, frame: Transmission, radio: Radio) -> float:
-        """Return a random number; those for frames of others leave the rest as it is."""
+    def draw(self, frame: Transmission, radio: Radio, step: int) -> float:
+        """
+        Return a random number from 0 to 1, 1 not included.
+
+        What is drawn for frames of others leaves the rest as it is, so that a run is the same
+        whether or not somebody looks at them.
+
+        :param step: one for each thing that is drawn for a frame at a radio.
+        """
         if frame.destination == BROADCAST or frame.destination == radio.address:
             return self.random.random()
-        return self._overheard.random()
+        return self.chance(frame, radio, step)
+
+    def chance(self, frame: Transmission, radio: Radio, step: int) -> float:
+        """Return the same from nothing but seed, frame, radio and step, whoever asks first."""
+        mixed = (self._salt + frame.begin_ns * 0x9E3779B97F4A7C15
+                 + (frame.sender.address << 40 | radio.address << 16 | step)
+                 * 0xD1B54A32D192ED03) & _MASK
+        mixed = (mixed ^ mixed >> 30) * 0xBF58476D1CE4E5B9 & _MASK
+        mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EB & _MASK
+        return (mixed >> 11) / _CHANCES

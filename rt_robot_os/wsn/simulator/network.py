@@ -114,9 +114,14 @@ class Network:
         self.motes[address] = mote
         self.medium.attach(mote.radio, position)
         if type(mote.router).snoop is not Router.snoop:
-            self.medium.overhears = True
+            self.medium.snooped = self._snooped
         self.at(max(boot_ns, self.queue.now_ns), mote.boot)
         return mote
+
+    def _snooped(self, frame: Transmission) -> bool:
+        """Return whether the protocol looks at a frame that is for another node."""
+        mote = self.motes.get(frame.sender.address)
+        return mote is None or mote.router.snoops(frame.am_type, frame.payload)
 
     def remove(self, address: int) -> None:
         """
