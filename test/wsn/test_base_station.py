@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from hypothesis import given
+from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.wsn.packets.framing import frame
@@ -140,6 +142,18 @@ def test_a_mote_of_tinyos_1_tells_what_it_does_not_understand() -> None:
     assert bench.line == frame(0xFF, bytes((TINYOS_2.acked,))).hex()
     bench.station.take(frame(TINYOS_1.ack, b'\x01'), 0)
     assert len(bench.out) == 1 and bench.station.refused == 1
+
+
+@given(st.sampled_from(sorted(STATIONS)), st.lists(st.one_of(
+    st.binary(max_size=60), st.builds(frame, st.sampled_from([0x41, 0x42, 0x44, 0x45]),
+                                      st.binary(max_size=60))), max_size=8))
+def test_any_bytes_of_the_host_are_borne(name: str, pieces: list[bytes]) -> None:
+    bench = Bench(name)
+    for data in pieces:
+        bench.station.take(data, 0)
+    assert len(bench.air) == bench.station.taken
+    told = FrameReader().feed(bytes.fromhex(bench.line))
+    assert {each.protocol for each in told} <= {bench.station.station.protocols.ack, 0xFF}
 
 
 def test_after_a_reset_nothing_waits() -> None:

@@ -30,6 +30,8 @@ from rt_robot_os.wsn.packets.decode import Packet
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.framing import frame
 from rt_robot_os.wsn.packets.framing import FrameReader
+from rt_robot_os.wsn.packets.surge import SurgeCmd
+from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.simulator.base_station import STATIONS
@@ -218,6 +220,17 @@ def test_commands_of_the_host_reach_nodes_that_do_not_hear_the_sink() -> None:
     house.run(2)
     focused = house.run(3)
     assert len(of(focused, FAR)) > 4 * len(of(focused, NEAR))
+
+
+def test_commands_that_make_no_sense_are_borne() -> None:
+    house = House()
+    house.run(6)
+    for payload in (b'', b'\x02', bytes(6), SurgeCmd(2, 0).pack(), SurgeCmd(99, 5).pack(),
+                    SurgeCmd(5, 0xFFFFFFFF).pack() + bytes(40)):
+        house.live.from_host(frame(0x42, TelosMsg(0xFFFF, 18, payload).pack()))
+        house.run(1)
+    later = house.run(4)
+    assert {NEAR, MIDDLE, FAR, WRIST} == {each.origin for each in later}
 
 
 def test_without_power_the_sink_is_silent_and_begins_again() -> None:
