@@ -103,7 +103,7 @@ class LeastCost(Router):
 
     :param node: that it runs on.
     :param root: it is the sink.
-    :param beacon_period_ns: between two rounds; of a sink with ``timing`` the longest of it.
+    :param beacon_period_ns: between two rounds, unless ``timing`` and ``speed`` are given.
     :param timing: let the period follow the sink's speed.
     :param speed: the sink's in m/s.
     :param data_am_type: of the application's packets.
@@ -163,16 +163,29 @@ class LeastCost(Router):
 
     def _beacon_due(self) -> None:
         """Begin a round, or send on the beacon of one."""
-        if self.root:
-            self._round = (self._round + 1) & _U16
-            period_ns = self._period_ns
-            if self._timing is not None and self._speed is not None:
-                period_ns = self._timing.period_ns(self._speed())
-            self._beacon_timer.start(period_ns)
-        else:
+        if not self.root:
             self._relay_planned = False
             self._choose()
+        elif not self._begins_round():
+            return
         self._send_beacon()
+
+    def _begins_round(self) -> bool:
+        """Begin a round if it is time, and wait for the next one."""
+        timing, speed = self._timing, self._speed
+        now_ns = self._node.now_ns()
+        pause_ns = self._period_ns
+        if timing is not None and speed is not None:
+            # Looked at often, as the sink may drive off at any time.
+            pause_ns = timing.shortest_ns
+            left_ns = self._round_ns + timing.period_ns(speed()) - now_ns
+            if self._round and left_ns > 0:
+                self._beacon_timer.start(min(pause_ns, left_ns))
+                return False
+        self._round = (self._round + 1) & _U16
+        self._round_ns = now_ns
+        self._beacon_timer.start(pause_ns)
+        return True
 
     def _plan_relay(self) -> None:
         self._relay_planned = True
