@@ -285,6 +285,22 @@ def test_two_nodes_that_lose_the_sink_do_not_send_to_each_other_for_long() -> No
         assert sorted(arrived(air, origin)) == [0, 1, 2, 3]
 
 
+def test_three_nodes_that_lose_the_sink_keep_what_goes_round() -> None:
+    air = network({(0, 1): 106, (0, 2): 104, (0, 3): 102, (1, 2): 106, (2, 3): 106, (1, 3): 100,
+                   (4, 1): 106, (4, 3): 106})
+    air.run(1)
+    away = both_ways({(0, 1): 0, (0, 2): 0, (0, 3): 0})
+    air.deaf |= away.keys()
+    begun = len(air.sent)
+    send(air, [1, 2, 3, 4], 3)
+    assert len(air.sent) - begun < 500
+    assert sum(router.counters['given_up'] for router in air.routers.values()) == 0
+    air.deaf.clear()
+    air.run(5)
+    for origin in (1, 2, 3, 4):
+        assert sorted(arrived(air, origin)) == [0, 1, 2]
+
+
 def test_data_flow_again_within_two_periods_when_the_sink_has_moved() -> None:
     air = network({(0, 1): 106, (1, 2): 106, (2, 3): 106, (3, 4): 106})
     air.run(1)

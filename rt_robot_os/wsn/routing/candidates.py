@@ -102,12 +102,17 @@ class Candidates:
     def best(self) -> Candidate | None:
         """Return whom to send to; None when nobody is left."""
         usable = [one for one in self._by_address.values()
-                  if not (one.failed or one.returns or self._may_return(one))]
+                  if not (one.failed or one.returns
+                          or self._is_dear(one) and one.hops > _NEXT_TO_SINK)]
         return min(usable, key=self._rank, default=None)
 
-    def _may_return(self, one: Candidate) -> bool:
-        return (self.advertised is not None and one.cost >= self.advertised
-                and one.hops > _NEXT_TO_SINK)
+    def is_dear(self, address: int) -> bool:
+        """Tell whether a neighbour may have this node on its way."""
+        one = self._by_address.get(address)
+        return one is not None and self._is_dear(one)
+
+    def _is_dear(self, one: Candidate) -> bool:
+        return self.advertised is not None and one.cost >= self.advertised
 
     def get(self, address: int) -> Candidate | None:
         """Return a neighbour."""
@@ -120,5 +125,4 @@ class Candidates:
 
     def _rank(self, one: Candidate) -> tuple[bool, bool, int, int]:
         old = one.round_number != self._round
-        dear = self.advertised is not None and one.cost >= self.advertised
-        return old, dear, one.total, -one.rssi_dbm
+        return old, self._is_dear(one), one.total, -one.rssi_dbm

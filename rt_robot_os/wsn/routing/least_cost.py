@@ -65,8 +65,8 @@ LIFETIME_NS: Final = 10_000_000_000
 RESTART_PERIODS: Final = 3
 _REMEMBERED_BY_NODES: Final = 128
 _REMEMBERED_BY_SINK: Final = 4096
-#: A packet that comes back so often is dropped.
-_MOST_VISITS: Final = 3
+#: A packet that comes again so often is dropped.
+_MOST_VISITS: Final = 5
 _SINK_START_NS: Final = 500_000_000
 _U16: Final = 0xFFFF
 
@@ -349,31 +349,34 @@ class LeastCost(Router):
         if self._taken.known(last_hop, now_ns):
             self.counters['duplicates'] += 1
             return
-        if message.source == self.parent:
-            self._loop(message.source)
-        if self._comes_again(message, now_ns):
+        visits = self._visits(message, now_ns)
+        if visits >= _MOST_VISITS:
             self.counters['given_up'] += 1
             return
+        parent = self.parent
+        if parent is not None and (
+                message.source == parent or visits and self._candidates.is_dear(parent)):
+            self._loop(parent)
         if self._push(message):
             self._taken.add(last_hop, now_ns)
             self.counters['forwarded'] += 1
 
     def _loop(self, neighbour: int) -> None:
-        """Leave a parent that sends data here: each takes the other for nearer to the sink."""
+        """Leave a parent over which packets come back: each takes the other for nearer."""
         candidate = self._candidates.get(neighbour)
         if candidate is not None:
             candidate.returns = True
         self.counters['loops'] += 1
         self._choose()
 
-    def _comes_again(self, message: MultihopMsg, now_ns: int) -> bool:
-        """Tell whether a packet goes round and round."""
+    def _visits(self, message: MultihopMsg, now_ns: int) -> int:
+        """Return how often a packet was here before, and count this time."""
         for visit in range(_MOST_VISITS):
             packet = (visit, message.origin, message.origin_seqno)
             if not self._taken.known(packet, now_ns):
                 self._taken.add(packet, now_ns)
-                return False
-        return True
+                return visit
+        return _MOST_VISITS
 
     def _push(self, message: MultihopMsg) -> bool:
         sent = MultihopMsg(self._node.address, message.origin, signed(self._next_seqno()),
