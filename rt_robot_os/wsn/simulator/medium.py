@@ -58,8 +58,9 @@ class Medium(ABC):
     :ivar rssi_dbm: of the same.
     :ivar overhears: frames for others are given to all as well.
     :ivar snooped: says which of these are given to all although not all have to be.
-    :ivar trace: called with each frame, acknowledgements too, when it has ended, and with who
-        received it; of frames for one node all of them only with ``overhears``.
+    :ivar on_end: called with each frame, acknowledgements too, when it has ended.
+    :ivar trace: the same, and with who received it; of frames for one node all of them only with
+        ``overhears``. It takes time: all that hear an acknowledgement are looked at.
     """
 
     def __init__(self) -> None:
@@ -69,6 +70,7 @@ class Medium(ABC):
         self.rssi_dbm = 0
         self.overhears = False
         self.snooped: Callable[[Transmission], bool] | None = None
+        self.on_end: Callable[[Transmission], None] | None = None
         self.trace: Callable[[Transmission, list[Radio]], None] | None = None
         self.random = Random(0)
         self._salt = 0
@@ -135,6 +137,8 @@ class Medium(ABC):
             if self.overhears or (self.snooped is not None and self.snooped(frame)):
                 self._give_to_others(frame, destination, receivers)
         self.finish(frame)
+        if self.on_end is not None:
+            self.on_end(frame)
         if self.trace is not None:
             self.trace(frame, receivers)
 
@@ -152,6 +156,8 @@ class Medium(ABC):
             self.trace(ack, receivers + others)
         else:
             self.finish(ack)
+        if self.on_end is not None:
+            self.on_end(ack)
         for radio in receivers:
             radio.acked()
 

@@ -114,7 +114,7 @@ class Simulation:
         self._host = Host(self._mac.version, topology.sink,
                           len(topology.places)) if with_host else None
         self.medium = _medium(scenario, topology, self._mac)
-        self.medium.trace = self._count
+        self.medium.on_end = self._count
         energy = scenario.energy
         self.network = Network(
             self.medium, router_factory(scenario, self._sink_speed), mac=self._mac,
@@ -223,7 +223,7 @@ class Simulation:
 
     # ---- while it runs ------------------------------------------------------------------------
 
-    def _count(self, frame: Transmission, _: object) -> None:
+    def _count(self, frame: Transmission) -> None:
         am_type = frame.am_type
         if am_type in _BEACONS:
             self._beacons += 1
