@@ -33,6 +33,7 @@ from rt_robot_os.wsn.packets.ieee802154 import check_sequence_fits
 from rt_robot_os.wsn.packets.ieee802154 import read_frame
 from rt_robot_os.wsn.radio.mac import MAC_PROFILES
 from rt_robot_os.wsn.simulator.air_log import AirLog
+from rt_robot_os.wsn.simulator.network import Network
 from rt_robot_os.wsn.simulator.simulation import Simulation
 
 CHAIN = """
@@ -188,6 +189,23 @@ def test_variants_stand_side_by_side(
     assert list(found['columns']) == ['8 fixed', '8 moving', '9 fixed', '9 moving']
     assert [one['nodes'] for one in found['runs']['8 moving']] == [8, 8]
     assert found['columns']['8 fixed']['delivery']['unit'] == '%'
+
+
+def test_ctrl_c_shows_what_there_is(
+    chain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    whole = Network.run_until
+
+    def interrupted(self: Network, time_ns: int) -> None:
+        if time_ns > 50_000_000_000:
+            raise KeyboardInterrupt
+        whole(self, time_ns)
+
+    monkeypatch.setattr(Network, 'run_until', interrupted)
+    assert run(['simulate', str(chain), '--json']) == 130
+    assert json.loads(capsys.readouterr().out)['seconds'] == 50.0
+    assert run(['simulate', str(chain), '--seeds', '2', '--jobs', '1']) == 130
+    assert 'nothing was complete' in capsys.readouterr().out
 
 
 def test_figure_6_of_the_paper_takes_the_way_of_the_paper() -> None:

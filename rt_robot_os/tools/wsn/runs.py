@@ -65,20 +65,31 @@ def run_one(scenario: Scenario, with_host: bool = False) -> Results:
 
 
 def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
-            told: Callable[[int, int], None] | None = None) -> Mapping[str, Sequence[Results]]:
+            told: Callable[[int, int], None] | None = None
+            ) -> tuple[Mapping[str, Sequence[Results]], bool]:
     """
     Run each variant with as many seeds, counted from its own.
 
     :param jobs: processes at once; 0: one a processor.
     :param told: called with how many are done, and of how many.
-    :return: by label, in the order of the seeds.
+    :return: by label, in the order of the seeds; and whether that is all: after Ctrl-C it is what
+        there was.
     :raises ConfigError: what the network of one of them is made of cannot be read.
     """
     tasks = [replace(variant.scenario, seed=variant.scenario.seed + index)
              for variant in variants for index in range(seeds)]
-    found = run_each(tasks, jobs, told)
-    return {variant.label: found[index * seeds:(index + 1) * seeds]
-            for index, variant in enumerate(variants)}
+    found: dict[int, Results] = {}
+    whole = True
+    try:
+        for index, result in _computed(tasks, jobs, False):
+            found[index] = result
+            if told is not None:
+                told(len(found), len(tasks))
+    except KeyboardInterrupt:
+        whole = False
+    return {variant.label: runs for place, variant in enumerate(variants) if (runs := [
+        found[index] for index in range(place * seeds, (place + 1) * seeds) if index in found])
+    }, whole
 
 
 def run_each(scenarios: Sequence[Scenario], jobs: int = 0,

@@ -241,7 +241,8 @@ def _run_several(arguments: argparse.Namespace, scenario: Any) -> int:
                                'and --protocols'])
     variants = _variants(arguments, scenario)
     progress = _Progress(len(variants) * arguments.seeds, arguments.quiet, 'runs')
-    found = run_all(variants, arguments.seeds, arguments.jobs, lambda done, _: progress.show(done))
+    found, whole = run_all(variants, arguments.seeds, arguments.jobs,
+                           lambda done, _: progress.show(done))
     progress.clear()
     if arguments.json:
         print(json.dumps({'columns': _summary(found), 'runs': {
@@ -249,7 +250,7 @@ def _run_several(arguments: argparse.Namespace, scenario: Any) -> int:
     else:
         print(f'{scenario.name}: {scenario.protocol}, {scenario.seconds:g} s each\n')
         print('\n'.join(several(found)))
-    return OK
+    return OK if whole else INTERRUPTED
 
 
 def _summary(found: Mapping[str, Sequence[Any]]) -> dict[str, Any]:

@@ -119,6 +119,9 @@ def several(columns: Mapping[str, Sequence[Results]]) -> Iterator[str]:
 
     :param columns: runs by what their column is called.
     """
+    if not columns:
+        yield 'nothing was complete'
+        return
     rows = [('', *columns)]
     rows.append(('runs', *(str(len(runs)) for runs in columns.values())))
     for title, unit, of, digits in FIGURES:

@@ -366,8 +366,12 @@ def _noise(scenario: Scenario) -> list[int]:
             if learned is None and radio.mac == 'tossim':
                 learned = TOSSIM_LEARNS
             return closest_pattern(trace[:learned or len(trace)], random, length)
-        except (OSError, ValueError) as error:
-            raise ConfigError([f'radio.noise_file = {radio.noise_file}: {error}']) from None
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise ConfigError([f'radio.noise_file = {radio.noise_file}: cannot be read: {why}'
+                               ]) from None
+        except ValueError as error:
+            raise ConfigError([f'radio.noise_file: {error}']) from None
     return (heavy if radio.noise == 'heavy' else quiet)(random, length)
 
 

@@ -1,0 +1,90 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What others gave for the same networks is found in a folder, simulated and compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import shutil
+
+import pytest
+
+from rt_robot_os.tools.wsn.command import run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Give a folder with one reference of TOSSIM: two nodes that hear each other well."""
+    (tmp_path / 'tossim_pair.topo.txt').write_text('gain 0 1 -60\ngain 1 0 -60\n')
+    (tmp_path / 'noise_still.txt').write_text('-98\n-97\n' * 50)
+    write(tmp_path, 38)
+    return tmp_path
+
+
+def write(folder: Path, delivered: int) -> None:
+    (folder / 'tossim_reference.json').write_text(json.dumps([{
+        'variant': 'ctp', 'topology': 'pair', 'noise': 'still', 'seed': seed, 'seconds': 30,
+        'generated': 38, 'delivered': delivered, 'duplicates': 0, 'transmissions': 55}
+        for seed in (1, 2)]))
+
+
+def test_a_reference_that_agrees(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(['compare', str(folder), '--jobs', '1', '--json']) == 0
+    (name, found), = json.loads(capsys.readouterr().out).items()
+    assert name == 'TOSSIM pair still ctp'
+    assert [(each['what'], each['ok']) for each in found] == [
+        ('delivery', True), ('frames per packet', True)]
+
+
+def test_a_reference_that_differs_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    write(folder, 30)
+    assert run(['compare', str(folder), '--jobs', '1', '--seeds', '1']) == 1
+    assert 'DIFFERS' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('file, text, said', [
+    ('tossim_reference.json', '[{}]', 'cannot be understood'),
+    ('tossim_reference.json', '{', 'cannot be understood'),
+    ('noise_still.txt', None, 'noise_still.txt: there is no such file'),
+    ('tossim_reference.json', None, 'has neither')])
+def test_references_that_cannot_be_used_are_told(
+    folder: Path, file: str, text: str | None, said: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    if text is None:
+        (folder / file).unlink()
+    else:
+        (folder / file).write_text(text)
+    assert run(['compare', str(folder)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_firmware_of_a_chain_has_the_same_tree_and_costs(
+    data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    name = 'chain4_multihoplqi'
+    given = data_dir / 'wsn' / 'mspsim_summary.json'
+    if not given.is_file():
+        pytest.skip(f'no references {given}')
+    for file in ('mspsim_chain4.links.txt', f'mspsim_{name}.air.csv.gz'):
+        shutil.copy(given.parent / file, tmp_path)
+    (tmp_path / given.name).write_text(json.dumps({name: json.loads(given.read_text())[name]}))
+    assert run(['compare', str(tmp_path), '--jobs', '1', '--seeds', '2']) == 0
+    said = capsys.readouterr().out
+    assert '4 of 4 figures agree' in said
+    assert '0:0 1:216/65534 2:432/1331 3:648/1547/65534' in said
