@@ -35,6 +35,7 @@ from rt_robot_os.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.wsn.simulator.medium import BUSY
 from rt_robot_os.wsn.simulator.medium import COLLISION
+from rt_robot_os.wsn.simulator.medium import CUT
 from rt_robot_os.wsn.simulator.medium import Medium
 from rt_robot_os.wsn.simulator.mote import Traffic
 from rt_robot_os.wsn.simulator.network import Network
@@ -323,3 +324,36 @@ def test_links_are_those_of_the_places_however_the_nodes_came_there(places, move
             places[address] = (x, y, 1.0)
             network.move(address, places[address])
     assert table(network) == table(build(places))
+
+
+def test_a_frame_of_a_mote_that_is_switched_off_is_counted_and_heard_by_nobody():
+    medium = links(1.0, motes=2)
+    network = chain(medium, motes=2)
+    network.run_until(20 * S)
+    sent = network.motes[1].radio.sent_frames
+    while network.motes[1].radio.sent_frames == sent:
+        network.run_until(network.queue.now_ns + 10_000)
+    heard = network.motes[0].radio.received_frames
+    network.motes[1].kill()
+    network.run_until(25 * S)
+    assert medium.outcomes[CUT] == 1
+    assert network.motes[0].radio.received_frames == heard
+
+
+def test_a_mote_that_is_taken_away_before_it_starts_never_does():
+    network = Network(links(1.0, motes=2), FirstHeard)
+    mote = network.add(1, boot_ns=S)
+    network.remove(1)
+    network.run_until(2 * S)
+    assert mote.boots == 0 and not mote.is_on
+
+
+def test_acknowledgements_that_are_not_sent_are_lost_as_links_lose_them():
+    mac = MAC_PROFILES['tossim']
+    medium = LinkMedium(mac)
+    medium.set_link(1, 0, Link(1.0, -70, 106))
+    medium.set_link(0, 1, Link(0.5, -70, 106))
+    network = chain(medium, mac, motes=2)
+    network.run_until(500 * S)
+    assert network.motes[1].radio.sent_frames / network.motes[1].generated == pytest.approx(
+        2.0, abs=0.3)

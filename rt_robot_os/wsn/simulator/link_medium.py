@@ -89,6 +89,11 @@ class LinkMedium(Medium):
         """Return who may receive what a radio sends."""
         return radio.hearers or ()
 
+    def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
+        """Decide, where acknowledgements are not sent, whether that of a receiver arrives."""
+        link = receiver.fixed_links.get(frame.sender)
+        return link is not None and self.random.random() < link.reception_rate
+
     def is_busy(self, radio: Radio, now_ns: int) -> bool:
         """Return whether a signal reaches the threshold."""
         for frame in self._on_air:

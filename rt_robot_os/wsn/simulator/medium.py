@@ -29,6 +29,7 @@ from random import Random
 from typing import Final
 
 from rt_robot_os.wsn.routing.protocol import BROADCAST
+from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Position
 from rt_robot_os.wsn.simulator.air import Radio
 from rt_robot_os.wsn.simulator.air import Transmission
@@ -40,12 +41,14 @@ BUSY: Final = 3
 SENDING: Final = 4
 OFF: Final = 5
 NO_LINK: Final = 6
+CUT: Final = 7
 _MASK: Final = (1 << 64) - 1
 _CHANCES: Final = 1 << 53
 
 #: What became of a frame at a node that it was for, by number.
 OUTCOMES: Final = (
-    'received', 'weak', 'collision', 'receiving_another', 'sending', 'off', 'no_link')
+    'received', 'weak', 'collision', 'receiving_another', 'sending', 'off', 'no_link',
+    'cut')
 
 
 class Medium(ABC):
@@ -53,7 +56,8 @@ class Medium(ABC):
     What is common to all media: what is on the air, and to whom it is given.
 
     :ivar outcomes: how often each of ``OUTCOMES`` occurred: once for each frame and each node that
-        it was for and that could hear it; ``no_link`` when there was none.
+        it was for and that could hear it; once for the frame ``no_link`` when there was none, and
+        ``cut`` when its sender was switched off meanwhile.
     :ivar lqi: of the frame that was received last.
     :ivar rssi_dbm: of the same.
     :ivar overhears: frames for others are given to all as well.
@@ -194,6 +198,13 @@ class Medium(ABC):
                 receivers.append(radio)
                 radio.take(frame, self.lqi, self.rssi_dbm)
         outcomes[NO_LINK] += nobody
+
+    def cut(self, frame: Transmission) -> None:
+        """Take a frame off the air whose sender is switched off; nobody receives it."""
+        if frame in frame.cell:
+            self.finish(frame)
+            if frame.am_type != ACK:
+                self.outcomes[CUT] += 1
 
     def _give_to_one(self, frame: Transmission, destination: int,
                      receivers: list[Radio]) -> None:

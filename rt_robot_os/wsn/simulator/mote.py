@@ -148,12 +148,13 @@ class Mote:
     :ivar refused: of these, packets that the protocol had no room for.
     :ivar delivered: of these, packets that the sink got.
     :ivar boots: how often it has started.
+    :ivar is_removed: it was taken out of the network for good.
     """
 
     __slots__ = (
         'address', 'random', 'is_root', 'position', 'router', 'radio', 'is_on', 'drift_ppb',
-        'battery', 'generated', 'refused', 'delivered', 'boots', 'queue', '_network', '_timers',
-        '_booted_ns', '_traffic', '_first_timer', '_period_timer',
+        'battery', 'generated', 'refused', 'delivered', 'boots', 'is_removed', 'queue',
+        '_network', '_timers', '_booted_ns', '_traffic', '_first_timer', '_period_timer',
         '_late_timer')
 
     def __init__(self, network: Surroundings, address: int, is_root: bool,
@@ -170,6 +171,7 @@ class Mote:
         self.refused = 0
         self.delivered = 0
         self.boots = 0
+        self.is_removed = False
         self.queue: EventQueue = network.queue
         self.router: Router
         self.radio: Transceiver
@@ -232,7 +234,7 @@ class Mote:
         """Start, with nothing known; one that runs starts anew."""
         if self.is_on:
             self.kill()
-        if self.battery is not None and self.battery.is_empty:
+        if self.is_removed or (self.battery is not None and self.battery.is_empty):
             return
         self._booted_ns = self.queue.now_ns
         self.boots += 1

@@ -131,6 +131,7 @@ class Network:
         """
         mote = self.motes.pop(address)
         mote.kill()
+        mote.is_removed = True
         self.medium.detach(mote.radio)
 
     def move(self, address: int, position: Position) -> None:

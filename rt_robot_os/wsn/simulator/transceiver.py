@@ -121,8 +121,8 @@ class Transceiver(Radio):
         self._queue.cancel(self._event)
         self._queue.cancel(self._ack_event)
         for frame in (self._frame, self._ack):
-            if frame is not None and frame in frame.cell:
-                self._medium.finish(frame)
+            if frame is not None:
+                self._medium.cut(frame)
         self._frame = self._ack = None
 
     def enqueue(self, sender: FrameSender) -> None:
