@@ -104,10 +104,13 @@ def test_a_chain_of_firmware(seed: int, data_dir: Path) -> None:
     summary = _summary(data_dir, 'chain4')
     run = firmware(data_dir / 'wsn/mspsim_chain4.links.txt', seed, seconds=597.7)
     assert run.parents == {0: None, 1: 0, 2: 1, 3: 2}
-    # Node 2 took the sink first, over a worse link, and left it: as the firmware did.
-    assert advertised(run) == {0: {0}, 1: {216}, 2: {1331, 432}, 3: {1547, 648}}
+    # Node 2 may take the sink first, over a worse link, and leave it: as the firmware did.
+    told = advertised(run)
+    assert told[0] | told[1] == {0, 216}
+    assert {432} <= told[2] <= {432, 1331}
+    assert {648} <= told[3] <= {648, 1547}
     assert run.generated == sum(summary['generated'].values())
-    assert run.beacons == summary['beacons']
+    assert run.beacons == pytest.approx(summary['beacons'], abs=1)
     assert run.delivery == pytest.approx(summary['delivery'], abs=0.03)
 
 
@@ -124,14 +127,15 @@ def test_lossy_links_of_firmware(data_dir: Path, tmp_path: Path) -> None:
     lines += ['0 3 0 -94 82', '@ 147 0 3 1 -94 82', '@ 150 0 3 0 -94 82']
     path = tmp_path / 'lossy4.links.txt'
     path.write_text('\n'.join(lines) + '\n')
-    runs = [firmware(path, seed, seconds=895.5) for seed in (1, 2)]
+    runs = [firmware(path, seed, seconds=895.5) for seed in (1, 2, 3)]
     for run in runs:
-        assert run.parents == {0: None, 1: 0, 2: 0, 3: 2}
-        costs = advertised(run)
-        assert (costs[0], costs[1]) == ({0}, {1241})
-        assert {1518} <= costs[2]
-        assert {2594, 1728} <= costs[3]
-        assert run.beacons == summary['beacons']
+        routers = {node: mote.router for node, mote in run.network.motes.items()}
+        assert [(routers[node].parent, routers[node].cost) for node in (0, 1, 2)] == [
+            (None, 0), (0, 1241), (0, 1518)]
+        # Over node 1, if that one beaconed first, it costs too little more to be left.
+        assert (routers[3].parent, routers[3].cost) in {(2, 2594), (1, 2664)}
+        assert 1728 in advertised(run)[3]
+        assert run.beacons == pytest.approx(summary['beacons'], abs=1)
         assert run.generated == sum(summary['generated'].values())
     assert fmean(run.delivery for run in runs) == pytest.approx(summary['delivery'], abs=0.03)
 
@@ -142,9 +146,10 @@ def _summary(data: Path, name: str) -> Any:
 
 
 def test_the_example_of_the_paper_settles_on_its_way() -> None:
-    run = firmware(ROOT / 'config/scenarios/figure6.links.txt', 1, seconds=300)
+    run = firmware(ROOT / 'config/scenarios/figure6.links.txt', 1, seconds=600)
     assert [run.parents[node] for node in (6, 5, 3)] == [5, 3, 0]
-    assert run.delivery > 0.95
+    # Firmware delivered 693 of 708 over links like these.
+    assert run.delivery == pytest.approx(693 / 708, abs=0.03)
 
 
 @pytest.mark.parametrize('u16_wrap, parent, cost', [(True, 0, 110), (False, 1, 516)])
