@@ -199,3 +199,14 @@ def test_the_root_delivers_what_its_debug_frames_tell(data_dir: Path, name: str)
     beacons = [frame for frame in recorded
                if frame.source == 0 and frame.am_type == CtpBeacon.AM_TYPE]
     assert len([one for one in debug if one[0] == 0x33]) == len(beacons)
+    # Its own packets, 0x20, go to itself at once; after each wait the queue is empty, 0x50, and
+    # so it was when the route to itself was found.
+    own = [one[2] for one in debug if one[0] == 0x20]
+    assert len([one for one in debug if one[0] == 0x50]) == len(own) + 1
+    root = FakeNode(0)
+    router = Ctp(root, True)
+    router.start()
+    for _ in own:
+        assert router.originate(b'hello')
+        root.run_binary_ms(14)
+    assert [one.payload[6] for one in root.delivered] == own
