@@ -115,8 +115,7 @@ class _Stream:
         passed = (now_ns - self.heard_ns) // self.period_ns if self.period_ns else 0
         if 2 * passed > half and len(self.anchors) > _SETTLED:
             ahead = forward + size * ((passed - forward + half) // size)
-            # A period is known to two packets in those that it was averaged over.
-            if abs(passed - ahead) <= 3 + 2 * passed // (self.highest - self.anchors[0][0]):
+            if abs(passed - ahead) <= self._doubt(passed):
                 return ahead
             if passed > half:
                 return -WINDOW  # it began again, or another one did
@@ -130,7 +129,11 @@ class _Stream:
     def _began_again(self, number: int, forward: int, passed: int) -> bool:
         """Tell a reboot from a loss where both would give such a number; 8 bits are few."""
         return (number < self.highest & 0xFF and forward > _IN_ORDER and number <= passed + 2
-                and bool(self.period_ns) and abs(forward - passed) > 3 + passed // 8)
+                and bool(self.period_ns) and abs(forward - passed) > self._doubt(passed))
+
+    def _doubt(self, passed: int) -> int:
+        """Return how wrong a number is that the time says: a period is known to some packets."""
+        return 4 + 3 * passed // max(1, self.highest - self.anchors[0][0])
 
     def _advance(self, ahead: int, fingerprint: int, now_ns: int) -> None:
         self.lost += ahead - 1
@@ -229,9 +232,12 @@ class SequenceAccount:
             self._main = _Stream(number, self.bits, fingerprint, now_ns, self._since_ns)
             self.received += 1
             return NEW
+        lost = main.lost
         found = main.offer(number, fingerprint, now_ns)
         if found == DUPLICATE:
             return self._again(main, number, fingerprint, now_ns)
+        if main.lost > lost and self._candidate is not None:
+            self._claim(main, self._candidate, now_ns)
         if found == _FOREIGN:
             found = self._offer_others(main, number, fingerprint, now_ns)
         self._repeated = 0
@@ -286,6 +292,13 @@ class SequenceAccount:
         self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.heard_ns)
         return NEW
 
+    def _claim(self, main: _Stream, candidate: _Stream, now_ns: int) -> None:
+        """Take back what was doubted, where it fills the gap that has come up now."""
+        number = candidate.first
+        if candidate.first == candidate.highest and main.offer(
+                number, candidate.prints[number & WINDOW - 1], now_ns, 0) == LATE:
+            self._candidate = None
+
     def _went_on(self, now_ns: int) -> None:
         """Notice that a sequence that seemed to have ended goes on."""
         self._other_hits += 1
@@ -329,7 +342,10 @@ class SequenceAccount:
             self._repeated = self._repeated + 1 if follows and main.period_ns else 1
             self._repeat, self._repeat_ns = number, now_ns
         self.duplicates += 1
-        if self._repeated < _REPEATED or number + 1 - _REPEATED > _REPEATED:
+        # Copies come soon; and after a wrap small numbers are large ones.
+        if self._repeated < _REPEATED or number + 1 - _REPEATED > _REPEATED or (
+                now_ns - main.heard_ns < (_REPEATED + 1) * main.period_ns
+                or main.highest >> self.bits):
             return DUPLICATE
         again = _Stream(number + 1 - _REPEATED, self.bits, fingerprint,
                         now_ns - (_REPEATED - 1) * main.period_ns, main.heard_ns)

@@ -28,6 +28,7 @@ from rt_robot_os.wsn.sequence_account import DUPLICATE
 from rt_robot_os.wsn.sequence_account import LATE
 from rt_robot_os.wsn.sequence_account import NEW
 from rt_robot_os.wsn.sequence_account import SequenceAccount
+from rt_robot_os.wsn.sequence_account import WINDOW
 
 PERIOD_NS = NS_PER_S
 
@@ -47,7 +48,7 @@ def lives(draw: st.DrawFn) -> tuple[int, int, list[Arrival]]:
     bits = draw(st.sampled_from((8, 16, 32)))
     chance = random.Random(draw(st.integers(0, 2 ** 32)))
     loss, again = draw(st.sampled_from((0.0, 0.1, 0.5))), draw(st.sampled_from((0.0, 0.3)))
-    delay_ns = draw(st.sampled_from((0, NS_PER_S // 2, 3 * NS_PER_S)))
+    delay_ns = draw(st.sampled_from((0, NS_PER_S // 2, (3 if bits > 8 else 1) * NS_PER_S)))
     first = draw(st.sampled_from((0, 0, (1 << bits) - 20)))
     arrivals, at_ns = [], draw(st.integers(0, 3)) * NS_PER_S
     for life in range(draw(st.integers(1, 3))):
@@ -82,12 +83,22 @@ def truth_of(arrivals: list[Arrival], first: int) -> tuple[int, int, int]:
 
 
 def tellable(arrivals: list[Arrival], bits: int) -> Iterator[bool]:
-    """Tell of each reboot whether the numbers can show it: they do not just go on."""
+    """
+    Tell of each reboot whether the numbers can show it at once.
+
+    They do not just go on, nor fill in what was missing shortly before.
+    """
     highest: dict[int, Arrival] = {}
+    came: set[tuple[int, int]] = set()
     for each in arrivals:
         for life in range(each.life if each.life not in highest else 0):
-            passed = (each.at_ns - highest[life].at_ns) // PERIOD_NS
-            yield 2 * passed + 20 < (each.number - highest[life].number) % (1 << bits)
+            last = highest[life]
+            passed = (each.at_ns - last.at_ns) // PERIOD_NS
+            yield 2 * passed + 20 < (each.number - last.number) % (1 << bits)
+            yield (last.number - each.number) % (1 << bits) > 2 * WINDOW or all(
+                (life, number) in came
+                for number in range(max(0, last.number - 2 * WINDOW), last.number))
+        came.add((each.life, each.number))
         if each.life not in highest or each.number > highest[each.life].number:
             highest[each.life] = each
 
