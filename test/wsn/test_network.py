@@ -27,6 +27,10 @@ from rt_robot_os.wsn.radio.mac import MAC_PROFILES
 from rt_robot_os.wsn.radio.mac import TINYOS1
 from rt_robot_os.wsn.radio.mac import TINYOS2
 from rt_robot_os.wsn.radio.path_loss import PathLoss
+from rt_robot_os.wsn.routing.ctp import Ctp
+from rt_robot_os.wsn.routing.least_cost import LeastCost
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Link
@@ -357,3 +361,17 @@ def test_acknowledgements_that_are_not_sent_are_lost_as_links_lose_them():
     network.run_until(500 * S)
     assert network.motes[1].radio.sent_frames / network.motes[1].generated == pytest.approx(
         2.0, abs=0.3)
+
+
+@pytest.mark.parametrize('protocol', [MultiHopLqi1, MultiHopLqi2, LeastCost, Ctp])
+def test_a_packet_that_fits_into_no_frame_is_not_sent_and_the_next_one_goes(protocol):
+    sizes = [200, 18]
+    network = Network(links(1.0, motes=2), protocol, seed=1)
+    network.add(0, is_root=True)
+    network.add(1, traffic=Traffic(
+        S, lambda mote, number: number.to_bytes(sizes[number % 2], 'big')))
+    network.run_until(200 * S)
+    mote = network.motes[1]
+    assert mote.radio.too_long_frames >= mote.generated // 2
+    assert mote.generated // 3 <= mote.delivered <= mote.generated // 2
+    assert max(network.latencies_ns) < 50 * S

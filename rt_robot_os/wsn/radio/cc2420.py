@@ -33,6 +33,7 @@ BYTE_NS: Final = 32_000
 PHY_HEADER_BYTES: Final = 6
 TURNAROUND_NS: Final = 192_000
 ACK_MPDU_BYTES: Final = 5
+LARGEST_MPDU_BYTES: Final = 127
 #: At least so strong must a signal be to make the channel busy.
 CCA_THRESHOLD_DBM: Final = -77.0
 SENSITIVITY_DBM: Final = -95.0

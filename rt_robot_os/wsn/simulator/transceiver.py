@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
+from rt_robot_os.wsn.radio.cc2420 import LARGEST_MPDU_BYTES
 from rt_robot_os.wsn.radio.mac import MacProfile
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.simulator.air import ACK
@@ -60,7 +61,11 @@ class FrameSender:
         self._radio = radio
 
     def send(self, destination: int, am_type: int, payload: bytes, acknowledge: bool) -> bool:
-        """Give a frame to the radio; see ``Sender`` of the protocols."""
+        """
+        Give a frame to the radio; see ``Sender`` of the protocols.
+
+        One that is too long for any radio is through without having been on the air.
+        """
         radio = self._radio
         if self.busy or not radio.is_on:
             return False
@@ -74,10 +79,15 @@ class FrameSender:
 
 
 class Transceiver(Radio):
-    """The radio of a mote."""
+    """
+    The radio of a mote.
 
-    __slots__ = ('_queue', '_medium', '_mac', '_listener', '_waiting', '_sending', '_frame',
-                 '_event', '_ack_event', '_ack', '_dsn', '_acked', '_acks_awaited')
+    :ivar too_long_frames: that were not sent because no frame has room for them.
+    """
+
+    __slots__ = ('too_long_frames', '_largest_payload', '_queue', '_medium', '_mac', '_listener',
+                 '_waiting', '_sending', '_frame', '_event', '_ack_event', '_ack', '_dsn',
+                 '_acked', '_acks_awaited')
 
     def __init__(self, address: int, power_dbm: float, queue: EventQueue, medium: Medium,
                  mac: MacProfile, listener: Listener, acks_awaited: list[list[Transceiver]],
@@ -89,6 +99,8 @@ class Transceiver(Radio):
             it; one list for all radios.
         """
         super().__init__(address, power_dbm)
+        self.too_long_frames = 0
+        self._largest_payload = LARGEST_MPDU_BYTES - mac.overhead_bytes
         self._queue = queue
         self._medium = medium
         self._mac = mac
@@ -172,6 +184,10 @@ class Transceiver(Radio):
         assert sender is not None
         mac = self._mac
         acknowledge = sender.acknowledge
+        if len(sender.payload) > self._largest_payload:
+            self.too_long_frames += 1
+            self._finish(False)
+            return
         self._dsn = dsn = (self._dsn + 1) & 0xFF
         begin_ns = now_ns + mac.turnaround_ns
         end_ns = begin_ns + mac.air_time_ns(len(sender.payload), acknowledge)
