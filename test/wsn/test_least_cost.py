@@ -28,7 +28,7 @@ import pytest
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
 from rt_robot_os.wsn.packets.paper import BeaconMsg
 from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.routing.least_cost import BeaconTiming
+from rt_robot_os.wsn.routing.beacon_timing import BeaconTiming
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Received

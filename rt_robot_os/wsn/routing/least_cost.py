@@ -38,6 +38,7 @@ from rt_robot_os.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
 from rt_robot_os.wsn.packets.multihop_lqi import signed
 from rt_robot_os.wsn.packets.paper import BeaconMsg
 from rt_robot_os.wsn.packets.paper import DataMsg
+from rt_robot_os.wsn.routing.beacon_timing import BeaconTiming
 from rt_robot_os.wsn.routing.candidates import Candidate
 from rt_robot_os.wsn.routing.candidates import Candidates
 from rt_robot_os.wsn.routing.data_queue import DataQueue
@@ -69,32 +70,6 @@ _REMEMBERED_BY_SINK: Final = 4096
 _MOST_VISITS: Final = 5
 _SINK_START_NS: Final = 500_000_000
 _U16: Final = 0xFFFF
-
-
-class BeaconTiming:
-    """
-    How often the sink renews the routes, as its speed asks for.
-
-    :param renew_m: a round for each so many metres of the sink's way.
-    :param shortest_ns: between two rounds, however fast the sink is.
-    :param longest_ns: between two rounds when it stands still.
-    """
-
-    def __init__(self, renew_m: float = 0.6, shortest_ns: int = 1_000_000_000,
-                 longest_ns: int = 16_000_000_000) -> None:
-        if not (renew_m > 0 and 0 < shortest_ns <= longest_ns):
-            raise ValueError(f'renew_m {renew_m}, shortest_ns {shortest_ns}, longest_ns '
-                             f'{longest_ns}: all positive, and the shortest not the longer')
-        self.renew_m = renew_m
-        self.shortest_ns = shortest_ns
-        self.longest_ns = longest_ns
-
-    def period_ns(self, speed_m_s: float) -> int:
-        """Return the time until the next round."""
-        if speed_m_s <= 0:
-            return self.longest_ns
-        period_ns = self.renew_m / speed_m_s * 1e9
-        return round(min(max(period_ns, self.shortest_ns), self.longest_ns))
 
 
 class LeastCost(Router):

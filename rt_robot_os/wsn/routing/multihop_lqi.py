@@ -104,6 +104,7 @@ class _MultiHopLqi(Router):
     def stop(self) -> None:
         """End: no timer runs, and nothing waits."""
         self._timer.stop()
+        self._forget()
 
     def _timer_ran_down(self) -> None:
         self._timer.start(self._period_ns + _TICK_NS)
@@ -204,11 +205,6 @@ class MultiHopLqi2(_MultiHopLqi):
         super().start()
         if self.root:
             self._node.note('parent', self._node.address, 0, 0)
-
-    def stop(self) -> None:
-        """End: nothing waits."""
-        super().stop()
-        self._forget()
 
     def _first_beacon_ns(self) -> int:
         ticks = max(1, round(self._period_ns / BINARY_MS_NS))
@@ -322,11 +318,6 @@ class MultiHopLqi1(_MultiHopLqi):
         if self.root:
             self._route.parent = UART_ADDRESS
             self._route.parent_cost = self._route.link = self._route.hops = 0
-
-    def stop(self) -> None:
-        """End: nothing waits."""
-        super().stop()
-        self._forget()
 
     @property
     def _busy(self) -> bool:

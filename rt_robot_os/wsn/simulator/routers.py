@@ -20,10 +20,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from rt_robot_os.wsn.routing.beacon_timing import BeaconTiming
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.ctp_rules import CtpRules
 from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
-from rt_robot_os.wsn.routing.least_cost import BeaconTiming
 from rt_robot_os.wsn.routing.least_cost import LeastCost
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
 from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
