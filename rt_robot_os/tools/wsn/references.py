@@ -42,9 +42,11 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.packets.ieee802154 import read_frame
 from rt_robot_os.wsn.packets.ieee802154 import T2Frame
 from rt_robot_os.wsn.radio.noise import read_trace
+from rt_robot_os.wsn.simulator.link_files import read_links
 from rt_robot_os.wsn.simulator.scenario import RadioSettings
 from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.scenario import settled
@@ -225,6 +227,16 @@ def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed:
         boot_s=min(boots_s.values()), boot_spread_s=0.0,
         drift_ppm=0.0,
         faults=tuple(f'boot {node} at {boot_s:.6f}' for node, boot_s in boots_s.items()),
-        topology=TopologySettings(links=links), radio=RadioSettings(mac='tinyos2'),
+        topology=TopologySettings(links=links, time_unit=_time_unit(links, end_s)),
+        radio=RadioSettings(mac='tinyos2'),
         traffic=TrafficSettings(period_binary_ms=float(air.interval * _READINGS),
                                 start_ms=1000.0 * _FIRST_TICKS * interval_s)))
+
+
+def _time_unit(links: str, end_s: float) -> str:
+    """Guess in which unit a links file counts: its changes come before the end."""
+    for unit in ('s', 'ms'):
+        changes = read_links(links, unit)[1]
+        if not changes or changes[0].at_ns <= end_s * NS_PER_S:
+            return unit
+    return 'us'

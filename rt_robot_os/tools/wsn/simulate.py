@@ -34,6 +34,8 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.programs import INTERRUPTED
 from rt_robot_os.programs import OK
+from rt_robot_os.programs import tell
+from rt_robot_os.units import NS_PER_S
 
 _EPILOG: Final = """
 A scenario is a YAML file, or the name of one that is shipped, such as home12, home12_moving,
@@ -138,6 +140,10 @@ def _run_once(arguments: argparse.Namespace, scenario: Any, topology: Any) -> in
     if arguments.picture is not None:
         picture.check()
     _check_places(arguments)
+    if topology.changes and topology.changes[0].at_ns > scenario.seconds * NS_PER_S:
+        first_s = topology.changes[0].at_ns / NS_PER_S
+        tell('wsn', f'{scenario.topology.links}: its first @ line is at {first_s:g} s, after the '
+             f'end; if it does not count in {scenario.topology.time_unit}, set topology.time_unit')
     code = OK
     with _simulation(arguments, scenario, topology) as simulation:
         progress = _Progress(scenario.seconds, arguments.quiet)
