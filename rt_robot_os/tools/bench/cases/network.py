@@ -74,10 +74,11 @@ def _figure(name: str) -> common.Of:
 
 
 def _networks(outcomes: Outcomes) -> Table:
-    columns = (Column('times', 'simulated', 'x real time', ''),
+    columns = (Column('times', 'times real time', '', 'speed'),
                Column('event', 'an event', 'us', 'cost'),
                Column('decided', 'a frame at a node', 'us', 'cost'),
-               Column('set up', 'set up', 's', ''), Column('routed', 'with a route', '%', ''))
+               Column('set up', 'set up', 's', 'start'),
+               Column('routed', 'with a route', '%', 'after 100 s'))
     rows = [outcomes.row(key, {
         'times': _figure('times_real_time'), 'event': _figure('event_us'),
         'decided': _figure('decided_us'), 'set up': _figure('set_up_s'),
@@ -92,7 +93,7 @@ def _networks(outcomes: Outcomes) -> Table:
 def _queues(outcomes: Outcomes) -> Table:
     rows = [outcomes.row(key, {'event': _figure('event_us')})
             for key in outcomes.runs if 'every' not in key]
-    return Table('queues of events', (Column('event', 'an event', 'us', ''),), rows, (
+    return Table('queues of events', (Column('event', 'an event', 'us', 'cost'),), rows, (
         'Each event plans itself anew, at random within a second.',))
 
 
