@@ -61,8 +61,9 @@ _SMALLEST_LQI: Final = 40
 _QUANTILES: Final = 128
 _MEAN_GUMBEL: Final = 0.5772
 _SPREAD_GUMBEL: Final = 1.2825
-# Below this SNR the spread is even on both sides; above, a few frames are much worse than most.
-_SKEWED_SNR_DB: Final = 9
+# Up to the first SNR the spread is even on both sides; from the second on, a few frames are much
+# worse than most, and hardly any much better. A weak link that seems good for once is a parent.
+_SKEWED_SNR_DB: Final = (4, 6)
 
 
 def air_time_ns(mpdu_bytes: int) -> int:
@@ -96,9 +97,11 @@ def is_received(snr_db: float, chance: float) -> bool:
 
 def _deviate(snr_db: int, share: float) -> float:
     """Return what this share of the frames stays below, in standard deviations from the mean."""
-    if snr_db < _SKEWED_SNR_DB:
-        return NormalDist().inv_cdf(share)
-    return (log(-log(1 - share)) + _MEAN_GUMBEL) / _SPREAD_GUMBEL
+    even = NormalDist().inv_cdf(share)
+    skewed = (log(-log(1 - share)) + _MEAN_GUMBEL) / _SPREAD_GUMBEL
+    first, last = _SKEWED_SNR_DB
+    part = min(max((snr_db - first) / (last - first), 0.0), 1.0)
+    return even + part * (skewed - even)
 
 
 def _quantiles(snr_db: int) -> tuple[int, ...]:
