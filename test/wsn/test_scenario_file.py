@@ -95,6 +95,14 @@ faults:
         "F:7: faults = 'noise 10 at 3': must be noise DB at S for S"]
 
 
+def test_a_file_of_links_has_no_noise_and_no_places(write) -> None:
+    links = write('0 1 1.0 -80 106\n1 0 1.0 -80 106\n', 'two.links.txt')
+    move, noise = problems_of(write(
+        f'topology: {{links: {links}}}\nfaults: ["move 1 2 3 at 4", "noise 10 at 3 for 2"]\n'))
+    assert 'the nodes of a file of links have no place' in move
+    assert 'let its links change with lines "@ t from to prr rssi lqi"' in noise
+
+
 @pytest.mark.parametrize('text, said', [
     ('seconds: 10', 'topology must have one of grid, random, nodes, nodes_file, links, tossim'),
     ('topology: {grid: 2x2, random: 5}', 'topology.random = 5: must be left out: grid says'),

@@ -233,6 +233,9 @@ def _check_ids(scenario: Scenario, topology: Topology, sections: Mapping[str, Se
             nodes_of(one, topology.places, topology.sink, Random(0))
             if one.kind == 'move' and not topology.located:
                 raise ValueError('the nodes of a file of links have no place')
+            if one.kind == 'noise' and topology.links is not None:
+                raise ValueError('a file of links has no noise: let its links change with lines '
+                                 '"@ t from to prr rssi lqi"')
         except ValueError as error:
             origin = leaf.item_origin(index) if leaf is not None else tree.origin
             problems.value(origin, 'faults', text, str(error))
