@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-import copy
 import csv
 from pathlib import Path
 import struct
@@ -28,16 +26,9 @@ from lqi_recordings import on_air
 from lqi_recordings import rows
 import pytest
 
-from rt_robot_os.wsn.packets.multihop_lqi import NO_PARENT
-from rt_robot_os.wsn.packets.multihop_lqi import NO_ROUTE_COST
-from rt_robot_os.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
+from rt_robot_os.tools.wsn.decisions import Decisions
 from rt_robot_os.wsn.routing.link_cost import link_cost
-from rt_robot_os.wsn.routing.lqi_route import Decision
-from rt_robot_os.wsn.routing.lqi_route import LqiRoute
 
-#: As the log of TOSSIM names the branches.
-BRANCHES = {Decision.RENEW: 'Not a loop', Decision.LOSE: 'Detected a loop',
-            Decision.CHANGE: 'Not a cycle', Decision.KEEP: 'CYCLE'}
 #: As firmware numbers the events that its root tells on the serial line.
 DEBUG_EVENTS = {0x21: 'data_heard', 0x31: 'parent', 0x33: 'beacon_sent', 0x34: 'beacon_heard'}
 DATA_AM_TYPE, DEBUG_AM_TYPE = 0x93, 0x75
@@ -49,45 +40,6 @@ def test_cost_by_lqi_as_its_users_published_it(data_dir: Path) -> None:
     assert len(table) == 19
     for u16_wrap in (True, False):
         assert {lqi: link_cost(lqi, u16_wrap) for lqi in table} == table
-
-
-class Decisions:
-    """
-    A log of what nodes decided, explained row by row.
-
-    A node's state is carried from the row where it heard its last beacon to the next. Between the
-    two it may have lost its route, to a packet that came back: the log has no row for that. What
-    the sender named as its parent is not in the log either; it is what the sender itself had when
-    it advertised such a cost.
-
-    :ivar explained: how many rows, by branch and by whether the route had been lost before.
-    """
-
-    def __init__(self) -> None:
-        self.explained: Counter[tuple[str, bool]] = Counter()
-        self._routes: dict[int, LqiRoute] = {}
-        self._advertised: dict[tuple[int, int], tuple[int, int]] = {(0, 0): (0, 0)}
-
-    def explain(self, row: dict[str, str]) -> bool:
-        """Tell whether the rules give what the row says."""
-        node, sender, cost = (int(row[name])
-                              for name in ('node', 'beacon_from', 'advertised_cost'))
-        after = tuple(int(row[name]) for name in (
-            'hopcount_after', 'linkcost_after', 'parentcost_after'))
-        told = (NO_PARENT, NO_ROUTE_HOPS)
-        if cost != NO_ROUTE_COST:
-            told = self._advertised[sender, cost]
-        fresh = LqiRoute(node, u16_wrap=False)
-        for lost, route in enumerate((self._routes.get(node, fresh), fresh)):
-            route = copy.copy(route)
-            branch = BRANCHES[route.heard(sender, told[0], cost, told[1], int(row['lqi']))]
-            if branch == row['branch'] and (
-                    route.hops, route.link, route.parent_cost) == after:
-                self._routes[node] = route
-                self._advertised[node, route.cost] = route.parent, route.hops
-                self.explained[branch, bool(lost)] += 1
-                return True
-        return False
 
 
 def test_every_decision_in_tossim(data_dir: Path) -> None:

@@ -39,12 +39,14 @@ if TYPE_CHECKING:
     from rt_robot_os.wsn.simulator.results import Results
 
 _EPILOG: Final = """
-FOLDER holds tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz, or
-mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or both.
+FOLDER holds tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz,
+mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or logs of what
+nodes under MultiHopLQI decided, NAME_decisions.csv.gz; or several of these.
 The exit code is 1 when something differs by more than it may: delivery by 0.03 (0.06 under heavy
 noise) from the mean, or from the one run of firmware by two standard deviations of our seeds;
 frames for each packet that came by 15 %; against firmware, when a node in most of our runs never
-had the parent that it had there at the end, or never said a cost that it said there.
+had the parent that it had there at the end, or never said a cost that it said there; of a log,
+when the rules do not give what a row says.
 """
 
 
@@ -87,12 +89,17 @@ def run(arguments: argparse.Namespace) -> int:
     :return: the exit code.
     :raises ConfigError: the folder holds no references.
     """
+    from rt_robot_os.tools.wsn.decisions import PATTERN
     from rt_robot_os.tools.wsn.references import read_references
     words = arguments.only.split()
-    references = [one for one in read_references(arguments.folder, arguments.seeds or 6)
-                  if all(word in one.name for word in words)]
+    logs = sorted(arguments.folder.glob(PATTERN))
+    references = [one for one in read_references(
+        arguments.folder, arguments.seeds or 6, needed=not logs)
+        if all(word in one.name for word in words)]
     compared = {one.name: differences(one, runs) for one, runs in simulated(
         references, arguments.seeds, arguments.jobs)}
+    compared.update({path.name: [_decisions(path)] for path in logs
+                     if all(word in path.name for word in words)})
     if arguments.json:
         print(json.dumps({name: [vars(each) for each in found]
                           for name, found in compared.items()}, indent=1))
@@ -148,6 +155,13 @@ def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
     return found
 
 
+def _decisions(path: Path) -> Difference:
+    """Explain a log of decisions by our rules: each row must be."""
+    from rt_robot_os.tools.wsn.decisions import explained
+    ours, rows = explained(path)
+    return Difference('decisions', str(ours), str(rows), ours == rows, 'nothing')
+
+
 def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
     """
     Compare the tree at the end.
@@ -193,4 +207,4 @@ def _lines(compared: Mapping[str, Sequence[Difference]]) -> Iterator[str]:
     wrong = sum(not each.ok for found in compared.values() for each in found)
     count = sum(map(len, compared.values()))
     yield ''
-    yield f'{count - wrong} of {count} figures agree, of {len(compared)} networks'
+    yield f'{count - wrong} of {count} figures agree, of {len(compared)} references'

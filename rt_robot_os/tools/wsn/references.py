@@ -92,11 +92,12 @@ class Reference:
     beacon_costs: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
-def read_references(folder: Path, seeds: int = 6) -> list[Reference]:
+def read_references(folder: Path, seeds: int = 6, needed: bool = True) -> list[Reference]:
     """
     Read all references of a folder.
 
     :param seeds: of firmware there is one run; we make so many.
+    :param needed: whether it is a problem when there is none.
     :raises ConfigError: there is none, or what belongs to it is missing or is not understood.
     """
     found = []
@@ -112,7 +113,7 @@ def read_references(folder: Path, seeds: int = 6) -> list[Reference]:
         if isinstance(error, ConfigError):
             raise
         raise ConfigError([f'{folder}: its references cannot be understood: {error!r}']) from None
-    if not found:
+    if needed and not found:
         raise ConfigError([f'{folder}: has neither {TOSSIM_FILE} nor {FIRMWARE_FILE}'])
     return found
 

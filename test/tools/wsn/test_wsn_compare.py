@@ -74,6 +74,25 @@ def test_references_that_cannot_be_used_are_told(
     assert said in capsys.readouterr().err
 
 
+HEAD = 'node,beacon_from,lqi,advertised_cost,branch,hopcount_after,linkcost_after,parentcost_after'
+HEARD = ('1,0,106,0,Not a cycle,1,216,0', '1,0,105,0,Not a loop,1,243,0',
+         '2,1,106,243,Not a cycle,2,216,243', '2,0,85,0,CYCLE,2,216,243')
+
+
+@pytest.mark.parametrize('rows, code, said', [
+    (HEARD, 0, '1 of 1 figures agree'),
+    ((*HEARD, '2,0,100,0,Not a loop,2,216,243'), 1, 'DIFFERS'),
+    ((*HEARD, '3,2,106,999,Not a cycle,3,216,999'), 1, 'DIFFERS'),
+    (('1,0,x,0,Not a cycle,1,216,0',), 2, 'row 1 is not of a log of decisions')])
+def test_a_log_of_decisions_is_explained_row_by_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rows, code: int, said: str,
+) -> None:
+    (tmp_path / 'some_decisions.csv').write_text('\n'.join((HEAD, *rows)))
+    assert run(['compare', str(tmp_path)]) == code
+    output = capsys.readouterr()
+    assert said in output.out + output.err
+
+
 def test_the_firmware_of_a_chain_has_the_same_tree_and_costs(
     data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
