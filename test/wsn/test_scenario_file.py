@@ -58,7 +58,7 @@ def test_one_line_is_a_scenario(write) -> None:
     assert (scenario.tinyos, scenario.radio.mac, scenario.radio.acknowledge, scenario.u16_wrap,
             scenario.traffic.payload) == (2, 'tinyos2', 'software', True, 'oscilloscope')
     assert len(topology.places) == 12
-    assert topology.places[7][:4] == (7, '7', 30.0, 10.0)
+    assert topology.places[7][:4] == (7, '7', 90.0, 30.0)
 
 
 @pytest.mark.parametrize('text, expected', [

@@ -66,7 +66,7 @@ class TopologySettings:
     map: str = setting(  # noqa: A003
         '', 'a ROS map, whose walls weaken what goes through; with grid, random or nodes',
         is_file=True)
-    spacing_m: float = setting(10.0, 'between neighbours of the grid', 'm', 0.01, 1e4)
+    spacing_m: float = setting(30.0, 'between neighbours of the grid', 'm', 0.01, 1e4)
     jitter_m: float = setting(
         0.0, 'standard deviation by which each node of the grid is off its place', 'm', 0.0, 1e4)
     width_m: float = setting(100.0, 'of the area of random nodes', 'm', 0.1, 1e5)

@@ -35,7 +35,6 @@ from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.routing'
@@ -160,15 +159,13 @@ def _load(options: Options, outcomes: Outcomes) -> Table:
                for protocol, title in zip(_PROTOCOLS, ('CTP', 'MultiHopLQI'))]
     rows = []
     for period in _periods(options):
-        metrics: dict[str, Metric | None] = {}
+        of: dict[str, common.Of] = {}
         for protocol in _PROTOCOLS:
             key = f'{protocol} {period}'
-            metrics[f'{protocol} delivery'] = outcomes.metric(
-                _LOAD, _mean(f'{key} delivery_ppm', 1e4))
-            metrics[f'{protocol} frames'] = outcomes.metric(
-                _LOAD, _mean(f'{key} frames_milli', 1e3))
-            metrics[f'{protocol} p95'] = outcomes.metric(_LOAD, _mean(f'{key} p95_us', 1e3))
-        rows.append(Row(f'a packet each {period / _BINARY_S * 1000:,.0f} ms', metrics))
+            of[f'{protocol} delivery'] = _mean(f'{key} delivery_ppm', 1e4)
+            of[f'{protocol} frames'] = _mean(f'{key} frames_milli', 1e3)
+            of[f'{protocol} p95'] = _mean(f'{key} p95_us', 1e3)
+        rows.append(outcomes.row(_LOAD, of, f'a packet each {period / _BINARY_S * 1000:,.0f} ms'))
     return Table('load: where CTP collapses', columns, rows, (
         'The scenario ctp_collapse: 5 by 5 nodes, much noise. CTP sends a packet up to 30 times;',
         'where most of them fail, that fills the channel and makes more of them fail. Do not use',
@@ -223,8 +220,8 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
             outcomes.metric(_HOME, _extreme('paper moving longest_ms', 1e3)), 's'),
         Aim('duplicates to the application', 0, most('duplicates'), ''),
         Aim('packets withheld from the application', 0, most('withheld'), ''),
-        Aim('nodes whose losses are not counted as in truth', 0, most('differ'), ''),
-        Aim(f'{_MANY} nodes: relay load with a sink that drives, of that with one in the middle',
+        Aim('nodes whose losses are not as in truth', 0, most('differ'), ''),
+        Aim(f'{_MANY} nodes: relay load, driving over standing',
             1.0, _gain(outcomes, _MANY), '')]
 
 
