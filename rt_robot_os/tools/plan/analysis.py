@@ -24,6 +24,7 @@ import math
 from rt_robot_os.tools.plan.blocking import blocking_of
 from rt_robot_os.tools.plan.response import busy_period_ns
 from rt_robot_os.tools.plan.response import Load
+from rt_robot_os.tools.plan.response import merged
 from rt_robot_os.tools.plan.response import NoBoundError
 from rt_robot_os.tools.plan.response import response_from_arrival_ns
 from rt_robot_os.tools.plan.response import response_ns
@@ -173,8 +174,8 @@ class _Analyser:
     def _bounds(self, task: PlannedTask, blocking_ns: int) -> tuple[int, int, int]:
         """Bound a response from the release, from the timer's alone, and of the whole chain."""
         p = task.priority
-        higher = self._tick_loads() + [
-            self._load(s, p) for s in self._all if s.task.priority > p]
+        higher = merged(self._tick_loads() + [
+            self._load(s, p) for s in self._all if s.task.priority > p])
         level = [s for s in self._all if s.task.priority == p]
         busy_ns = busy_period_ns(blocking_ns, higher + [self._load(s, p) for s in level])
         response = timed = chain = 0

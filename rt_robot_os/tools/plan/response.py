@@ -32,6 +32,7 @@ these are done, and no sooner is needed for the bound to hold:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Sequence
 
 ROUNDS_MAXIMUM = 20_000
@@ -47,7 +48,18 @@ class NoBoundError(Exception):
 
 def _demand_ns(window_ns: int, loads: Sequence[Load]) -> int:
     """Sum what may be released in a window, its end excluded."""
-    return sum(-(-(window_ns + jitter) // period) * cost for period, jitter, cost in loads)
+    total_ns = 0
+    for period, jitter, cost in loads:  # not sum(): here the time of a whole plan goes
+        total_ns -= -(window_ns + jitter) // period * cost
+    return total_ns
+
+
+def merged(loads: Iterable[Load]) -> list[Load]:
+    """Join what is released together, always: the demand is the same, and found sooner."""
+    costs: dict[tuple[int, int], int] = {}
+    for period, jitter, cost in loads:
+        costs[period, jitter] = costs.get((period, jitter), 0) + cost
+    return [(period, jitter, cost) for (period, jitter), cost in costs.items()]
 
 
 def _fixed_point(start_ns: int, base_ns: int, loads: Sequence[Load]) -> int:
