@@ -45,6 +45,7 @@ _TAIL_TICKS = ((1.0, 'all'), (0.5, '50 % (p50)'), (0.1, '10 % (p90)'), (0.01, '1
 _SYSTEMS = (
     ('rclpy Single', ('#D55E00',)), ('rclpy Multi', ('#E69F00',)), ('rclpy', ('#8B1A1A',)),
     ('HORUS', ('#009E73',)), ('Python threads', ('#CC79A7',)), ('plain thread', ('#CC79A7',)),
+    ('threads', ('#CC79A7',)), ('loop', ('#555555',)),
     ('paper', ('#7B5CB0',)), ('Process', ('#555555',)),
     ('rt_robot_os', ('#0072B2', '#56B4E9', '#003F66')),
     ('clock_nanosleep', ('#000000', '#777777', '#BBBBBB')), ('cyclictest', ('#777777',)),

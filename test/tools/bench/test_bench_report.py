@@ -144,6 +144,10 @@ def test_a_system_has_its_colour_in_every_picture_and_no_curves_look_alike() -> 
     second = styles(['rclpy EventsExecutor, mean', 'rclpy EventsExecutor, max', 'rt_robot_os'])
     assert first[2] == second[0] and first[1] == second[2]
     assert second[0][0] == second[1][0] and second[0][1] != second[1][1]
+    # Ours and an ordinary program never look the same.
+    for other in ('threads, computing', 'loop'):
+        ours, theirs = styles(['rt_robot_os', other])
+        assert ours[0] != theirs[0]
     many = styles([f'variant {i}' for i in range(20)] + [f'rt_robot_os {i}' for i in range(9)])
     assert len(set(many[:20])) == 20 and len(set(many[20:])) == 9
 
