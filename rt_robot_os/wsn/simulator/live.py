@@ -134,6 +134,25 @@ def _stands_between(x: float, y: float, ax: float, ay: float, bx: float, by: flo
     return beside * beside < _PERSON_RADIUS_M ** 2 * length
 
 
+def _air_and_network(scenario: Scenario, protocol: RouterFactory, obstacles: Obstacles,
+                     random: Random, times: float) -> tuple[PathLossMedium, Network]:
+    """Make the air of a place, and a network in it without nodes."""
+    radio, energy = scenario.radio, scenario.energy
+    mac = MAC_PROFILES[radio.mac or 'tinyos1']
+    noise = (heavy if radio.noise == 'heavy' else quiet)(random, _NOISE_LENGTH)
+    medium = PathLossMedium(PathLoss(
+        radio.loss_1m_db, radio.exponent, radio.shadowing_db, radio.asymmetry_db,
+        radio.fading_db, radio.fading_s, obstacles.loss_db), noise, mac)
+
+    def router(node: Node, is_root: bool) -> Router:
+        return obedient(protocol(node, is_root))
+
+    return medium, Network(
+        medium, router, mac=mac, seed=scenario.seed, drift_ppm=scenario.drift_ppm or 0.0,
+        power=PowerModel(capacity_mah=energy.battery_mah, acceleration=times,
+                         listening_share=energy.duty))
+
+
 class LiveNetwork:
     """
     A network in the time of whoever owns it; one thread at a time may use it.
@@ -170,26 +189,14 @@ class LiveNetwork:
         self._applications: dict[int, NodeApplication] = {}
         self._boots: dict[int, int] = {}
         self._pressed: dict[int, bool] = {}
-        radio, energy = scenario.radio, scenario.energy
         random = Random(f'{scenario.seed} live')
-        mac = MAC_PROFILES[radio.mac or 'tinyos1']
-        noise = (heavy if radio.noise == 'heavy' else quiet)(random, _NOISE_LENGTH)
-        self._medium = PathLossMedium(PathLoss(
-            radio.loss_1m_db, radio.exponent, radio.shadowing_db, radio.asymmetry_db,
-            radio.fading_db, radio.fading_s, obstacles.loss_db), noise, mac)
-
-        def router(node: Node, is_root: bool) -> Router:
-            return obedient(protocol(node, is_root))
-
-        self.network = Network(
-            self._medium, router, mac=mac, seed=scenario.seed, drift_ppm=scenario.drift_ppm or 0.0,
-            power=PowerModel(capacity_mah=energy.battery_mah, acceleration=times,
-                             listening_share=energy.duty))
+        self._medium, self.network = _air_and_network(
+            scenario, protocol, obstacles, random, times)
         self.network.on_deliver = self._delivered
         self.network.on_note = self._noted
         self.root = self.network.add(
-            root, sink_position(), is_root=True, power_dbm=radio.power_dbm)
-        self._flood = Flood(self.root, mac.version > 1)
+            root, sink_position(), is_root=True, power_dbm=scenario.radio.power_dbm)
+        self._flood = Flood(self.root, self.network.mac.version > 1)
         self._raw = self.root.sender(self._raw_is_through)
         self.station = BaseStation(
             station, self._serial, self._send, baud, group,
