@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from collections.abc import Mapping
+from functools import partial
 import math
 from random import Random
 from time import perf_counter
@@ -168,8 +169,8 @@ class Simulation:
         for change in self.topology.changes:
             assert isinstance(medium, LinkMedium)
             link = Link(change.link.prr, round(change.link.rssi_dbm), change.link.lqi)
-            self.network.at(change.at_ns, _Call(medium.set_link, change.source,
-                                                change.destination, link))
+            self.network.at(change.at_ns, partial(
+                medium.set_link, change.source, change.destination, link))
 
     def _plan_way(self) -> None:
         way = self.topology.way
@@ -204,8 +205,8 @@ class Simulation:
         at_ns, end_ns = round(one.at_s * NS_PER_S), round((one.at_s + one.for_s) * NS_PER_S)
         if one.kind == 'noise':
             if isinstance(self.medium, GainMedium):
-                self.network.at(at_ns, _Call(self.medium.add_noise, round(one.numbers[0])))
-                self.network.at(end_ns, _Call(self.medium.add_noise, -round(one.numbers[0])))
+                self.network.at(at_ns, partial(self.medium.add_noise, round(one.numbers[0])))
+                self.network.at(end_ns, partial(self.medium.add_noise, -round(one.numbers[0])))
             return
         for node in self._who(one):
             mote = self.network.motes[node]
@@ -214,12 +215,13 @@ class Simulation:
             if one.kind in ('reboot', 'sleep'):
                 self.network.at(end_ns, mote.boot)
             if one.kind == 'silence':
-                self.network.at(at_ns, _Call(setattr, mote, 'traffic', None))
+                self.network.at(at_ns, partial(setattr, mote, 'traffic', None))
                 if one.for_s:
-                    self.network.at(end_ns, _Call(setattr, mote, 'traffic', mote.traffic))
+                    self.network.at(end_ns, partial(setattr, mote, 'traffic', mote.traffic))
             if one.kind == 'move':
-                place = (*one.numbers, self.topology.places[node].z)
-                self.network.at(at_ns, _Call(self.network.move, node, place))
+                x, y = one.numbers
+                place = (x, y, self.topology.places[node].z)
+                self.network.at(at_ns, partial(self.network.move, node, place))
 
     # ---- while it runs ------------------------------------------------------------------------
 
@@ -326,20 +328,6 @@ class Simulation:
             return 0.0
         battery.account(now_ns, mote.radio)
         return battery.used_mah
-
-
-class _Call:
-    """A call with its arguments; a lambda in a loop would take the last ones."""
-
-    __slots__ = ('_call', '_arguments')
-
-    def __init__(self, call: Callable[..., object], *arguments: object) -> None:
-        self._call = call
-        self._arguments = arguments
-
-    def __call__(self) -> None:
-        """Call it."""
-        self._call(*self._arguments)
 
 
 def _cost(am_type: int, payload: bytes) -> int:
