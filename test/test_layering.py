@@ -32,6 +32,8 @@ LAYERS = (
     ('live_settings', 'logger', 'plugins', 'programs'),
     ('motion',),
     ('wsn',),
+    ('alarms',),
+    ('agent', 'health'),
     ('linux',),
     ('kernel',),
     ('dumps',),
