@@ -16,8 +16,9 @@
 Messages that ROS has in another type than the core, converted as CDR bytes.
 
 Topics of the core hold messages of fixed shape: a way is a row of numbers there, a network of
-sensors rows of them, and each transform is a topic of its own. ROS has a ``Path``, whose poses
-each name their frame, a ``MarkerArray``, and ``/tf``, on which all transforms go.
+sensors rows of them, diagnoses a text, and each transform is a topic of its own. ROS has a
+``Path``, whose poses each name their frame, a ``MarkerArray``, a ``DiagnosticArray``, and ``/tf``,
+on which all transforms go.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from rt_robot_os.link.cdr import ENCAPSULATION
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
 from rt_robot_os.link.cdr import padding
 from rt_robot_os.link.cdr import text_bytes
+from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.link.diagnostic_array import to_diagnostics
 from rt_robot_os.link.markers import MARKERS
 from rt_robot_os.link.markers import to_markers
 from rt_robot_os.motion.angles import yaw_of
@@ -43,6 +46,7 @@ from rt_robot_os.units import NS_PER_S
 TRANSFORM: Final = 'geometry_msgs/msg/TransformStamped'
 TRANSFORMS: Final = 'tf2_msgs/msg/TFMessage'
 NUMBERS: Final = 'std_msgs/msg/Float64MultiArray'
+TEXT: Final = 'std_msgs/msg/String'
 PATH: Final = 'nav_msgs/msg/Path'
 GOAL: Final = 'geometry_msgs/msg/PoseStamped'
 ESTIMATE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
@@ -254,7 +258,10 @@ CONVERSIONS: Final = (
     Conversion(TRANSFORM, TRANSFORMS, '', to_transforms),
     Conversion(NUMBERS, PATH, 'map', to_path, from_path),
     Conversion(NUMBERS, MARKERS, 'map', to_network),
+    Conversion(TEXT, DIAGNOSTICS, '', to_diagnostics),
 )
+#: Types in ROS with one header, whose frame_id a mirror may say.
+FRAMED: Final = (PATH, MARKERS, DIAGNOSTICS)
 #: What is checked on its way from ROS though its type stays.
 CHECKED: Final = {GOAL: check_pose, ESTIMATE: check_pose}
 

@@ -41,6 +41,8 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.conversions import PATH
 from rt_robot_os.link.conversions import TRANSFORMS
+from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.link.markers import MARKERS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.logger import LEVELS
@@ -267,10 +269,11 @@ class MirrorSettings:
         'Twist; inward its age counts as that of the sample')
     as_: str = setting(
         '', 'the type that the ROS topic has in place of that in the core: '
-        f'{TRANSFORMS} (several on one topic, /tf when ros_topic is absent), {PATH}')
+        f'{TRANSFORMS} (several on one topic, /tf when ros_topic is absent), {PATH}, {MARKERS} '
+        f'(of a sensor network), {DIAGNOSTICS} (of diagnoses in JSON, such as alarms/list)')
     frame_id: str = setting(
-        '', 'in the header of what goes out, with stamped: true; of a path, map when absent: with '
-        'another one it is refused')
+        '', 'in the header of what goes out, with stamped: true or as; of a path, map when '
+        'absent: with another one it is refused')
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'ros_topic', self.ros_topic or (

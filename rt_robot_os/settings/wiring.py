@@ -27,7 +27,7 @@ from typing import Final
 
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.link.conversions import find as find_conversion
-from rt_robot_os.link.conversions import PATH
+from rt_robot_os.link.conversions import FRAMED
 from rt_robot_os.link.conversions import possible
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.stamped_messages import FRAME_ID_BYTES_MAXIMUM
@@ -289,8 +289,9 @@ def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Pro
         return
     message = table.message(topic)
     if not mirror.values.get('stamped'):
-        if frame_id and mirror.values.get('as') != PATH:
-            mirror.reject('frame_id', f'is used with stamped: true, or as: {PATH}, only', problems)
+        if frame_id and mirror.values.get('as') not in FRAMED:
+            mirror.reject('frame_id', 'is used with stamped: true, or as: '
+                          f'{" or ".join(FRAMED)}, only', problems)
     elif message not in STAMPED_BYTES:
         mirror.reject('stamped', f'{topic!r} is a {message}: only these can be had with a header: '
                       f'{", ".join(STAMPED_BYTES)}', problems)

@@ -64,6 +64,7 @@ def test_what_cannot_be_is_told(name: str, values: dict[str, Any], problem: str)
 # ---- other types in ROS ----------------------------------------------------------------------
 
 WAYS = {'plan': {'message': 'std_msgs/msg/Float64MultiArray', 'tail': 300},
+        'list': {'message': 'std_msgs/msg/String', 'tail': 300},
         'odom_to_base': {'message': 'geometry_msgs/msg/TransformStamped',
                          'fixed': {'header.frame_id': 'odom', 'child_frame_id': 'base_link'}},
         'map_to_odom': {'message': 'geometry_msgs/msg/TransformStamped',
@@ -105,6 +106,14 @@ def test_what_cannot_be_converted_is_told(
         tmp_path: Path, mirror: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         ways(tmp_path, a=mirror)
+
+
+@pytest.mark.parametrize(('topic', 'as_'), [
+    ('plan', 'nav_msgs/msg/Path'), ('plan', 'visualization_msgs/msg/MarkerArray'),
+    ('list', 'diagnostic_msgs/msg/DiagnosticArray')])
+def test_what_has_one_header_can_be_given_its_frame(tmp_path: Path, topic: str, as_: str) -> None:
+    [found] = ways(tmp_path, a={'topic': topic, 'as': as_, 'frame_id': 'flat'})
+    assert (found.as_, found.frame_id) == (as_, 'flat')
 
 
 def test_one_topic_of_ros_still_has_one_mirror_otherwise(tmp_path: Path) -> None:
