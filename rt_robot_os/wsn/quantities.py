@@ -73,10 +73,20 @@ QUANTITIES: Final[Mapping[str, Quantity]] = MappingProxyType({each.name: each fo
     Quantity('respiration_per_min', FLOAT, 'data', '1/min', 1.0, 120.0),
     Quantity('spo2_percent', FLOAT, 'data', '%', 1.0, 100.0),
     Quantity('body_temperature', TEMPERATURE, 'temperature', 'degC', 15.0, 46.0),
+    Quantity('systolic_mmhg', FLOAT, 'data', 'mmHg', 20.0, 300.0),
+    Quantity('diastolic_mmhg', FLOAT, 'data', 'mmHg', 10.0, 250.0),
+    # What is given to breathe: 0 is air.
+    Quantity('oxygen_l_per_min', FLOAT, 'data', 'l/min', 0.0, 100.0),
+    # 0 alert, 1 newly confused, 2 answers to a voice, 3 to pain, 4 to nothing.
+    Quantity('consciousness', FLOAT, 'data', 'code', 0.0, 4.0),
     Quantity('acceleration_g', FLOAT, 'data', 'g', -400.0, 400.0),
     Quantity('alarm', FLOAT, 'data', 'code', 0.0, 65535.0),
     Quantity('smoke', FLOAT, 'data', '1', 0.0, 65535.0),
     Quantity('water', FLOAT, 'data', '1', 0.0, 65535.0),
+    # Of a room: 1 while somebody is there, else 0.
+    Quantity('presence', FLOAT, 'data', '1', 0.0, 65535.0),
+    # Of a worn node: the number of the node that hangs next to it.
+    Quantity('nearest_node', FLOAT, 'data', 'number', 0.0, 65534.0),
 )})
 
 #: What a surveyed node is taken to measure when its text does not say.

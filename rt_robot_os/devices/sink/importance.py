@@ -40,7 +40,8 @@ KINDS: Final = {kind.name.lower(): int(kind) for kind in Kind}
 DEFAULT_CLASSES: Final = ('alarm', 'vital', 'rest')
 DEFAULT_RULES: Final = (
     'alarm if kind alarm smoke water',
-    'vital if kind pulse respiration spo2 body_temperature')
+    'vital if kind pulse respiration spo2 body_temperature systolic diastolic oxygen '
+    'consciousness')
 CLASSES_MAXIMUM: Final = 8
 
 # What a rule may ask for, and the largest value of it.

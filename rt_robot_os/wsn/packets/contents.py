@@ -76,6 +76,12 @@ READINGS: Final[Mapping[int, tuple[str, Callable[[float], float]]]] = {
     paper.Kind.ALARM: ('alarm', same),
     paper.Kind.SMOKE: ('smoke', same),
     paper.Kind.WATER: ('water', same),
+    paper.Kind.SYSTOLIC: ('systolic_mmhg', same),
+    paper.Kind.DIASTOLIC: ('diastolic_mmhg', same),
+    paper.Kind.OXYGEN: ('oxygen_l_per_min', lambda raw: raw / 10.0),
+    paper.Kind.CONSCIOUSNESS: ('consciousness', same),
+    paper.Kind.PRESENCE: ('presence', same),
+    paper.Kind.NEAREST_NODE: ('nearest_node', same),
 }
 
 

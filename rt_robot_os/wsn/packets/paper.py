@@ -70,6 +70,18 @@ class Kind(IntEnum):
     SMOKE = 11
     #: 1 while there is water, else 0.
     WATER = 12
+    #: mmHg.
+    SYSTOLIC = 13
+    #: mmHg.
+    DIASTOLIC = 14
+    #: 0.1 l/min; 0 is air.
+    OXYGEN = 15
+    #: 0 alert, 1 newly confused, 2 answers to a voice, 3 to pain, 4 to nothing.
+    CONSCIOUSNESS = 16
+    #: 1 while somebody is there, else 0.
+    PRESENCE = 17
+    #: Number of the node that hangs next to a worn one.
+    NEAREST_NODE = 18
 
 
 class _BeaconMsgFields(NamedTuple):

@@ -97,7 +97,8 @@ _SLOW: Final[Mapping[str, _Slow]] = {
     'temperature': _Slow(0.0, 0.15, 300.0), 'humidity': _Slow(0.0, 0.01, 300.0),
     'light': _Slow(1.0, 0.03, 20.0), 'pulse_per_min': _Slow(72.0, 4.0, 60.0),
     'respiration_per_min': _Slow(15.0, 1.5, 60.0), 'spo2_percent': _Slow(97.0, 0.7, 60.0),
-    'body_temperature': _Slow(36.8, 0.15, 1800.0)}
+    'body_temperature': _Slow(36.8, 0.15, 1800.0), 'systolic_mmhg': _Slow(126.0, 6.0, 600.0),
+    'diastolic_mmhg': _Slow(78.0, 4.0, 600.0)}
 # Of a quantity of somebody's own.
 _ANY: Final = _Slow(50.0, 5.0, 60.0)
 
@@ -186,15 +187,26 @@ class NodeReadings:
         return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
 
 
+    def _nothing(self, now_s: float) -> float:
+        """Return 0: air, alert, nobody there."""
+        return 0.0
+
+
 def _milli_raw(value: float) -> int:
     return same_raw(1000.0 * value)
+
+
+def _tenths_raw(value: float) -> int:
+    return same_raw(10.0 * value)
 
 
 # What is not there is only what wanders.
 _MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], float]]] = {
     'temperature': NodeReadings._temperature_c, 'humidity': NodeReadings._humidity,
     'light': NodeReadings._light_lx, 'pulse_per_min': NodeReadings._pulse_per_min,
-    'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g}
+    'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g,
+    **dict.fromkeys(('oxygen_l_per_min', 'consciousness', 'presence', 'nearest_node'),
+                    NodeReadings._nothing)}
 # Quantity -> how the paper calls it, and what the sensor gives of it.
 _SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
     'temperature': (Kind.TEMPERATURE, sht1x_temperature_raw),
@@ -203,4 +215,8 @@ _SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
     'respiration_per_min': (Kind.RESPIRATION, same_raw), 'spo2_percent': (Kind.SPO2, same_raw),
     'body_temperature': (Kind.BODY_TEMPERATURE, centikelvin_raw),
     'acceleration_g': (Kind.ACCELERATION, _milli_raw), 'alarm': (Kind.ALARM, same_raw),
-    'smoke': (Kind.SMOKE, same_raw), 'water': (Kind.WATER, same_raw)}
+    'smoke': (Kind.SMOKE, same_raw), 'water': (Kind.WATER, same_raw),
+    'systolic_mmhg': (Kind.SYSTOLIC, same_raw), 'diastolic_mmhg': (Kind.DIASTOLIC, same_raw),
+    'oxygen_l_per_min': (Kind.OXYGEN, _tenths_raw),
+    'consciousness': (Kind.CONSCIOUSNESS, same_raw), 'presence': (Kind.PRESENCE, same_raw),
+    'nearest_node': (Kind.NEAREST_NODE, same_raw)}

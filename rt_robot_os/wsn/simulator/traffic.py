@@ -57,7 +57,10 @@ KINDS: Final[Mapping[str, tuple[Kind, int, int]]] = MappingProxyType({
     'pulse_per_min': (Kind.PULSE, 72, 9), 'respiration_per_min': (Kind.RESPIRATION, 15, 2),
     'spo2_percent': (Kind.SPO2, 97, 1), 'body_temperature': (Kind.BODY_TEMPERATURE, 30_980, 20),
     'acceleration_g': (Kind.ACCELERATION, 1000, 25), 'alarm': (Kind.ALARM, 0, 0),
-    'smoke': (Kind.SMOKE, 0, 0), 'water': (Kind.WATER, 0, 0)})
+    'smoke': (Kind.SMOKE, 0, 0), 'water': (Kind.WATER, 0, 0),
+    'systolic_mmhg': (Kind.SYSTOLIC, 126, 9), 'diastolic_mmhg': (Kind.DIASTOLIC, 78, 6),
+    'oxygen_l_per_min': (Kind.OXYGEN, 0, 0), 'consciousness': (Kind.CONSCIOUSNESS, 0, 0),
+    'presence': (Kind.PRESENCE, 0, 0), 'nearest_node': (Kind.NEAREST_NODE, 0, 0)})
 
 
 class _Count:

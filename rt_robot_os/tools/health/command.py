@@ -1,0 +1,54 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the program `health` does with its command line.
+
+Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
+What takes long to import it imports only then.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import tell
+from rt_robot_os.tools.health import news2
+
+_COMMANDS = (news2,)
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Run one command.
+
+    :param argv: without the program's name.
+    :return: the exit code.
+    :raises RtRobotError: it failed.
+    """
+    parser = argparse.ArgumentParser(
+        prog='health', allow_abbrev=False, description="People's health: score cases, and see "
+        'what the modules of the robot make of recordings. No medical device.')
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for each in _COMMANDS:
+        each.add_to(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except ConfigError as error:
+        tell('health', error.problems[0], error.problems[1:])
+        return BAD_USE
