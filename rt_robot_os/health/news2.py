@@ -187,7 +187,7 @@ def score(values: Mapping[str, float | None], scale: int = 1) -> Score:
     :raises ValueError: there is no such scale.
     """
     if scale not in SCALES:
-        raise ValueError(f'SpO2 scale {scale!r}: it must be 1, or 2 on a clinician\'s decision')
+        raise ValueError(f'SpO2 scale {scale!r}: it must be 1, or 2 where a clinician says so')
     known = {name: float(value) for name in PARAMETERS
              if (value := values.get(name)) is not None and SIGNS[name].is_plausible(value)}
     found: dict[str, int] = {}

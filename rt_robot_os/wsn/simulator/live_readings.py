@@ -186,7 +186,6 @@ class NodeReadings:
         speed = math.hypot(x - before_x, y - before_y) / took_s if took_s > 0.0 else 0.0
         return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
 
-
     def _nothing(self, now_s: float) -> float:
         """Return 0: air, alert, nobody there."""
         return 0.0
