@@ -47,8 +47,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    files = [{'file': str(path), 'cases': [_result(case) for case in read_cases(path)]}
-             for path in arguments.files]
+    files: list[dict[str, Any]] = [{'file': str(path), 'cases': [
+        _result(case) for case in read_cases(path)]} for path in arguments.files]
     results: list[dict[str, Any]] = [case for file in files for case in file['cases']]
     differ = sum(bool(case['differences'] or case['problems']) for case in results)
     summary = {
