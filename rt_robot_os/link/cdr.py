@@ -37,6 +37,20 @@ def text_bytes(text: str) -> bytes:
     return _COUNT.pack(len(octets) + 1) + octets + b'\0'
 
 
+def string_message(text: str) -> bytes:
+    """Write a ``std_msgs/msg/String``."""
+    return LITTLE_ENDIAN + text_bytes(text)
+
+
+def string_in(cdr: bytes | memoryview) -> str:
+    """
+    Read a ``std_msgs/msg/String``.
+
+    :raises ValueError: it is none.
+    """
+    return CdrReader(bytes(cdr)).text()
+
+
 class CdrReader:
     """
     Read fields one after the other.

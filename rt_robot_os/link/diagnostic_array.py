@@ -31,9 +31,9 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.link.cdr import CdrReader
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
 from rt_robot_os.link.cdr import padding
+from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import text_bytes
 from rt_robot_os.units import NS_PER_S
 
@@ -141,7 +141,7 @@ def to_diagnostics(frame_id: str = '') -> Callable[[memoryview, int], bytes]:
     def convert(cdr: memoryview, wall_ns: int) -> bytes:
         if len(cdr) > TEXT_BYTES_MAXIMUM:
             raise ValueError(f'{len(cdr)} bytes: there may be {TEXT_BYTES_MAXIMUM}')
-        statuses = statuses_of(CdrReader(bytes(cdr)).text())
+        statuses = statuses_of(string_in(cdr))
         body = bytearray(_STAMP.pack(*divmod(wall_ns, NS_PER_S)) + frame)
         _put_count(body, len(statuses))
         for each in statuses:

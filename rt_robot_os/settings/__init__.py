@@ -42,11 +42,13 @@ from rt_robot_os.settings.process_model import LogSettings
 from rt_robot_os.settings.process_model import WatchdogSettings
 from rt_robot_os.settings.ros_args import parse_ros_args
 from rt_robot_os.settings.ros_args import RosArguments
+from rt_robot_os.settings.service_model import ServiceSettings
 from rt_robot_os.sim.world_settings import WorldSettings
 
 __all__ = [
     'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'LogSettings', 'MirrorSettings',
     'ModuleSettings', 'ParameterDescription', 'RobotParameters', 'RobotSettings', 'RosArguments',
-    'SIM_PORT', 'TaskSettings', 'TopicSettings', 'WatchdogSettings', 'WorldSettings', 'changed',
-    'check_change', 'default_path', 'from_json', 'load', 'parameters', 'parse_ros_args', 'to_json',
+    'SIM_PORT', 'ServiceSettings', 'TaskSettings', 'TopicSettings', 'WatchdogSettings',
+    'WorldSettings', 'changed', 'check_change', 'default_path', 'from_json', 'load', 'parameters',
+    'parse_ros_args', 'to_json',
 ]

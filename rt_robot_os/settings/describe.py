@@ -43,6 +43,7 @@ from rt_robot_os.settings.problems import description_of
 from rt_robot_os.settings.process_model import CoreSettings
 from rt_robot_os.settings.process_model import LogSettings
 from rt_robot_os.settings.process_model import WatchdogSettings
+from rt_robot_os.settings.service_model import ServiceSettings
 from rt_robot_os.settings.tree import show
 from rt_robot_os.sim.world_settings import WorldSettings
 
@@ -135,6 +136,23 @@ texts and the lengths of sequences that the message is laid out with, by dotted 
 `fixed: {header.frame_id: base_link}`.
 """
 
+_SERVICE_TEXT: Final = """\
+Each is a service of the node that publishes a text in the core and gives back what the core
+answers. Standard services carry no text of their own: what needs one is a mirror of a topic.
+A call that awaits its answer holds up nothing else of the node; at most 16 of a service wait at
+the same time, more are refused.
+
+```yaml
+    topics: [orders, answers]
+    orders: {topic: crane/order, message: std_msgs/msg/String, tail: 100}
+    answers: {topic: crane/answer, message: std_msgs/msg/String, tail: 200}
+    services: [park]
+    park: {service: ~/crane/park, topic: crane/order, text: park, answer_topic: crane/answer}
+```
+
+`ros2 service call /robot/crane/park std_srvs/srv/Trigger`
+"""
+
 _SECTIONS: Final = (
     ('The robot', '', RobotSettings),
     ('`core`: the real-time process', '', CoreSettings),
@@ -147,6 +165,7 @@ _SECTIONS: Final = (
     ('Tasks', _TASK_TEXT, TaskSettings),
     ('Topics', _TOPIC_TEXT, TopicSettings),
     ('Mirrors', 'Each copies a topic of the core to ROS, or one from ROS.\n', MirrorSettings),
+    ('Services', _SERVICE_TEXT, ServiceSettings),
 )
 
 _COLUMNS: Final = ('key', 'type', 'default', 'range', 'unit', 'live', 'meaning')

@@ -57,6 +57,7 @@ from rt_robot_os.settings.process_model import CoreSettings
 from rt_robot_os.settings.process_model import LogSettings
 from rt_robot_os.settings.process_model import priority_setting
 from rt_robot_os.settings.process_model import WatchdogSettings
+from rt_robot_os.settings.service_model import ServiceSettings
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.topics.topic import DEPTH_MAXIMUM
 from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
@@ -334,6 +335,8 @@ class RobotSettings:
         (), 'names of further core topics, each with a section of that name')
     mirrors: tuple[MirrorSettings, ...] = setting(
         (), 'names of the mirrors to ROS, each with a section of that name')
+    services: tuple[ServiceSettings, ...] = setting(
+        (), 'names of services of the node, each with a section of that name')
     watchdog: WatchdogSettings = WatchdogSettings()
     log: LogSettings = LogSettings()
     frames: tuple[MountedFrame, ...] = ()

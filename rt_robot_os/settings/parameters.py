@@ -215,6 +215,8 @@ def _all(settings: RobotSettings, catalogue: Catalogue) -> Iterator[ParameterDes
         yield from _of_topic(topic)
     for name, mirror in {each.name: each for each in settings.mirrors}.items():
         yield from _attributes(name, mirror.as_written())
+    for service in settings.services:
+        yield from _attributes(service.name, service)
 
 
 def _entry(name: str, value: Any, field: Field) -> ParameterDescription:

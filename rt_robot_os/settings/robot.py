@@ -47,6 +47,8 @@ from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import ROS_OWN
 from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.sections import texts
+from rt_robot_os.settings.service_model import ServiceSettings
+from rt_robot_os.settings.services import check_services
 from rt_robot_os.settings.tasks import check_tasks
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import flatten
@@ -80,6 +82,8 @@ def read_robot(
               for name, branch in named.listed['topics'].items()]
     mirrors = [read_section(branch, name, declared(MirrorSettings), problems)
                for name, branch in named.listed['mirrors'].items()]
+    services = [read_section(branch, name, declared(ServiceSettings), problems)
+                for name, branch in named.listed['services'].items()]
     check_world(tree, sections['world'], problems)
     at_work = [part for part in devices if part.enabled]
     modules_at_work = [part for part in modules if part.enabled]
@@ -90,6 +94,7 @@ def read_robot(
     table.check_reads(problems)
     single = expanded(mirrors, table, problems)
     check_mirrors(single, table, namespace, node, problems)
+    check_services(services, table, namespace, node, problems)
     check_tasks(at_work, modules_at_work, uses, sections['core'], sections['watchdog'],
                 problems)
     problems.raise_any()
@@ -103,6 +108,8 @@ def read_robot(
                        fixed=frozen(section.values['fixed'])) for section in topics),
                 *_silent_topics([*devices, *modules], topics, uses)),
         mirrors=tuple(_mirror(section, table, patterns) for section in single),
+        services=tuple(made(ServiceSettings, section.values, name=section.name)
+                       for section in services),
         frames=frames)
     return robot
 

@@ -137,16 +137,19 @@ class Diagnostics:
     def judge(self, now: CoreStatistics, mapper: StampMapper,
               mirrors: Iterable[tuple[str, dict[str, Any]]],
               log: Mapping[str, Any] = MappingProxyType({}),
-              starved: str = '') -> list[DiagnosticStatus]:
+              starved: str = '', services: Iterable[tuple[str, dict[str, Any]]] = ()
+              ) -> list[DiagnosticStatus]:
         """
-        Return a status for the core, each device, task, module, topic, client, log and clock.
+        Return a status for the core, each device, task, module, topic, client, service and so on.
 
         What was lost or missed is a warning for ten seconds; the totals stay among the values.
 
         :param starved: why the statistics are old; empty when they are not.
         """
         if now is not self._before:
-            self._last = self._parts(now, mapper, mirrors, log)
+            self._last = [*self._parts(now, mapper, mirrors, log), *(
+                _status(f'{self._name}: service {what}', OK, 'served', values)
+                for what, values in services)]
         return [self._core(now, starved), *self._last]
 
     def _parts(self, now: CoreStatistics, mapper: StampMapper,

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Collection
 from collections.abc import Iterable
 from collections.abc import Sequence
 import struct
@@ -215,6 +216,15 @@ class InwardMirror:
         return counted
 
 
+def ask_for_all(client: LinkClient, topic: str, initial: bool = False) -> None:
+    """
+    Ask for every sample of a topic, at once and without loss, whoever else asks for it.
+
+    :raises LinkError: the core refuses.
+    """
+    client.mirror(topic, 'drain', initial=initial, patient=True)
+
+
 def _to_all(mirrors: Sequence[OutwardMirror]) -> SampleHandler:
     def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
         for mirror in mirrors:
@@ -228,13 +238,15 @@ class Mirrors:
     All mirrored topics of a node; the entities exist as long as the node is configured.
 
     :param tell: takes a line of what goes wrong.
+    :param heard: topics of the core of which somebody else at this connection needs every sample.
     :ivar active: whether samples are carried outward.
     :ivar lacking: those whose type ROS does not have here; they carry nothing.
     """
 
     def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper,
-                 tell: Tell = print) -> None:
+                 tell: Tell = print, heard: Collection[str] = ()) -> None:
         self.active = False
+        self._heard = heard
         self._node = node
         self._client: LinkClient | None = None
         self.lacking = [m for m in settings if m.as_ and is_lacking(m.as_)]
@@ -309,8 +321,10 @@ class Mirrors:
             out.settings = new
         self._set_clock()
 
-    @staticmethod
-    def _ask(client: LinkClient, settings: MirrorSettings, initial: bool = False) -> None:
+    def _ask(self, client: LinkClient, settings: MirrorSettings, initial: bool = False) -> None:
+        if settings.topic in self._heard:
+            ask_for_all(client, settings.topic, initial)
+            return
         client.mirror(settings.topic, settings.policy, settings.max_rate_hz, initial=initial,
                       delay_ms=settings.delay_ms * CORE_SHARE)
 

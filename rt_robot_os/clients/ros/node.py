@@ -40,6 +40,7 @@ from rt_robot_os.clients.ros.log_relay import LogRelay
 from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.clients.ros.parameters import NodeParameters
 from rt_robot_os.clients.ros.ros_time import RosTime
+from rt_robot_os.clients.ros.services import Services
 from rt_robot_os.clients.ros.static_transforms import loose_parents
 from rt_robot_os.clients.ros.static_transforms import published_frames
 from rt_robot_os.clients.ros.static_transforms import StaticTransforms
@@ -102,6 +103,7 @@ class RobotNode(LifecycleNode):
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
         self.create_service(Trigger, '~/save_parameters', self._on_save)
+        self._text_services = Services(self, settings.services)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # On a steady clock: /diagnostics goes on whatever ROS time does.
@@ -122,7 +124,8 @@ class RobotNode(LifecycleNode):
         """Start the core and wait for it."""
         process = CoreProcess(self._for_core(self.settings), self.path) if (
             self.settings.core.spawn) else None
-        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn)
+        self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn,
+                                self._text_services.answer_topics)
         frames = published_frames(self.settings)
         self._static = StaticTransforms(self, frames)
         self._tell_what_is_lacking()
@@ -131,7 +134,7 @@ class RobotNode(LifecycleNode):
                            'which is no frame of a device: a robot description has to have it')
         self._supervisor = Supervisor(
             self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
-            on_connect=self._mirrors.connect, on_disconnect=self._mirrors.disconnect,
+            on_connect=self._connect, on_disconnect=self._disconnect,
             heartbeat_s=self.settings.core.heartbeat_s,
             statistics_period_s=1.0 / self.settings.diagnostics_rate_hz,
             watchdog_code=(self.settings.watchdog.exit_code if self.settings.watchdog.timeout_s
@@ -153,6 +156,7 @@ class RobotNode(LifecycleNode):
         try:
             if self._mirrors is not None:
                 self._mirrors.activate()
+            self._text_services.activate()
             if self._static is not None:
                 self._static.publish(self._time.now_ns())
         except LinkError as error:
@@ -162,6 +166,7 @@ class RobotNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop mirroring; the core runs on."""
+        self._text_services.deactivate()
         try:
             if self._mirrors is not None:
                 self._mirrors.deactivate()
@@ -201,7 +206,23 @@ class RobotNode(LifecycleNode):
         """Why no core can run with this configuration; empty otherwise."""
         return self._supervisor.fatal if self._supervisor is not None else ''
 
+    def _connect(self, client: LinkClient) -> None:
+        """
+        Take a new connection; called by the supervisor's thread.
+
+        :raises LinkError: the core refuses.
+        """
+        if self._mirrors is not None:
+            self._mirrors.connect(client)
+        self._text_services.connect(client)
+
+    def _disconnect(self) -> None:
+        self._text_services.disconnect()
+        if self._mirrors is not None:
+            self._mirrors.disconnect()
+
     def _stop_core(self) -> None:
+        self._text_services.active = False
         if self._supervisor is not None:
             self._supervisor.stop()
         if self._mirrors is not None:
@@ -273,7 +294,7 @@ class RobotNode(LifecycleNode):
         static = self._static.counters() if self._static is not None else []
         return self._diagnostics.judge(
             statistics, self._mapper, [*mirrors.counters(), *static], self._log.statistics(),
-            supervisor.starved)
+            supervisor.starved, self._text_services.counters())
 
     # ---- parameters --------------------------------------------------------------------------
 

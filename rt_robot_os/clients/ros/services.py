@@ -1,0 +1,301 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Services of the node that publish a text in the core and give back what the core answers.
+
+A call awaits its answer as a coroutine: the executor, and with it the mirrors, goes on meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+import json
+import time
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.qos import QoSReliabilityPolicy
+from rclpy.task import Future
+
+from rt_robot_os.clients.ros.mirrors import ask_for_all
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link.cdr import string_in
+from rt_robot_os.link.cdr import string_message
+from rt_robot_os.link.reader import SampleHandler
+from rt_robot_os.settings.service_model import ServiceSettings
+from rt_robot_os.settings.service_model import SET_BOOL
+from std_srvs.srv import SetBool
+from std_srvs.srv import Trigger
+
+#: Calls of a service that may wait for their answers at the same time.
+WAITING_MAXIMUM: Final = 16
+
+
+# The usual 10 of a service would drop calls that come together; who made them is never answered.
+_QUEUE: Final = 4 * WAITING_MAXIMUM
+
+
+class Answer(NamedTuple):
+    """What a caller is told."""
+
+    ok: bool
+    text: str
+
+
+class _Call:
+    """
+    A call that awaits its answer.
+
+    :ivar asked_ns: on CLOCK_MONOTONIC; what was answered before is no answer to it.
+    """
+
+    def __init__(self, command: str, wake: Callable[[], None]) -> None:
+        self.command = command
+        self.asked_ns = time.monotonic_ns()
+        self.future: Future = Future()
+        self._wake = wake
+
+    def end(self, answer: Answer) -> None:
+        """Give the answer; from any thread, the first one counts."""
+        if not self.future.done():
+            self.future.set_result(answer)
+            self._wake()
+
+
+class Service:
+    """
+    One service.
+
+    :ivar calls: so far.
+    :ivar done: of them, what was done: the core said so, or was told where nobody answers.
+    :ivar refused: what the core refused, or could not be told.
+    :ivar unanswered: nobody said in time whether it was done.
+    """
+
+    def __init__(self, services: Services, settings: ServiceSettings,
+                 group: ReentrantCallbackGroup) -> None:
+        self.settings = settings
+        self.calls = self.done = self.refused = self.unanswered = 0
+        self.waiting: deque[_Call] = deque()
+        self._services = services
+        self._channel = 0
+        self._client: LinkClient | None = None
+        kind, callback = (SetBool, self._on_bool) if settings.type == SET_BOOL else (
+            Trigger, self._on_trigger)
+        self.entity = services.node.create_service(
+            kind, settings.service, callback, callback_group=group, qos_profile=QoSProfile(
+                depth=_QUEUE, reliability=QoSReliabilityPolicy.RELIABLE))
+
+    def connect(self, client: LinkClient | None) -> None:
+        """
+        Take the connection, or None when there is none: then nothing is answered any more.
+
+        :raises LinkError: the core refuses.
+        """
+        if client is not None:
+            self._channel = client.advertise(self.settings.topic)
+        self._client = client
+        if client is None:
+            for call in list(self.waiting):
+                call.end(Answer(False, 'the core has gone before it answered; what was asked '
+                                       'may have been done: look, then ask again'))
+
+    async def _on_trigger(self, request: Any, response: Any) -> Any:
+        return await self._call(self.settings.text, response)
+
+    async def _on_bool(self, request: Any, response: Any) -> Any:
+        return await self._call(
+            self.settings.text if request.data else self.settings.text_false, response)
+
+    async def _call(self, text: str, response: Any) -> Any:
+        self.calls += 1
+        try:
+            answer = await self._ask(text)
+            self.done += answer.ok
+            self.refused += not answer.ok
+        except TimeoutError as error:
+            self.unanswered += 1
+            answer = Answer(False, str(error))
+        except LinkError as error:
+            self.refused += 1
+            answer = Answer(False, str(error))
+        response.success, response.message = answer
+        return response
+
+    async def _ask(self, text: str) -> Answer:
+        """
+        Publish a text and await the answer.
+
+        :raises LinkError: it cannot be published.
+        :raises TimeoutError: there is no answer.
+        """
+        client, settings = self._client, self.settings
+        if client is None:
+            raise LinkError('the node is not active, or no core is connected')
+        if len(self.waiting) >= WAITING_MAXIMUM:
+            raise LinkError(f'{len(self.waiting)} calls wait for their answers already')
+        if not settings.answer_topic:
+            client.publish(self._channel, string_message(text))
+            return Answer(True, f'published {text!r} on {settings.topic}')
+        call = _Call(text, self._services.wake)
+        self.waiting.append(call)
+        timer = None
+        try:
+            client.publish(self._channel, string_message(text))
+            timer = self._services.timer(settings.timeout_s, lambda: call.end(_NONE))
+            answer: Answer = await call.future
+        finally:
+            self.waiting.remove(call)
+            if timer is not None:
+                self._services.node.destroy_timer(timer)
+        if answer is _NONE:
+            raise TimeoutError(
+                f'nobody answered {text!r} on {settings.answer_topic} within '
+                f'{settings.timeout_s:g} s; it may have been done all the same')
+        return answer
+
+    def hear(self, stamp_ns: int, command: str, answer: Answer) -> bool:
+        """Give an answer to the call that has waited longest for it; return whether one has."""
+        for call in list(self.waiting):
+            if call.command == command and stamp_ns >= call.asked_ns and not call.future.done():
+                call.end(answer)
+                return True
+        return False
+
+    def counters(self) -> dict[str, Any]:
+        """Return its counters for /diagnostics."""
+        return {'calls': self.calls, 'done': self.done, 'refused': self.refused,
+                'unanswered': self.unanswered, 'waiting': len(self.waiting)}
+
+
+_NONE: Final = Answer(False, '')
+
+
+class Services:
+    """
+    All services of a node; they exist as long as it does, and refuse while it is not active.
+
+    :ivar malformed: answers that are none.
+    """
+
+    def __init__(self, node: Node, settings: tuple[ServiceSettings, ...]) -> None:
+        self.node = node
+        self.active = False
+        self.malformed = 0
+        # In a group of their own, of which many run at once: in the node's, a call that awaits
+        # its answer would hold up every mirror.
+        self._group = ReentrantCallbackGroup()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._client: LinkClient | None = None
+        self.all = [Service(self, each, self._group) for each in settings]
+        self.answer_topics = frozenset(
+            each.answer_topic for each in settings if each.answer_topic)
+
+    def connect(self, client: LinkClient) -> None:
+        """
+        Take a new connection, whose mirrors have been connected.
+
+        :raises LinkError: the core refuses.
+        """
+        for topic in sorted(self.answer_topics):
+            info = client.topics.get(topic)
+            if info is None:
+                raise LinkError(f'the core has no topic {topic!r} on which a service is answered; '
+                                'was it started with another configuration?')
+            mirrored = client.carriers.get(info.channel)
+            client.carriers[info.channel] = self._listener(topic, mirrored)
+        self._client = client
+        if self.active:
+            self.activate()
+
+    def activate(self) -> None:
+        """
+        Ask the core for answers, and serve.
+
+        :raises LinkError: the core refuses.
+        """
+        self.active = True
+        client = self._client
+        if client is None:
+            return
+        for topic in sorted(self.answer_topics):
+            ask_for_all(client, topic)
+        for each in self.all:
+            each.connect(client)
+
+    def deactivate(self) -> None:
+        """Refuse from now on."""
+        self.active = False
+        for each in self.all:
+            each.connect(None)
+
+    def disconnect(self) -> None:
+        """Forget the connection."""
+        self._client = None
+        for each in self.all:
+            each.connect(None)
+
+    def timer(self, period_s: float, callback: Callable[[], None]) -> Any:
+        """Make a timer that no other callback holds up, whatever ROS time does."""
+        return self.node.create_timer(
+            period_s, callback, callback_group=self._group, clock=self._steady)
+
+    def wake(self) -> None:
+        """Let the executor look at who waits; from any thread."""
+        executor = self.node.executor
+        if executor is not None:
+            with suppress(InvalidHandle):  # it is being shut down
+                executor.wake()
+
+    def _listener(self, topic: str, mirrored: SampleHandler | None) -> SampleHandler:
+        heard = [each for each in self.all if each.settings.answer_topic == topic]
+
+        def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
+            answer = self._read(cdr)
+            if answer is not None:
+                for each in heard:
+                    if each.hear(stamp_ns, *answer):
+                        break
+            if mirrored is not None:
+                mirrored(stamp_ns, missed, cdr)
+
+        return carry
+
+    def _read(self, cdr: memoryview) -> tuple[str, Answer] | None:
+        try:
+            found = json.loads(string_in(cdr))
+            command, ok, text = found['command'], found['ok'], found.get('text', '')
+            if isinstance(command, str) and isinstance(ok, bool) and isinstance(text, str):
+                return command, Answer(ok, text.encode(errors='replace').decode().replace(
+                    '\0', ' '))
+        except (ValueError, RecursionError, LookupError, TypeError, AttributeError):
+            pass
+        self.malformed += 1
+        return None
+
+    def counters(self) -> list[tuple[str, dict[str, Any]]]:
+        """Return the counters of all services, by their names."""
+        return [(each.entity.service_name, {**each.counters(), 'malformed': self.malformed})
+                for each in self.all]

@@ -1,0 +1,54 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The settings of services of the node, which publish a text in the core and await an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from rt_robot_os.schema import REQUIRED
+from rt_robot_os.schema import setting
+
+TRIGGER: Final = 'std_srvs/srv/Trigger'
+SET_BOOL: Final = 'std_srvs/srv/SetBool'
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceSettings:
+    """
+    A service of the node.
+
+    :ivar name: its section.
+    :ivar service: as the user wrote it; relative names follow the node's namespace.
+    """
+
+    name: str
+    topic: str = setting(
+        REQUIRED, 'the topic in the core that the text goes to, a std_msgs/msg/String')
+    text: str = setting(REQUIRED, 'what is published; of a SetBool for true')
+    service: str = setting(
+        '', "its name in ROS; when absent ~/ and the section's, which is /robot/NAME")
+    type: str = setting(  # noqa: A003
+        TRIGGER, 'its type; neither carries a text', choices=(TRIGGER, SET_BOOL))
+    text_false: str = setting('', 'what a SetBool publishes for false')
+    answer_topic: str = setting(
+        '', 'where the core answers: a std_msgs/msg/String in JSON, {"command": the text, "ok": '
+        'true, "text": "why"}; when absent the service says that the text is published')
+    timeout_s: float = setting(
+        2.0, 'how long an answer is awaited', 's', 0.05, 60.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'service', self.service or f'~/{self.name}')

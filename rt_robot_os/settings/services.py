@@ -1,0 +1,105 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checks that the services of the node fit the topics of the core, and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from rt_robot_os.link.conversions import TEXT
+from rt_robot_os.settings.names import full_topic
+from rt_robot_os.settings.names import ros_topic_problem
+from rt_robot_os.settings.names import topic_problem
+from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.sections import Section
+from rt_robot_os.settings.service_model import SET_BOOL
+from rt_robot_os.settings.wiring import TopicTable
+
+# Of this node, of every lifecycle node and of every node.
+_TAKEN: Final = frozenset({
+    'rearm', 'save_parameters', 'change_state', 'get_state', 'get_available_states',
+    'get_available_transitions', 'get_transition_graph', 'describe_parameters',
+    'get_parameter_types', 'get_parameters', 'list_parameters', 'set_parameters',
+    'set_parameters_atomically', 'get_type_description'})
+
+
+def check_services(
+    services: Iterable[Section], table: TopicTable, namespace: str, node: str,
+    problems: Problems,
+) -> None:
+    """Find services of one name, topics that hold no text or not so much, texts that lack."""
+    own = {full_topic(f'~/{name}', namespace, node): 'the node itself' for name in _TAKEN}
+    for each in services:
+        _check_name(each, own, (namespace, node), problems)
+        for key in ('topic', 'answer_topic'):
+            _check_topic(each, key, table, problems)
+        for key in ('text', 'text_false'):
+            _check_text(each, key, table, problems)
+        values = each.values
+        if values.get('topic') and values.get('topic') == values.get('answer_topic'):
+            each.reject('answer_topic', 'is the topic of what is asked: name the one that answers '
+                        'come on', problems)
+
+
+def _check_name(
+    section: Section, taken: dict[str, str], node: tuple[str, str], problems: Problems,
+) -> None:
+    name = section.values.get('service')
+    if name is None:
+        return
+    wrong = ros_topic_problem(name) if name else None
+    if wrong is None:
+        full = full_topic(name or f'~/{section.name}', *node)
+        by = taken.setdefault(full, f'{section.name} ({section.origin})')
+        if by != f'{section.name} ({section.origin})':
+            wrong = f'{full} is a service of {by} already: give each its own'
+    if wrong is not None:
+        section.reject('service', wrong, problems)
+
+
+def _check_topic(section: Section, key: str, table: TopicTable, problems: Problems) -> None:
+    topic = section.values.get(key)
+    if not topic:
+        return
+    wrong = topic_problem(topic) or table.missing(topic)
+    if wrong is None and topic in table.declared and table.message(topic) != TEXT:
+        wrong = f'is a {table.message(topic)}: it must be a {TEXT}'
+    elif wrong is None and topic in table.declared and table.declared[topic].spec.fixed:
+        wrong = 'is declared with a fixed text: take fixed out'
+    if wrong is not None:
+        section.reject(key, wrong, problems)
+
+
+def _check_text(section: Section, key: str, table: TopicTable, problems: Problems) -> None:
+    text = section.values.get(key)
+    if text is None:
+        return
+    with_bool = section.values.get('type') == SET_BOOL
+    wrong = None
+    if key == 'text_false' and 'type' in section.values and bool(text) != with_bool:
+        wrong = ('must be given: a SetBool has a text for false' if with_bool else
+                 f'is used with type: {SET_BOOL} only')
+    elif key == 'text' and not text.strip():
+        wrong = 'must be a text: nobody would understand nothing'
+    elif '\0' in text:
+        wrong = 'must not hold a NUL'
+    declared = table.declared.get(section.values.get('topic', ''))
+    tail = declared.spec.tail if declared is not None else None
+    if wrong is None and isinstance(tail, int) and len(text.encode()) > tail:
+        wrong = (f'has {len(text.encode())} bytes: the topic {section.values["topic"]!r} has room '
+                 f'for {tail}')
+    if wrong is not None:
+        section.reject(key, wrong, problems)
