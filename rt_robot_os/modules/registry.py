@@ -22,6 +22,7 @@ from rt_robot_os.modules.base import Module
 from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
+    'alarms': 'rt_robot_os.modules.alarms:Alarms',
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
     'localization': 'rt_robot_os.modules.localization:Localization',

@@ -1,0 +1,215 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The module of the alarms on the virtual clock: topics in, topics out, the journal between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import json
+from typing import Any
+
+import pytest
+
+from rt_robot_os.alarms.cause import Cause
+from rt_robot_os.alarms.cause import CAUSES_TOPIC
+from rt_robot_os.alarms.cause import Level
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.alarms import Alarms
+from rt_robot_os.testing.fakes import settings_of
+from rt_robot_os.testing.module_bench import ModuleBench
+from rt_robot_os.units import NS_PER_S
+
+pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
+
+FALL = Cause('fall', 'anna', Level.CRITICAL, True, 'anna lies on the floor', 'falls', 'wrist')
+HELP = Cause('help', 'anna', Level.CRITICAL, True, 'the button was pressed', 'button')
+STEPS = ['robot 0', 'operator 30 repeat 10', 'family 60']
+
+
+class Robot:
+    """The module, what it is told and what it says; with a journal in memory."""
+
+    def __init__(self, journal: bool = True, **given: Any) -> None:
+        self.bench = ModuleBench()
+        text = 'std_msgs/msg/String'
+        self.inputs = {}
+        for name in (CAUSES_TOPIC, 'alarms/command', 'alarms/report', 'alarms/stored'):
+            self.bench.bus.declare(name, text, tail=33_000, depth=64)
+            self.inputs[name] = self.bench.bus.publisher(name)
+        given = {'critical_steps': STEPS, **given}
+        if not journal:
+            given['stored_topic'] = ''
+        self.module = self.bench.add(Alarms, rate_hz=1.0, priority=41, **given)
+        self.outputs = {name: self.bench.watch(name) for name in (
+            'alarms/events', 'alarms/notify', 'alarms/answer', 'alarms/list', 'agent/say',
+            *(('alarms/journal',) if journal else ()))}
+        self.kept: dict[str, list[Any]] = {name: [] for name in self.outputs}
+        self.kept_records: list[str] = []
+        self.stores = True
+        self.delivers = True
+        task = self.bench.kernel.add_task('others', self._others, priority=20, rate_hz=100.0)
+        assert task
+        if journal:
+            self.say('alarms/stored', {'restored': 0}, at_s=0.01)
+
+    def _others(self) -> None:
+        """Be the journal and the notifier."""
+        for name, output in self.outputs.items():
+            while output.take():
+                self._take(name, str(output.msg.data))
+
+    def _take(self, name: str, text: str) -> None:
+        found = text if name == 'agent/say' else json.loads(text)
+        self.kept[name].append(found)
+        if name == 'alarms/journal' and self.stores:
+            self.kept_records.append(text)
+            self._publish('alarms/stored', {'stored': found['seq']})
+        if name == 'alarms/notify' and self.delivers:
+            self._publish('alarms/report', {'key': found['key'], 'ok': True,
+                                            'channel': found['channel'], 'text': 'shown'})
+
+    def _publish(self, name: str, found: object) -> None:
+        publisher = self.inputs[name]
+        publisher.msg.data = found if isinstance(found, str) else json.dumps(found)
+        publisher.publish(self.bench.kernel.now_ns())
+
+    def say(self, name: str, found: object, at_s: float) -> None:
+        self.bench.at(at_s, lambda: self._publish(name, found))
+
+    def cause(self, cause: Cause, at_s: float) -> None:
+        self.say(CAUSES_TOPIC, cause.to_text(), at_s)
+
+    def run(self, seconds: float) -> None:
+        self.bench.run(seconds)
+
+    def events(self, *names: str) -> list[tuple[str, float]]:
+        return [(each['event'], round(each['t_ns'] / NS_PER_S, 2))
+                for each in self.kept['alarms/events'] if not names or each['event'] in names]
+
+    def told(self) -> list[tuple[str, int]]:
+        return [(each['channel'], each['step']) for each in self.kept['alarms/notify']]
+
+
+@pytest.fixture
+def robots() -> Iterator[list[Robot]]:
+    made: list[Robot] = []
+    yield made
+    for each in made:
+        each.bench.close()
+
+
+def test_a_fall_is_suspected_then_raised_and_told_step_by_step() -> None:
+    robot = Robot()
+    robot.cause(FALL, 1.0)
+    robot.run(75.0)
+    assert robot.events('suspected', 'raised', 'notified', 'escalated', 'top') == [
+        ('suspected', 1.0), ('raised', 31.0), ('notified', 31.0), ('escalated', 31.0),
+        ('escalated', 61.0), ('top', 61.0)]
+    assert robot.told() == [('operator', 1)] * 3 + [('family', 2)]
+    assert robot.events('repeated') == [('repeated', 41.0), ('repeated', 51.0)]
+    assert robot.kept['agent/say'] == [
+        'CRITICAL alarm 1, anna: fall: anna lies on the floor']
+    assert len({each['key'] for each in robot.kept['alarms/notify']}) == 4
+
+
+def test_help_is_raised_at_once_and_an_acknowledgement_ends_the_telling() -> None:
+    robot = Robot()
+    robot.cause(HELP, 1.0)
+    robot.say('alarms/command', 'acknowledge anna by mary', 5.0)
+    robot.run(100.0)
+    assert robot.events('raised', 'acknowledged', 'escalated') == [
+        ('raised', 1.0), ('escalated', 1.0), ('acknowledged', 5.0)]
+    assert robot.told() == [('operator', 1)]
+    assert robot.kept['alarms/answer'] == [{
+        'command': 'acknowledge anna by mary', 'ok': True, 'alarm': '1',
+        'text': '1 (anna) is acknowledged; it comes again until it is resolved'}]
+    status = robot.kept['alarms/list'][-1]['status'][0]
+    assert (status['level'], status['values']['state'], status['values']['by']) == (
+        2, 'acknowledged', 'mary')
+
+
+def test_nothing_is_told_outside_before_the_journal_has_it() -> None:
+    robot = Robot(journal_wait_s=3.0)
+    robot.stores = False
+    robot.cause(HELP, 1.0)
+    robot.run(3.5)
+    assert robot.told() == [] and len(robot.kept['agent/say']) == 1
+    robot.run(2.0)
+    assert [(each['subject'], each['channel']) for each in robot.kept['alarms/notify']] == [
+        ('anna', 'operator'), ('journal', 'operator')]
+    assert any(each['subject'] == 'journal' and each['kinds'] == ['journal_fault']
+               for each in robot.kept['alarms/events'])
+    assert 'journal' in robot.module.statistics()['warning']
+
+
+def test_a_restart_goes_on_where_it_was_and_sends_under_the_same_key() -> None:
+    first = Robot()
+    first.delivers = False
+    first.cause(HELP, 1.0)
+    first.run(5.0)
+    second = Robot()
+    for text in first.kept_records:
+        second.say('alarms/stored', {'record': json.loads(text), 'age_ns': 20 * NS_PER_S}, 0.004)
+    second.run(60.0)
+    assert [(each['event'], each['restored']) for each in second.kept['alarms/events']
+            if each.get('restored')] == [('raised', True)]
+    assert [each['key'] for each in first.kept['alarms/notify']] == ['1.1.1.0.operator']
+    assert second.kept['alarms/notify'][0]['key'] == '1.1.1.0.operator'
+    # Raised 1 s before the end of the first, which is 20 s old: the time counts.
+    assert ('escalated', 10.0) in second.events('escalated')
+
+
+def test_without_answer_of_the_journal_it_begins_with_numbers_nobody_had() -> None:
+    robot = Robot(journal=False)
+    robot.cause(HELP, 1.0)
+    robot.run(3.0)
+    assert robot.kept['alarms/notify'][0]['alarm'].startswith('u')
+    assert 'a restart forgets' in robot.module.statistics()['warning']
+
+
+def test_what_is_wrong_is_refused_and_the_rest_goes_on() -> None:
+    robot = Robot()
+    robot.say(CAUSES_TOPIC, 'fall!', 0.5)
+    robot.say('alarms/report', '[]', 0.5)
+    robot.say('alarms/stored', '{"age_ns": 3}', 0.5)
+    robot.say('alarms/command', 'acknowledge', 0.5)
+    robot.cause(HELP, 1.0)
+    robot.run(2.0)
+    assert robot.events('raised') == [('raised', 1.0)]
+    assert robot.module.statistics()['refused'] == 3
+    assert robot.kept['alarms/answer'][0]['ok'] is False
+
+
+def test_a_flood_of_causes_is_bounded_and_the_worst_gets_through() -> None:
+    robot = Robot(alarms=4)
+    for number in range(40):
+        robot.cause(Cause('sensor_off', f'node{number}', Level.TECHNICAL), 1.0)
+    robot.cause(HELP, 1.5)
+    robot.run(5.0)
+    assert len(robot.module._desk.book.alarms) == 5  # with that of the overflow
+    statistics = robot.module.statistics()
+    assert statistics['overflowed'] + 4 == 41
+    assert ('help' in robot.kept['alarms/list'][-1]['status'][0]['message'])
+
+
+@pytest.mark.parametrize(('given', 'problem'), [
+    ({'critical_steps': []}, 'nobody would be told'),
+    ({'urgent_steps': ['operator']}, 'is no step'),
+    ({'warning_steps': ['Operator 3']}, 'small letters'),
+    ({'technical_steps': ['operator 0']}, 'at least 1 second'),
+    ({'confirm_kinds': ['A fall']}, 'is no kind of cause')])
+def test_settings_that_would_tell_nobody_are_refused(given: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        Alarms('alarms', settings_of(Alarms, **given))
