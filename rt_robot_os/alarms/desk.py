@@ -374,7 +374,7 @@ class Desk:
         return alarms
 
     def _renumber(self) -> None:
-        """Give numbers to the records that were made before anybody knew which numbers are taken."""
+        """Give numbers to records that were made before anybody knew which ones are taken."""
         for place, (_, alarm, text) in enumerate(self._unstored):
             self._seq += 1
             self._unstored[place] = self._seq, alarm, compact({
