@@ -17,7 +17,7 @@ The book of all open alarms: causes, commands, reports and time go in, what to t
 
 One emergency is one alarm: all causes about one subject are one, only what is technical stands
 apart. Acknowledging is not resolving, and acknowledging one alarm never silences another. The book
-does no input or output and never asks for the time; see ``docs/alarms.md`` for its rules.
+does no input or output and never asks for the time.
 """
 
 from __future__ import annotations
