@@ -38,7 +38,7 @@ class Span(NamedTuple):
 
     :ivar mean: of the specific force, in g.
     :ivar spread_g: standard deviation of its size.
-    :ivar turning_deg: between its first and its second half.
+    :ivar turning_deg: the most that any of its thirds is turned against another.
     :ivar lasts_s: from its first to its last block.
     """
 
@@ -102,13 +102,14 @@ class MotionHistory:
         first, end = bisect_left(times, from_ns), bisect_left(times, until_ns + 1)
         if end - first < _LEAST_BLOCKS:
             return None
-        middle = (first + end) // 2
         count = end - first
+        thirds = [self._mean(first + part * count // 3, first + (part + 1) * count // 3)
+                  for part in range(3)]
         mean = (self._size[end] - self._size[first]) / count
         square = (self._square[end] - self._square[first]) / count
         return Span(
             self._mean(first, end), math.sqrt(max(0.0, square - mean * mean)),
-            angle_deg(self._mean(first, middle), self._mean(middle, end)),
+            max(angle_deg(thirds[one], thirds[one - 1]) for one in range(3)),
             (times[end - 1] - times[first]) / NS_PER_S)
 
     def fastest_deg_s(self, from_ns: int) -> float:

@@ -27,9 +27,10 @@ from collections.abc import Sequence
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
+from rt_robot_os.tools.health import falls
 from rt_robot_os.tools.health import news2
 
-_COMMANDS = (news2,)
+_COMMANDS = (falls, news2)
 
 
 def run(argv: Sequence[str]) -> int:

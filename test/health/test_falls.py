@@ -1,0 +1,184 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Falls are found however the sensor is worn and whatever its rate, and daily life is none."""
+
+import math
+from random import Random
+
+from hypothesis import given
+from hypothesis import settings
+from hypothesis import strategies as st
+import pytest
+
+from rt_robot_os.health.body_motion import body_motion
+from rt_robot_os.health.body_motion import DIRECTIONS
+from rt_robot_os.health.body_motion import IMPACT_S
+from rt_robot_os.health.fall_limits import FallLimits
+from rt_robot_os.health.fall_limits import problem_of
+from rt_robot_os.health.falls import FallDetector
+from rt_robot_os.health.falls import State
+from rt_robot_os.health.falls import What
+from rt_robot_os.motion.quaternion import rotate
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+
+_UPRIGHT = [('stand', 3.0), ('walk', 4.0), ('stand', 1.0)]
+FALL = [*_UPRIGHT, ('fall', 6.0)]
+DAY = [*_UPRIGHT, ('sit', 6.0), ('rise', 3.0), ('walk', 5.0), ('lie', 10.0), ('rise', 4.0),
+       ('walk', 5.0)]
+
+
+def motion(activities, rate_hz=50.0, direction='forward', turned=(1.0, 0.0, 0.0, 0.0)):
+    """Return rows of seconds, g along three axes of the sensor, deg/s."""
+    rows, before, begun, number = [], 'stand', 0.0, 0
+    for activity, lasts_s in activities:
+        while number / rate_hz < begun + lasts_s:
+            felt = body_motion(activity, number / rate_hz - begun, before=before,
+                               direction=direction)
+            force = rotate(turned, felt.force_m_s2)
+            rows.append((number / rate_hz, *(each / STANDARD_GRAVITY_M_S2 for each in force),
+                         math.degrees(math.hypot(*felt.rate_rad_s))))
+            number += 1
+        before, begun = activity, begun + lasts_s
+    return rows
+
+
+def happened(rows, detector=None, finish=True):
+    detector = detector or FallDetector()
+    found = [one for at_s, x, y, z, turn in rows
+             if (one := detector.add(round(at_s * NS_PER_S), x, y, z, turn)) is not None]
+    last = detector.finish() if finish else None
+    return found + ([last] if last else [])
+
+
+def what(rows):
+    return [one.what for one in happened(rows)]
+
+
+ROTATIONS = st.tuples(*4 * [st.floats(-1.0, 1.0)]).filter(
+    lambda four: math.hypot(*four) > 0.2).map(
+    lambda four: tuple(each / math.hypot(*four) for each in four))
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+@pytest.mark.parametrize('rate_hz', [18.0, 25.0, 50.0, 100.0, 200.0])
+def test_a_fall_is_found_soon_and_a_day_is_none(rate_hz, direction):
+    found = happened(motion(FALL, rate_hz, direction), finish=False)
+    assert [one.what for one in found] == [What.FALL]
+    impact_s = found[0].evidence.impact_ns / NS_PER_S
+    assert impact_s == pytest.approx(8.0 + IMPACT_S, abs=0.1)
+    assert 0.0 < found[0].stamp_ns / NS_PER_S - impact_s < 5.0
+    assert found[0].evidence.turned_deg == pytest.approx(86.0, abs=8.0)
+    assert found[0].evidence.turn_deg_s > 150.0
+    assert what(motion(DAY, rate_hz, direction)) == []
+
+
+@settings(max_examples=15, deadline=None)
+@given(ROTATIONS, st.floats(18.0, 200.0), st.sampled_from(sorted(DIRECTIONS)))
+def test_neither_the_mounting_nor_the_rate_matters(turned, rate_hz, direction):
+    assert what(motion(FALL, rate_hz, direction, turned)) == [What.FALL]
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 1 << 32), st.sampled_from([2.0, 4.0, 16.0]))
+def test_lost_late_and_clipped_samples_do_not_hide_a_fall(seed, range_g):
+    random, rows = Random(seed), []
+    for at_s, *force, turn in motion(FALL, 50.0):
+        if random.random() < 0.8:
+            rows.append((at_s + random.uniform(0.0, 0.015),
+                         *(max(-range_g, min(range_g, each + random.gauss(0.0, 0.03)))
+                           for each in force), turn))
+    assert what(rows) == [What.FALL]
+
+
+def test_who_gets_up_has_recovered_and_may_fall_again():
+    up = [('rise', 4.0), ('walk', 6.0)]
+    assert what(motion([*FALL, *up])) == [What.FALL, What.RECOVERED]
+    assert what(motion([*FALL, *up, *FALL])) == [What.FALL, What.RECOVERED, What.FALL]
+
+
+def test_who_sits_up_only_lies_on():
+    detector = FallDetector()
+    assert what(motion([*FALL, ('lie', 20.0)])) == [What.FALL]
+    found = happened(motion([*FALL, ('fall', 60.0)]), detector)
+    assert [one.what for one in found] == [What.FALL] and detector.state is State.FALLEN
+
+
+def test_a_sensor_that_is_put_upright_on_a_table_is_nobody_who_got_up():
+    rows = motion(FALL)
+    still = [(rows[-1][0] + 0.02 * number, 0.0, 0.0, 1.0, 0.0) for number in range(1, 2000)]
+    assert what(rows + still) == [What.FALL]
+
+
+def test_who_fell_out_of_bed_has_got_up_when_they_walk():
+    lying = motion([('stand', 4.0)], turned=(math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0))
+    begun = lying[-1][0] + 0.02
+    # From the back to the side: another posture than the one in bed, and never that one again.
+    fallen = [(begun + at_s, x, y, z, turn) for at_s, x, y, z, turn in
+              motion([('fall', 6.0), ('rise', 4.0), ('walk', 12.0)])]
+    assert what(lying + fallen) == [What.FALL, What.RECOVERED]
+
+
+@pytest.mark.parametrize('left_s', [0.45, 0.7, 1.1, 1.5])
+def test_a_recording_that_ends_soon_is_decided_on_what_there_is(left_s):
+    rows = [row for row in motion(FALL) if row[0] <= 8.0 + IMPACT_S + left_s]
+    found = happened(rows)
+    assert [one.what for one in found] == [What.FALL]
+    assert found[0].stamp_ns <= round(rows[-1][0] * NS_PER_S)
+    assert what(rows[:-round(left_s * 50)]) == []
+
+
+def test_a_blow_alone_is_no_fall_nor_is_a_turn():
+    rows = motion([('stand', 10.0)])
+    knocked = [(at_s, x, y, z * (8.0 if 250 <= number < 254 else 1.0), turn)
+               for number, (at_s, x, y, z, turn) in enumerate(rows)]
+    detector = FallDetector()
+    assert happened(knocked, detector) == []
+    assert detector.evidence is not None and detector.evidence.peak_g == pytest.approx(8.0, 0.05)
+    turned = rows[:250] + [(at_s, z, y, x, turn) for at_s, x, y, z, turn in rows[250:]]
+    assert what(turned) == []
+
+
+def test_hops_with_a_bend_between_are_none():
+    rows = []
+    for at_s, x, y, z, turn in motion([('stand', 20.0)]):
+        load = max(0.05, 1.0 + 3.5 * math.sin(2 * math.pi * 2.2 * at_s)) if at_s < 10.0 else 1.0
+        bent = math.radians(70.0) * math.sin(math.pi * (at_s - 12.0)) if 12 < at_s < 13 else 0.0
+        rows.append((at_s, -math.sin(bent) * load, y, math.cos(bent) * load, turn))
+    assert what(rows) == []
+
+
+def test_nonsense_is_counted_and_a_clock_that_was_set_begins_anew():
+    detector = FallDetector()
+    for nonsense in (math.nan, math.inf, -math.inf, 1e300):
+        assert detector.add(NS_PER_S, nonsense, 0.0, 1.0) is None
+    detector.add(5 * NS_PER_S, 0.0, 0.0, 1.0)
+    detector.add(5 * NS_PER_S, 0.0, 0.0, 1.0)
+    assert (detector.rejected, detector.out_of_order, detector.samples) == (4, 1, 1)
+    happened(motion([('stand', 9.0)]), detector, finish=False)
+    assert [one.what for one in happened(motion(FALL), detector)] == [What.FALL]
+
+
+def test_a_sensor_that_hangs_says_nothing():
+    zeros = [(0.02 * number, 0.0, 0.0, 0.0, 0.0) for number in range(3000)]
+    assert what(zeros) == []
+    assert what([(at_s, 16.0, 16.0, 16.0, 0.0) for at_s, *_ in zeros]) == []
+
+
+def test_limits_that_do_not_fit_are_named():
+    assert problem_of(FallLimits()) == ''
+    assert 'impact_from_g' in problem_of(FallLimits(impact_from_g=4.0))
+    assert 'decide_within_s' in problem_of(FallLimits(decide_within_s=1.0))
+    assert 'evidence' in problem_of(FallLimits(evidence=3.0))
