@@ -27,7 +27,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
-import math
 from typing import Final
 from typing import NamedTuple
 

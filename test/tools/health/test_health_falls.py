@@ -85,7 +85,8 @@ def test_metres_per_second_squared_gyroscopes_and_other_sensors_are_read(falls: 
 def test_what_is_counted_is_what_the_files_say(falls: Any) -> None:
     lines = [line for head, activity in (
         ('a,1,front,1', 'fall'), ('b,0,chair,1', 'sit'), ('c,1,none,2', 'sit'),
-        ('d,0,odd,2', 'fall'), ('e,0,LyingDown_OnABed,2', 'fall'), ('f,0,D13,3', 'lie'), ('g', 'fall'))
+        ('d,0,odd,2', 'fall'), ('e,0,LyingDown_OnABed,2', 'fall'), ('f,0,D13,3', 'lie'),
+        ('g', 'fall'))
         for line in recording(head, activity=activity)]
     _, found = falls(lines)
     assert found['confusion'] == {'falls_found': 1, 'falls_missed': 1, 'daily_quiet': 1,
