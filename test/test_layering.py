@@ -60,7 +60,7 @@ RANK = {name: row for row, names in enumerate(LAYERS) for name in names}
 TWIN = re.compile(r'devices\.\w+\.twin(_\w+)?')
 TWIN_MAY_IMPORT = re.compile(
     r'devices\.(\w+\.(twin(_\w+)?|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
-    r'|health\.body_motion|(errors|linux|motion|plugins|reports|schema|sim|units|wsn)(\..*)?')
+    r'|health\..*|(errors|linux|motion|plugins|reports|schema|sim|units|wsn)(\..*)?')
 # The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
 # declares names, for every process, and imports nothing.
 WIRE = re.compile(r'devices\.\w+\.(wire|mtdata2|rtcm)')

@@ -56,7 +56,7 @@ from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
-from rt_robot_os.sim.world.scene import HAPPENINGS
+from rt_robot_os.sim.world.happenings import HAPPENINGS
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World

@@ -85,6 +85,10 @@ class WorldSettings:
         '"0.5 2.0 6 1.0"')
     events: tuple[str, ...] = setting(
         (), 'what happens, in seconds after the start: "kidnap X Y YAW at S", "person NAME X Y at '
-        'S [for S]" (stands there), "walk NAME at S", "slip SHARE at S [for S]", "lamp SHARE at S '
-        '[for S]", "node NAME off at S [for S]", "node NAME on at S", "node NAME reboot at S", '
-        '"node NAME move X Y at S", "alarm NAME at S [for S]" (a button that is worn)')
+        'S [for S]" (stands there), "walk NAME at S", "fall NAME at S [for S]", "rise NAME at S", '
+        '"sit NAME at S [for S]", "sleep NAME at S [for S]", "speak NAME SECONDS at S", "vital '
+        'NAME SIGN VALUE at S [for S]", "press NAME help at S" (a button that is worn; or fine), '
+        '"answer NAME fine at S" (what they do after a fall; or help, silent), "slip SHARE at S '
+        '[for S]", "lamp SHARE at S [for S]", "heat NODE DEGREES at S [for S]" (grows), "smoke '
+        'NODE at S [for S]", "water NODE at S [for S]", "node NAME off at S [for S]", "node NAME '
+        'on at S", "node NAME reboot at S", "node NAME move X Y at S", "alarm NAME at S [for S]"')

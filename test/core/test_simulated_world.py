@@ -84,7 +84,7 @@ def test_a_person_steps_in_the_way_of_a_robot_that_runs(
         assert simulator(['--dir', str(folder), '--tell', 'world where']) == 0
         base, anna, seconds = capsys.readouterr().out.splitlines()
         assert base == 'base_link 0.000000 0.000000 1.570796 0.000000 0.000000'
-        assert anna == 'anna 0.000000 2.000000' and float(seconds.split()[1]) > 0.0
+        assert anna == 'anna 0.000000 2.000000 standing' and float(seconds.split()[1]) > 0.0
         assert simulator(['--dir', str(folder), '--tell', 'world person bob 0.0 2.0']) == 2
         assert 'no such person; there are anna' in capsys.readouterr().err
         with pytest.raises(ConfigError, match='sonar, imu and one of the faults'):

@@ -96,9 +96,12 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
         "robot.yaml:9: world.people = '7up 1 2 3': must begin with a name: a letter, then "
         'letters, digits and _',
         "robot.yaml:10: world.events = 'dance at 3': 'dance' does not happen here: write kidnap X "
-        'Y YAW; person NAME X Y [SECONDS]; walk NAME; slip SHARE [SECONDS]; lamp SHARE [SECONDS]; '
-        'node NAME off [SECONDS]; node NAME on; node NAME reboot; node NAME move X Y; '
-        'alarm NAME [SECONDS]',
+        'Y YAW; person NAME X Y [SECONDS]; walk NAME; fall NAME [SECONDS]; rise NAME; '
+        'sit NAME [SECONDS]; sleep NAME [SECONDS]; speak NAME SECONDS; '
+        'vital NAME SIGN VALUE [SECONDS]; press NAME help|fine [SECONDS]; '
+        'answer NAME fine|help|silent; slip SHARE [SECONDS]; lamp SHARE [SECONDS]; '
+        'heat NAME DEGREES [SECONDS]; node NAME off [SECONDS]; node NAME on; node NAME reboot; '
+        'node NAME move X Y; alarm NAME [SECONDS]; smoke NAME [SECONDS]; water NAME [SECONDS]',
         "maps/world.yaml:1: world.map: maps/flat.yaml:2: resolution: 'x' must be a number",
         'maps/world.yaml:1: world.map: maps/flat.yaml:3: origin: must be a list of three numbers: '
         'x and y in m, yaw in rad',

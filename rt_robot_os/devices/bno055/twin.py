@@ -30,6 +30,7 @@ from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.world.inertial import inertial
+from rt_robot_os.sim.world.inertial import ON_SETTING
 
 _ACCELERATION_NOISE: Final = 0.03
 _RATE_NOISE_DEG_S: Final = 0.3
@@ -49,6 +50,7 @@ class SimulatedBno055(SimulatedDevice):
 
     SETTINGS = common_settings(100.0, 100.0) + (
         world.NOISE_SETTING,
+        ON_SETTING,
         Field('chip_id', int, wire.CHIP_ID, 'The chip id that it reports; 160 is a BNO055.',
               minimum=0, maximum=255),
         Field('overrun_every', int, 0, 'Each so many requests it reports a bus overrun; 0 never.',
@@ -60,7 +62,7 @@ class SimulatedBno055(SimulatedDevice):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self._inertial = inertial(self.site)
+        self._inertial = inertial(self.site, self.settings)
         self._registers = bytearray(_REGISTERS)
         self._registers[wire.REGISTER_CHIP_ID] = self.settings['chip_id']
         self._registers[wire.REGISTER_UNITS] = wire.UNITS_SI

@@ -85,7 +85,7 @@ class SimulatedCamera(SimulatedCapture):
                 'camera': (x, y, mounting.position_m[2], yaw,
                            -math.asin(max(-1.0, min(1.0, up)))),
                 'ceiling': world.settings.ceiling_m, 'lux': world.light_lux(x, y),
-                'people': [(person.x, person.y) for person in world.people]}
+                'people': [(person.x, person.y, *person.figure()) for person in world.people]}
 
     def _axis(self) -> Vector:
         """Return where it looks, in the axes of the frame that is mounted."""

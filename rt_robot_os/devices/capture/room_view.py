@@ -29,12 +29,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rt_robot_os.devices.capture.lying_figure import Clothes
+from rt_robot_os.devices.capture.lying_figure import Colour
+from rt_robot_os.devices.capture.lying_figure import draw_lying
+from rt_robot_os.devices.capture.lying_figure import Lying
 from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.walls import Walls
 
 Floats = npt.NDArray[np.floating[Any]]
-Colour = tuple[int, int, int]
 
 # Across the whole picture, of a camera that is not calibrated.
 FIELD_OF_VIEW_RAD: Final = math.radians(62.0)
@@ -56,6 +59,8 @@ _SHOES: Final[Colour] = (40, 36, 34)
 _SHIRTS: Final[tuple[Colour, ...]] = ((196, 52, 48), (48, 92, 176), (52, 140, 84), (204, 150, 40))
 _TROUSERS: Final[tuple[Colour, ...]] = ((44, 54, 86), (70, 66, 60), (96, 84, 64), (40, 44, 48))
 _HEIGHT_M: Final = 1.75
+# Highest point, what is below, lies, direction.
+_UPRIGHT: Final = (_HEIGHT_M, 0.0, 0.0, 0.0)
 
 
 class RoomView:
@@ -83,7 +88,9 @@ class RoomView:
         Draw a picture of red, green and blue bytes; the same scene gives the same bytes.
 
         :param scene: ``map`` (its path, or nothing), ``camera`` (x, y, height, yaw, and pitch,
-            positive downwards), ``ceiling`` (height), ``lux``, ``people`` (x, y of each).
+            positive downwards), ``ceiling`` (height), ``lux``, ``people`` (x, y of each, and of
+            who does not stand upright: highest point, height of what is below them, 1 for who
+            lies, direction of the head).
         """
         if scene['map'] != self._map:
             self._map = scene['map']
@@ -92,11 +99,17 @@ class RoomView:
         up = (self._up - math.tan(pitch)).astype(np.float32)
         light = _DARKEST + (1.0 - _DARKEST) * min(scene['lux'] / _FULL_LUX, 1.0) ** 0.5
         picture, ahead = self._room(x, y, yaw, up, height_m, scene['ceiling'], light)
-        distances = [(self._seen_from(x, y, yaw, *person), index)
+        distances = [(self._seen_from(x, y, yaw, *person[:2]), index)
                      for index, person in enumerate(scene['people'])]
         for (away, left), index in sorted(distances, reverse=True):
-            if away > 2 * _NEAREST_M:
-                self._person(picture, away, left, index, up, height_m, ahead, light)
+            top_m, base_m, lies, heading = scene['people'][index][2:] or _UPRIGHT
+            if lies:
+                draw_lying(picture, Lying(away, left, heading - yaw, base_m - height_m),
+                           _clothes(index), self._left, up, ahead,
+                           light / (1.0 + max(away, 0.0) / _DIM_M))
+            elif away > 2 * _NEAREST_M:
+                self._person(picture, away, left, index, up, height_m, ahead, light,
+                             top_m / _HEIGHT_M)
         return picture
 
     # ---- the room ----------------------------------------------------------------------------
@@ -160,14 +173,15 @@ class RoomView:
         return cosine * dx + sine * dy, cosine * dy - sine * dx
 
     def _person(self, picture: Pixels, away: float, left: float, index: int, up: Floats,
-                height_m: float, ahead: Floats, light: float) -> None:
+                height_m: float, ahead: Floats, light: float, size: float) -> None:
         """Draw a figure over the picture, where no wall is before it."""
         beside = self._left * away - left
         columns = np.nonzero((np.abs(beside) < 0.35) & (ahead > away))[0]
-        rows = np.nonzero(np.abs(up * away + height_m - _HEIGHT_M / 2) < _HEIGHT_M / 2)[0]
+        level = (up * away + height_m) / size
+        rows = np.nonzero(np.abs(level - _HEIGHT_M / 2) < _HEIGHT_M / 2)[0]
         if not (columns.size and rows.size):
             return
-        a, h = np.abs(beside[columns])[None, :], (up[rows] * away + height_m)[:, None]
+        a, h = np.abs(beside[columns])[None, :], level[rows][:, None]
         head = (a / 0.10) ** 2 + ((h - 1.60) / 0.145) ** 2 < 1.0
         parts = (
             ((a > 0.015) & (a < 0.16) & (h < 0.88), _TROUSERS),
@@ -185,6 +199,11 @@ class RoomView:
             found_rows, found_columns = np.nonzero(np.broadcast_to(part, (rows.size,
                                                                           columns.size)))
             picture[rows[found_rows], columns[found_columns]] = colour
+
+
+def _clothes(index: int) -> Clothes:
+    return Clothes(_SHIRTS[index % len(_SHIRTS)], _TROUSERS[index % len(_TROUSERS)], _SKIN, _HAIR,
+                   _SHOES)
 
 
 def _bytes(colours: Floats) -> Pixels:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a microphone's process captures: a tone, a WAV file, or what PortAudio records.
+What a microphone's process captures: a tone, a simulated room, a WAV file, PortAudio.
 
 Blocks are 16 bit samples, channels side by side. The stamp is that of the first sample.
 """
@@ -33,6 +33,7 @@ import wave
 import numpy as np
 
 from rt_robot_os.devices.capture.pictures import Grid
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
 
 NS_PER_S: Final = 1_000_000_000
@@ -91,6 +92,34 @@ class Tone:
         self._place += self._block
         first_ns = end_ns - self._block * NS_PER_S // self._rate_hz
         return np.repeat(wanted[:, None], self._channels, axis=1), first_ns
+
+    def rewind(self) -> None:
+        """Go on: it has no end."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class RoomSound:
+    """Noise as loud as it is in the simulated world."""
+
+    def __init__(self, settings: Mapping[str, Any], scene: SceneMemory) -> None:
+        self.overruns = 0
+        self._scene = scene
+        self._rate_hz = settings['sample_rate_hz']
+        self._shape = settings['block'], settings['channels']
+        self._grid = Grid(self._rate_hz / settings['block'])
+        self._chance = np.random.default_rng(1)
+
+    def read(self) -> tuple[Samples, int] | None:
+        """Make the next block when its last sample would be there."""
+        end_ns = self._grid.wait()
+        scene = self._scene.read()
+        if scene is None:
+            raise DeviceError('the simulated world has not been heard: start the robot anew')
+        deviation = FULL_SCALE * 10 ** (scene['level_db'] / 20)
+        sound = self._chance.normal(0.0, deviation, self._shape).clip(-FULL_SCALE, FULL_SCALE - 1)
+        return sound.astype(np.int16), end_ns - self._shape[0] * NS_PER_S // self._rate_hz
 
     def rewind(self) -> None:
         """Go on: it has no end."""
@@ -249,15 +278,17 @@ class SoundBlocks:
         self._source.close()
 
 
-def open_sound(settings: Mapping[str, Any]) -> SoundBlocks:
+def open_sound(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> SoundBlocks:
     """
     Open what a microphone's settings ask for.
 
+    :param scene: what a simulated one is before.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
     port = settings['port']
     if port == 'synthetic':
-        return SoundBlocks(Tone(settings), settings)
+        return SoundBlocks(Tone(settings) if scene is None else RoomSound(settings, scene),
+                           settings)
     if port.lower().endswith(('.wav', '.wave')):
         return SoundBlocks(WavFile(settings), settings)
     return SoundBlocks(PortAudioInput(settings), settings)

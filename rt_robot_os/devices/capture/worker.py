@@ -87,7 +87,7 @@ def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = N
     """
     Open what the settings ask for.
 
-    :param scene: what a simulated camera is before.
+    :param scene: what a simulated device is before.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
     # Only what is needed is imported: OpenCV alone takes a third of a second.
@@ -96,7 +96,7 @@ def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = N
         return open_camera(settings, scene)
     if kind == 'sound':
         from rt_robot_os.devices.capture.sound import open_sound
-        return open_sound(settings)
+        return open_sound(settings, scene)
     raise DeviceError(f'nobody can capture {kind!r}')
 
 
@@ -105,7 +105,7 @@ class Worker:
     A connection, the memory that came with it, and a source.
 
     :param connection: to the core.
-    :param scene: what a simulated camera is before.
+    :param scene: what a simulated device is before.
     """
 
     def __init__(self, connection: socket.socket, scene: SceneMemory | None = None) -> None:
@@ -194,7 +194,7 @@ def main(arguments: Sequence[str]) -> int:
     """
     Capture until the core closes the connection.
 
-    :param arguments: its descriptor; of a simulated camera in a world also that of its scene.
+    :param arguments: its descriptor; of a simulated device in a world also that of its scene.
     """
     connection = socket.socket(fileno=int(arguments[0]))
     scene = SceneMemory(int(arguments[1])) if len(arguments) > 1 else None

@@ -29,6 +29,7 @@ from rt_robot_os.sim import world
 from rt_robot_os.sim.i2c_device import common_settings
 from rt_robot_os.sim.i2c_device import RegisterChip
 from rt_robot_os.sim.world.inertial import inertial
+from rt_robot_os.sim.world.inertial import ON_SETTING
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -56,6 +57,7 @@ class SimulatedMpu6050(RegisterChip):
         Field('temperature_c', float, 30.0, 'Temperature of the chip.', unit='C', minimum=-40.0,
               maximum=85.0),
         world.NOISE_SETTING,
+        ON_SETTING,
         Field('drift', float, 0.0, 'How much faster its clock runs than ours.', minimum=-0.1,
               maximum=0.1),
     )
@@ -65,7 +67,7 @@ class SimulatedMpu6050(RegisterChip):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self._inertial = inertial(self.site)
+        self._inertial = inertial(self.site, self.settings)
         self._id = _IDS[self.settings['model']]
         self._model = chip.MODELS[self._id]
         self._fifo = bytearray()

@@ -87,6 +87,10 @@ class _Room:
         """Return the light at a place."""
         return 200.0
 
+    def noticed(self, x: float, y: float) -> bool:
+        """Return that nobody moves about."""
+        return False
+
 
 class SimulatedSink(SimulatedDevice):
     """

@@ -25,6 +25,7 @@ from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.world.inertial import inertial
+from rt_robot_os.sim.world.inertial import ON_SETTING
 
 MAG_SCALE_T: Final = 1.5e-7
 
@@ -40,12 +41,12 @@ _RATES_HZ: Final = {value: rate for rate, value in wire.RATES_HZ.items()}
 class SimulatedWitMotion(SimulatedDevice):
     """A WitMotion unit; it obeys the commands for rate and outputs once it is unlocked."""
 
-    SETTINGS = (*common_settings(100.0, 200.0), world.NOISE_SETTING)
+    SETTINGS = (*common_settings(100.0, 200.0), world.NOISE_SETTING, ON_SETTING)
     BAUD = 115200
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self._inertial = inertial(self.site)
+        self._inertial = inertial(self.site, self.settings)
         self._outputs = wire.output_mask(_OUTPUTS)
         self._unlocked = False
         self._received = b''

@@ -28,6 +28,7 @@ from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.world.inertial import inertial
+from rt_robot_os.sim.world.inertial import ON_SETTING
 
 MAG_UNIT_T: Final = 4.9e-5
 
@@ -46,6 +47,7 @@ class SimulatedXsens(SimulatedDevice):
 
     SETTINGS = common_settings(100.0, 2000.0) + (
         world.NOISE_SETTING,
+        ON_SETTING,
         Field('product', str, 'MTi-300', 'What it is: an MTi-100 gives no orientation, an MTi-3 '
               'at most 100 Hz.', choices=('MTi-3', 'MTi-100', 'MTi-300')),
         Field('settling_s', float, 0.0, 'Time until its filter is valid.', unit='s', minimum=0.0,
@@ -55,7 +57,7 @@ class SimulatedXsens(SimulatedDevice):
 
     def prepare(self) -> None:
         """Begin as the device does after it got power."""
-        self._inertial = inertial(self.site)
+        self._inertial = inertial(self.site, self.settings)
         self._product: str = self.settings['product']
         self._outputs = tuple(
             i for i in (*_ALWAYS, *_MEASURED) if self._can(i))

@@ -227,9 +227,11 @@ class SimulatedRange(SimulatedDevice):
         if self.world is not None:
             mounting = self.site.mounting(index)
             x, y, yaw = self.world.pose_of(mounting)
-            step = self.device.get('field_of_view_rad', 0.0) / max(self.RAYS - 1, 1)
+            opening = self.device.get('field_of_view_rad', 0.0) if self.RAYS > 1 else 0.0
+            step = opening / max(self.RAYS - 1, 1)
             angles = [yaw + step * (i - (self.RAYS - 1) / 2) for i in range(self.RAYS)]
-            return float(self.world.cast(x, y, angles, math.inf, mounting.position_m[2]).min())
+            return float(self.world.cast(x, y, angles, math.inf, mounting.position_m[2],
+                                         math.tan(opening / 2)).min())
         s = self.settings
         middle, swing = (s['farthest_m'] + s['nearest_m']) / 2, s['farthest_m'] - s['nearest_m']
         return float(middle - swing / 2 * math.cos(2 * math.pi * time_s / s['period_s']))

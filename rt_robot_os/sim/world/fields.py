@@ -12,15 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Light and warmth, by place."""
+"""Light and warmth, by place; what burns, by time as well."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import Final
 
 from rt_robot_os.sim.world.scene import Heat
 from rt_robot_os.sim.world.scene import Lamp
+
+# What burns has half of its warmth after some 40 s, and warms what is around.
+_BURN_S: Final = 60.0
+_BURN_RADIUS_M: Final = 1.5
 
 
 def light_lux(lamps: Sequence[Lamp], x: float, y: float, height_m: float) -> float:
@@ -44,3 +49,29 @@ def warmth_c(places: Sequence[Heat], x: float, y: float) -> float:
     return sum(place.degrees * math.exp(
         -((x - place.x) ** 2 + (y - place.y) ** 2) / (2.0 * place.radius_m ** 2))
         for place in places)
+
+
+class Burning:
+    """
+    A place that becomes warmer by and by, and cools down again.
+
+    :param x: in m.
+    :param y: in m.
+    """
+
+    def __init__(self, x: float, y: float) -> None:
+        self._x, self._y = x, y
+        self._from = self._to = self._since_s = 0.0
+
+    def aim(self, degrees: float, time_s: float) -> None:
+        """Become so much warmer than usual from now on."""
+        self._from, self._to, self._since_s = self._middle(time_s), degrees, time_s
+
+    def degrees(self, time_s: float, x: float, y: float) -> float:
+        """Return how much warmer it is somewhere."""
+        place = Heat(self._x, self._y, self._middle(time_s), _BURN_RADIUS_M)
+        return warmth_c((place,), x, y)
+
+    def _middle(self, time_s: float) -> float:
+        share = 1.0 - math.exp(-(time_s - self._since_s) / _BURN_S)
+        return self._from + (self._to - self._from) * share

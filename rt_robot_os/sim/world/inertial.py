@@ -13,16 +13,20 @@
 # limitations under the License.
 
 """
-What an inertial sensor feels: turned by hand in a little world of its own, or on the robot.
+What an inertial sensor feels: turned by hand in a little world of its own, on the robot, or worn.
 
 Vectors are in the axes of the sensor; the world's are east, north, up.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import conjugate
@@ -30,12 +34,17 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
+from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import bodies
+from rt_robot_os.sim.world.worn import OnPerson
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
+
+ON_SETTING: Final = Field('on', str, '', 'Who wears it, one of the people of the world; when '
+                          'absent the robot carries it.')
 
 
 class Inertial(Protocol):
@@ -129,6 +138,18 @@ class OnRobot:
         return rotate(conjugate(self._turn()), bodies.EARTH_FIELD_T)
 
 
-def inertial(site: Site) -> Inertial:
-    """Return what a sensor feels where it is."""
-    return HandTurned() if site.world is None else OnRobot(site.world, site)
+def inertial(site: Site, settings: Mapping[str, Any] | None = None) -> Inertial:
+    """
+    Return what a sensor feels where it is.
+
+    :param settings: those of the twin, with ``ON_SETTING``; None: nobody wears it.
+    :raises ConfigError: who is to wear it is not among the people.
+    """
+    if site.world is None:
+        return HandTurned()
+    if settings is None or not settings['on']:
+        return OnRobot(site.world, site)
+    person = site.world.crowd.named(settings['on'])
+    if person is None:
+        raise ConfigError([f'on: {settings["on"]}: {site.world.crowd.problem(settings["on"])}'])
+    return OnPerson(site.world, person, site)

@@ -12,22 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""People who walk through the world on ways of their own."""
+"""People who walk through the world on ways of their own, fall, lie and get up again."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
+from rt_robot_os.sim.world.happenings import SILENT
+from rt_robot_os.sim.world.posture import PERSON_HEIGHT_M
+from rt_robot_os.sim.world.posture import Posture
+from rt_robot_os.sim.world.posture import Stance
 from rt_robot_os.sim.world.scene import Way
+from rt_robot_os.sim.world.vitals import VitalSigns
 
 PERSON_RADIUS_M: Final = 0.22
-PERSON_HEIGHT_M: Final = 1.75
+#: From the soles to the hair of somebody who lies.
+LYING_M: Final = PERSON_HEIGHT_M
 
 # So much room people leave to the robot, and so long they wait for it before they turn round: the
 # robot waits for them as well.
 _ROOM_M: Final = 0.1
 _PATIENCE_S: Final = 1.5
+# Seen from above, somebody who lies is a row of discs.
+_LYING_RADIUS_M: Final = 0.17
+_LYING_DISCS: Final = 6
+_ACTIVITIES: Final = {Posture.UPRIGHT: 'stand', Posture.RISING: 'rise', Posture.FALLEN: 'fall',
+                      Posture.SITTING: 'sit', Posture.ASLEEP: 'lie'}
+
+Disc = tuple[float, float, float]
 
 
 class Person:
@@ -35,40 +48,171 @@ class Person:
     Somebody on a way; when the robot stands in it they wait, then turn round and walk back.
 
     :ivar name: theirs.
-    :ivar x: where they are, in m.
-    :ivar y: where they are, in m.
-    :ivar heading: where they look, in rad.
+    :ivar x: where they are, in m; of who lies, the middle of the body.
+    :ivar y: as x.
+    :ivar heading: where they look, in rad; of who lies, from the feet to the head.
     :ivar stands: somebody has told them to stand.
+    :ivar stance: how they hold themselves.
+    :ivar vitals: what their body says.
+    :ivar answer: what they do some seconds after a fall: ``help``, ``fine`` or ``silent``.
+    :ivar speaks_until_s: until then they speak.
+    :ivar moved_s: when they moved last.
+    :ivar activity: what their body does, as ``body_motion`` calls it ...
+    :ivar activity_since_s: ... since when, and ...
+    :ivar activity_before: ... what it did until then.
+    :ivar time_s: of the world, at the last step.
     """
 
     radius_m = PERSON_RADIUS_M
-    height_m = PERSON_HEIGHT_M
 
-    def __init__(self, way: Way) -> None:
-        """Put them at the first point of their way."""
+    def __init__(self, way: Way, seed: int = 1) -> None:
+        """
+        Put them at the first point of their way.
+
+        :param seed: of the world.
+        """
         self.name = way.name
         self._way = way
         self.x, self.y = way.points[0]
         self.stands = False
+        self.stance = Stance()
+        self.vitals = VitalSigns(way.name, seed)
+        self.answer = SILENT
+        self.speaks_until_s = -math.inf
+        self.moved_s = -math.inf
+        self.activity = self.activity_before = 'stand'
+        self.activity_since_s = 0.0
+        self.time_s = 0.0
         self._waited_s = 0.0
         self._direction = 1
         self._next = 1 % len(way.points)
         ahead_x, ahead_y = way.points[self._next]
         self.heading = math.atan2(ahead_y - self.y, ahead_x - self.x)
 
+    # ---- what they are told --------------------------------------------------------------------
+
     def stand(self, x: float, y: float) -> None:
-        """Step to a place at once and stay there."""
+        """Step to a place at once and stay there, upright."""
         self.x, self.y = x, y
         self.stands = True
+        self._take(Posture.UPRIGHT)
 
     def walk(self) -> None:
-        """Go on from where they are to the next point of their way."""
+        """Go on from where they are to the next point of their way; who is down gets up first."""
         self.stands = False
+        self.rise()
+
+    def rise(self) -> None:
+        """Get up, and go on with what they did before."""
+        if self.stance.posture is not Posture.UPRIGHT:
+            self._take(Posture.RISING)
+
+    def fall(self, heading: float) -> None:
+        """Fall, and lie there; a fright shows in the signs of life."""
+        if self.stance.posture is Posture.FALLEN:
+            return
+        self.heading = heading
+        self._take(Posture.FALLEN)
+        self.vitals.frighten(self.time_s)
+
+    def sit(self) -> None:
+        """Sit down where they are."""
+        self._take(Posture.SITTING)
+
+    def sleep(self, heading: float) -> None:
+        """Lie down on purpose where they are, on a bed."""
+        if not self.lies:
+            self.heading = heading
+        self._take(Posture.ASLEEP)
+
+    # ---- what others see -----------------------------------------------------------------------
+
+    @property
+    def height_m(self) -> float:
+        """Return how high they reach."""
+        return self.stance.shape(self.time_s).top_m
+
+    @property
+    def lies(self) -> bool:
+        """Return whether they are rather flat than upright."""
+        return self.stance.shape(self.time_s).tilt_rad > math.pi / 4
+
+    @property
+    def speaks(self) -> bool:
+        """Return whether they speak."""
+        return self.time_s < self.speaks_until_s
+
+    @property
+    def doing(self) -> str:
+        """Return one word: walking, standing, falling, lying, rising, sitting or asleep."""
+        posture = self.stance.posture
+        if posture is Posture.UPRIGHT:
+            return 'standing' if self.stands else 'walking'
+        if posture is Posture.FALLEN:
+            return 'lying' if self.stance.share(self.time_s) >= 1.0 else 'falling'
+        return posture.name.lower()
+
+    def discs(self) -> tuple[Disc, ...]:
+        """Return what they cover of the floor: x, y and radius of discs, in m."""
+        if not self.lies:
+            return (self.x, self.y, PERSON_RADIUS_M),
+        along_x, along_y = math.cos(self.heading), math.sin(self.heading)
+        first = _LYING_RADIUS_M - LYING_M / 2
+        step = -2.0 * first / (_LYING_DISCS - 1)
+        places = (first + index * step for index in range(_LYING_DISCS))
+        return tuple((self.x + at * along_x, self.y + at * along_y, _LYING_RADIUS_M)
+                     for at in places)
+
+    def figure(self) -> tuple[float, float, float, float]:
+        """
+        Return how they are to be drawn.
+
+        Their highest point and what they stand, sit or lie on in m, 1.0 for who lies, and the
+        direction from the feet to the head in rad.
+        """
+        shape = self.stance.shape(self.time_s)
+        return shape.top_m, shape.base_m, float(self.lies), self.heading
+
+    def worn_m(self, height_m: float) -> float:
+        """
+        Return the height of what they wear.
+
+        :param height_m: while they stand.
+        """
+        shape = self.stance.shape(self.time_s)
+        return shape.worn_m + shape.worn_share * height_m
+
+    # ---- time ----------------------------------------------------------------------------------
 
     def step(self, time_s: float, robot_x: float, robot_y: float, robot_radius_m: float) -> None:
-        """Walk for a time, unless the robot is in the way."""
+        """Live for a time, and walk, unless the robot is in the way."""
+        self.time_s += time_s
+        stance = self.stance
+        if stance.posture is not Posture.UPRIGHT:
+            if stance.share(self.time_s) < 1.0:
+                self.moved_s = self.time_s
+            elif stance.posture is Posture.RISING:
+                self._take(Posture.UPRIGHT)
+            return
+        before = self.x, self.y
+        self._walk(time_s, robot_x, robot_y, robot_radius_m)
+        moved = before != (self.x, self.y)
+        if moved:
+            self.moved_s = self.time_s
+        self._do('walk' if moved else 'stand')
+
+    def _take(self, posture: Posture) -> None:
+        self.stance.take(posture, self.time_s)
+        self._do(_ACTIVITIES[posture])
+
+    def _do(self, activity: str) -> None:
+        if activity != self.activity:
+            self.activity, self.activity_before = activity, self.activity
+            self.activity_since_s = self.time_s
+
+    def _walk(self, time_s: float, robot_x: float, robot_y: float, robot_radius_m: float) -> None:
         left = 0.0 if self.stands else self._way.speed_m_s * time_s
-        room = robot_radius_m + self.radius_m + _ROOM_M
+        room = robot_radius_m + PERSON_RADIUS_M + _ROOM_M
         for _ in self._way.points:  # points may lie on one another
             x, y = self._way.points[self._next]
             dx, dy = x - self.x, y - self.y

@@ -23,16 +23,25 @@ from collections.abc import Sequence
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.sim.world.happenings import FINE
+from rt_robot_os.sim.world.happenings import Happening
 from rt_robot_os.sim.world.people import Person
-from rt_robot_os.sim.world.scene import Happening
+from rt_robot_os.sim.world.vitals import SIGNS
 from rt_robot_os.wsn.simulator.live_readings import ALARMS
 from rt_robot_os.wsn.survey import SurveyedNode
 
 ALARM: Final = 'alarm'
+PRESS: Final = 'press'
 #: What ends an alarm.
 CALM: Final = 'calm'
 #: How long a button stays pressed when nobody says.
 PRESSED_S: Final = 10.0
+# What the button of a node says.
+_HELP_CODE: Final = 1
+_FINE_CODE: Final = 2
+# Happening -> the quantity of a node that it changes; an alarm all that there are.
+_QUANTITIES: Final = {ALARM: ALARMS, PRESS: frozenset({ALARM}), 'smoke': frozenset({'smoke'}),
+                      'water': frozenset({'water'})}
 
 
 class WirelessNode:
@@ -43,7 +52,8 @@ class WirelessNode:
     :ivar person: who wears it; None for one that hangs somewhere.
     :ivar on: it has power.
     :ivar boots: how often it was switched on, the first time included.
-    :ivar alarm: its button is pressed; it is in smoke, or in water.
+    :ivar alarms: what its button, its smoke or water sensor says; 0, which is nothing, is left
+        out. Another object after each change.
     """
 
     def __init__(self, surveyed: SurveyedNode, person: Person | None) -> None:
@@ -53,15 +63,25 @@ class WirelessNode:
         self.person = person
         self.on = True
         self.boots = 1
-        self.alarm = False
+        self.alarms: dict[str, int] = {}
         self._x, self._y, self._z = surveyed.x, surveyed.y, surveyed.z
 
     @property
     def position_m(self) -> tuple[float, float, float]:
         """Return where it is, in the frame of the map."""
         if self.person is not None:
-            return self.person.x, self.person.y, self._z
+            return self.person.x, self.person.y, self.person.worn_m(self._z)
         return self._x, self._y, self._z
+
+    @property
+    def worn(self) -> bool:
+        """Return whether somebody wears it."""
+        return self.person is not None
+
+    def vital(self, sign: str) -> float | None:
+        """Return a sign of who wears it, in its unit; None when nobody does, or of no sign."""
+        person = self.person
+        return person.vitals.value(sign, person.time_s) if person and sign in SIGNS else None
 
     def put(self, x: float, y: float) -> None:
         """Put it somewhere; nobody wears it any more."""
@@ -77,6 +97,11 @@ class WirelessNode:
     def reboot(self) -> None:
         """Have it begin anew; one without power stays so."""
         self.boots += self.on
+
+    def tell(self, quantities: Iterable[str], code: int) -> None:
+        """Have its button or its sensors say something; 0 is nothing."""
+        changed = {each: code for each in quantities if each in self.surveyed.quantities}
+        self.alarms = {each: told for each, told in {**self.alarms, **changed}.items() if told}
 
 
 class Wireless:
@@ -106,15 +131,19 @@ class Wireless:
 
     def problem(self, what: Happening) -> str | None:
         """Return what keeps something from happening to a node."""
-        names = [each.name for each in self.nodes]
-        if what.kind == ALARM:
-            if next(self._alarmed(what.name), None) is None:
-                return (f'{what.name} has no button: no node of that name or of that person '
-                        f'measures {", ".join(sorted(ALARMS))}')
-        elif what.name not in names:
-            shown = ', '.join(names[:50]) or 'none'
+        if what.kind in _QUANTITIES:
+            if next(self._alarmed(what.name, what.kind), None) is None:
+                thing = 'button' if what.kind in (ALARM, PRESS) else 'sensor'
+                return (f'{what.name} has no {thing}: no node of that name or of that person '
+                        f'measures {", ".join(sorted(_QUANTITIES[what.kind]))}')
+        elif self.named(what.name) is None:
+            shown = ', '.join(each.name for each in self.nodes[:50]) or 'none'
             return f'there is no such node; there are {shown}'
         return None
+
+    def named(self, name: str) -> WirelessNode | None:
+        """Return the node of a name."""
+        return next((each for each in self.nodes if each.name == name), None)
 
     def happen(self, what: Happening) -> Happening | None:
         """
@@ -122,11 +151,21 @@ class Wireless:
 
         :return: what ends it, after its time; None when nothing does.
         """
-        if what.kind in (ALARM, CALM):
-            for each in self._alarmed(what.name):
-                each.alarm = what.kind == ALARM
-            return Happening(CALM, what.name, (), for_s=PRESSED_S) if what.kind == ALARM else None
-        node = next(each for each in self.nodes if each.name == what.name)
+        if what.kind in _QUANTITIES:
+            code = _FINE_CODE if what.word == FINE else _HELP_CODE
+            for each in self._alarmed(what.name, what.kind):
+                each.tell(_QUANTITIES[what.kind], code)
+                if each.person is not None and code == _HELP_CODE:
+                    each.person.vitals.frighten(each.person.time_s)
+            # Smoke and water stay until somebody says.
+            for_s = PRESSED_S if what.kind in (ALARM, PRESS) else 0.0
+            return Happening(CALM, what.name, (), for_s=for_s, word=what.kind)
+        if what.kind == CALM:
+            for each in self._alarmed(what.name, what.word):
+                each.tell(_QUANTITIES[what.word], 0)
+            return None
+        node = self.named(what.name)
+        assert node is not None
         if what.kind == 'node move':
             node.put(*what.numbers)
         elif what.kind == 'node reboot':
@@ -140,9 +179,9 @@ class Wireless:
         return [' '.join(['node', each.name, *(f'{number:.3f}' for number in each.position_m),
                           'on' if each.on else 'off']) for each in self.nodes]
 
-    def _alarmed(self, name: str) -> Iterator[WirelessNode]:
-        """Yield the nodes with a button that have a name, or that somebody of that name wears."""
+    def _alarmed(self, name: str, kind: str) -> Iterator[WirelessNode]:
+        """Yield the nodes that something can happen to, by their name or that of their wearer."""
         for each in self.nodes:
-            if ALARMS.intersection(each.surveyed.quantities) and name in (
+            if _QUANTITIES[kind].intersection(each.surveyed.quantities) and name in (
                     each.name, each.person.name if each.person is not None else ''):
                 yield each

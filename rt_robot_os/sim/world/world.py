@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence
+from dataclasses import replace
 import heapq
 import math
 from pathlib import Path
@@ -41,20 +42,23 @@ from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.motion.walls import nearest_point
 from rt_robot_os.motion.walls import Walls
+from rt_robot_os.sim.world.crowd import Crowd
+from rt_robot_os.sim.world.crowd import USUAL
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.drive_base import LONGEST_STEPS
 from rt_robot_os.sim.world.drive_base import Pair
 from rt_robot_os.sim.world.drive_base import STEP_NS
+from rt_robot_os.sim.world.fields import Burning
 from rt_robot_os.sim.world.fields import light_lux
 from rt_robot_os.sim.world.fields import warmth_c
+from rt_robot_os.sim.world.happenings import Happening
+from rt_robot_os.sim.world.happenings import happening
+from rt_robot_os.sim.world.happenings import OF_NODES
+from rt_robot_os.sim.world.happenings import OF_PEOPLE
+from rt_robot_os.sim.world.people import LYING_M
 from rt_robot_os.sim.world.people import Person
-from rt_robot_os.sim.world.people import PERSON_RADIUS_M
 from rt_robot_os.sim.world.scene import clashes
-from rt_robot_os.sim.world.scene import Happening
-from rt_robot_os.sim.world.scene import happening
-from rt_robot_os.sim.world.scene import OF_NODES
 from rt_robot_os.sim.world.scene import READERS
-from rt_robot_os.sim.world.wireless import CALM
 from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -79,7 +83,8 @@ class World:
     :ivar map: the grid map; None for an open floor.
     :ivar map_path: its YAML file; None for an open floor.
     :ivar base: the body of the robot.
-    :ivar people: who walks about.
+    :ivar crowd: who walks about, and what happens to them.
+    :ivar people: the same, one by one.
     :ivar landmarks: the marks on the ceiling.
     :ivar nodes: the wireless nodes, as they were surveyed.
     :ivar wireless: the same as they are now.
@@ -103,7 +108,8 @@ class World:
             if (problem := self._standing_at(*settings.start[:2])):
                 raise ConfigError([f'world.start: {problem}'])
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
-        self.people: tuple[Person, ...] = tuple(map(Person, scene['people']))
+        self.crowd = Crowd(scene['people'], settings.seed, self._room_m)
+        self.people: tuple[Person, ...] = self.crowd.people
         self.landmarks = tuple(scene['landmarks'])
         self.nodes = numbered(scene['nodes'], 'world.nodes')
         self.wireless = Wireless(self.nodes, self.people)
@@ -112,6 +118,7 @@ class World:
         self.time_s = 0.0
         self._lights = tuple(scene['lights'])
         self._heat = tuple(scene['heat'])
+        self._burning: dict[str, Burning] = {}
         self._start_ns: int | None = None
         self._steps = 0
         self._order = 0
@@ -169,14 +176,15 @@ class World:
 
         :raises ConfigError: with every problem.
         """
-        names = [person.name for person in self.people]
         problems = []
         for each in happenings:
             problem = None
             if each.kind in OF_NODES:
                 problem = self.wireless.problem(each)
-            elif each.name and each.name not in names:
-                problem = f'there is no such person; there are {", ".join(names) or "none"}'
+            elif each.kind in OF_PEOPLE:
+                problem = self.crowd.problem(each.name)
+            elif each.kind == 'heat':
+                problem = self.wireless.problem(each)
             elif each.kind == 'kidnap':
                 problem = self._standing_at(*each.numbers[:2])
             if problem is not None:
@@ -208,15 +216,16 @@ class World:
         elif what.kind == 'lamp':
             back = Happening('lamp', '', (1.0,))
             self.lamps, = what.numbers
-        elif what.kind in OF_NODES or what.kind == CALM:
-            back = self.wireless.happen(what)
+        elif what.kind == 'heat':
+            back = Happening('heat', what.name, (0.0,))
+            self._burn(what.name, *what.numbers)
+        elif what.kind in OF_PEOPLE or what.kind == USUAL:
+            back = self.crowd.happen(what)
+            reply = self.crowd.reply(what)
+            if reply is not None and self.wireless.problem(reply) is None:
+                self._later(self.time_s + reply.for_s, replace(reply, for_s=0.0))
         else:
-            person = next(each for each in self.people if each.name == what.name)
-            if what.kind == 'walk':
-                person.walk()
-            else:
-                back = Happening('walk', what.name, ())
-                person.stand(*what.numbers)
+            back = self.wireless.happen(what)
         if back is not None and (for_s := what.for_s or back.for_s):
             self._later(self.time_s + for_s, back)
 
@@ -225,11 +234,12 @@ class World:
         Return where everything that moves is, one line each: for who compares with the truth.
 
         The robot as ``base_link x y yaw ahead turning`` (m, rad, m/s, rad/s), then each person as
-        ``name x y``, each wireless node as ``node name x y height on`` (or ``off``); last ``time``
+        ``name x y`` and what they do (walking, standing, falling, lying, rising, sitting,
+        asleep), each wireless node as ``node name x y height on`` (or ``off``); last ``time``
         with the seconds since the start.
         """
         base = ' '.join(f'{number:.6f}' for number in (*self.base.pose, *self.base.velocity))
-        people = [f'{person.name} {person.x:.6f} {person.y:.6f}' for person in self.people]
+        people = [f'{each.name} {each.x:.6f} {each.y:.6f} {each.doing}' for each in self.people]
         return '\n'.join([f'base_link {base}', *people, *self.wireless.where(),
                           f'time {self.time_s:.3f}'])
 
@@ -244,7 +254,7 @@ class World:
                 wrapped(yaw + mounting.yaw_rad))
 
     def cast(self, x: float, y: float, angles: Floats | Sequence[float],
-             maximum_m: float = math.inf, height_m: float = 0.2) -> Floats:
+             maximum_m: float = math.inf, height_m: float = 0.2, rise: float = 0.0) -> Floats:
         """
         Return how far whatever stands there is along rays: walls, furniture and people.
 
@@ -253,6 +263,7 @@ class World:
         :param angles: directions in the map, in any order.
         :param maximum_m: farther away nothing is seen.
         :param height_m: of the rays above the floor; above their heads people are not seen.
+        :param rise: half the opening of a cone of rays, upright, as a slope; 0: they are level.
         :return: in m, inf where there is nothing; 0 from within a wall.
         """
         rays = np.asarray(angles, dtype=np.float64)
@@ -261,9 +272,15 @@ class World:
         ranges = self.walls.cast(x, y, rays, maximum_m)
         for person in self.people:
             away = math.hypot(person.x - x, person.y - y)
-            if height_m < person.height_m and away < maximum_m + person.radius_m:
-                there = disc_distances(person.x - x, person.y - y, rays, person.radius_m)
-                np.minimum(ranges, np.where(there > maximum_m, math.inf, there), out=ranges)
+            above_m = height_m - person.height_m
+            # From above, the edge of the cone comes down to their height only so far away.
+            blind_m = 0.0 if above_m < 0.0 else above_m / rise if rise else math.inf
+            if blind_m > maximum_m or blind_m == math.inf or away >= maximum_m + LYING_M:
+                continue
+            for disc_x, disc_y, radius_m in person.discs():
+                there = disc_distances(disc_x - x, disc_y - y, rays, radius_m)
+                np.minimum(ranges, np.where((there > maximum_m) | (there < blind_m), math.inf,
+                                            there), out=ranges)
         return ranges
 
     def light_lux(self, x: float, y: float) -> float:
@@ -273,17 +290,37 @@ class World:
 
     def temperature_c(self, x: float, y: float) -> float:
         """Return the temperature at a place."""
-        return self.settings.temperature_c + warmth_c(self._heat, x, y)
+        fires = sum(each.degrees(self.time_s, x, y) for each in self._burning.values())
+        return self.settings.temperature_c + warmth_c(self._heat, x, y) + fires
+
+    def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
+        """Return whether no wall is between two places."""
+        return self.crowd.in_sight(x, y, there_x, there_y)
+
+    def noticed(self, x: float, y: float) -> bool:
+        """Return whether a motion detector at a place sees somebody move."""
+        return self.crowd.noticed(x, y)
+
+    def _burn(self, name: str, degrees: float) -> None:
+        """Have it become warmer at a node by and by, or cool down again."""
+        node = self.wireless.named(name)
+        assert node is not None
+        burning = self._burning.setdefault(name, Burning(*node.position_m[:2]))
+        burning.aim(degrees, self.time_s)
+
+    def _room_m(self, x: float, y: float, angle: float) -> float:
+        return float(self.walls.cast(x, y, np.array((angle,)))[0])
 
     def _obstacles(self, x: float, y: float, reach_m: float) -> list[Pair]:
         points = [nearest_point(wall, x, y) for wall in self.walls.near(x, y, reach_m + 0.05)]
         for person in self.people:
-            dx, dy = x - person.x, y - person.y
-            away = math.hypot(dx, dy)
-            if away < reach_m + 2 * PERSON_RADIUS_M:
-                # From someone who has stepped into it the robot may go away.
-                edge = PERSON_RADIUS_M / away if away > PERSON_RADIUS_M else 0.0
-                points.append((person.x + dx * edge, person.y + dy * edge))
+            for disc_x, disc_y, radius_m in person.discs():
+                dx, dy = x - disc_x, y - disc_y
+                away = math.hypot(dx, dy)
+                if away < reach_m + 2 * radius_m:
+                    # From someone who has stepped into it the robot may go away.
+                    edge = radius_m / away if away > radius_m else 0.0
+                    points.append((disc_x + dx * edge, disc_y + dy * edge))
         return points
 
 

@@ -22,6 +22,7 @@ through.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 from collections.abc import Sequence
 import math
 from random import Random
@@ -71,6 +72,8 @@ _PAIRS_KEPT: Final = 20_000
 # The batteries are not all new.
 _USED_SHARE: Final = 0.3
 _NOISE_LENGTH: Final = 1 << 14
+# How well a radio measures the strength of another.
+_STRENGTH_DB: Final = 2.0
 
 
 class Obstacles:
@@ -188,7 +191,7 @@ class LiveNetwork:
         self._offset_ns: int | None = None
         self._applications: dict[int, NodeApplication] = {}
         self._boots: dict[int, int] = {}
-        self._pressed: dict[int, bool] = {}
+        self._alarms: dict[int, Mapping[str, int]] = {}
         random = Random(f'{scenario.seed} live')
         self._medium, self.network = _air_and_network(
             scenario, protocol, obstacles, random, times)
@@ -219,10 +222,25 @@ class LiveNetwork:
             used_mah=random.random() * _USED_SHARE * scenario.energy.battery_mah)
         self._applications[surveyed.id] = NodeApplication(
             mote, surveyed.quantities,
-            NodeReadings(node, surroundings, Random(f'{scenario.seed} sensors {surveyed.id}')),
+            NodeReadings(node, surroundings, Random(f'{scenario.seed} sensors {surveyed.id}'),
+                         self._strongest(mote, Random(f'{scenario.seed} nearest {surveyed.id}'))),
             self._payload, scenario.period_ns, self.network.mac.version > 1)
         self._boots[surveyed.id] = 1
-        self._pressed[surveyed.id] = False
+        self._alarms[surveyed.id] = {}
+
+    def _strongest(self, mote: Mote, random: Random) -> Callable[[], int]:
+        """Return what tells the node, of those that hang somewhere, that a mote hears best."""
+        def strongest() -> int:
+            heard = []
+            for each in self._nodes:
+                strength_dbm = self.network.motes[each.surveyed.id].radio.links.get(mote.radio)
+                if strength_dbm is not None and each.on and not each.worn and (
+                        each.surveyed.id != mote.address):
+                    heard.append((strength_dbm + random.gauss(0.0, _STRENGTH_DB),
+                                  each.surveyed.id))
+            return max(heard)[1] if heard else 0
+
+        return strongest
 
     # ---- time --------------------------------------------------------------------------------
 
@@ -251,9 +269,9 @@ class LiveNetwork:
             elif node.boots != self._boots[number]:
                 mote.boot()
             self._boots[number] = node.boots
-            if node.alarm != self._pressed[number]:
-                self._pressed[number] = node.alarm
-                self._applications[number].press(node.alarm)
+            if node.alarms != self._alarms[number]:
+                before, self._alarms[number] = self._alarms[number], node.alarms
+                self._applications[number].alarm(before, node.alarms)
             self._follow(mote, node.position_m)
         self._follow(self.root, self._sink_position())
         network.at(network.queue.now_ns + _LOOK_NS, self._look)

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from collections.abc import Mapping
 from struct import calcsize
 from struct import Struct
 from typing import Any
@@ -250,7 +251,8 @@ class NodeApplication:
     """
     Measures and sends, as often as it was told; its quantities take turns.
 
-    A node whose button is pressed says so at once, then with every other packet.
+    A node whose button is pressed says so at once, then with every other packet; so does one in
+    smoke or in water.
 
     :param mote: that it is on.
     :param readings: its sensors.
@@ -275,15 +277,22 @@ class NodeApplication:
         self._usual_ns = self._period_ns = period_ns
         self._sleeps = False
         self._seq_no = self._turn = self._boots = 0
-        self._pressed = False
+        # What says something now, and what changed and was not told yet.
+        self._pressed: tuple[str, ...] = ()
+        self._untold: list[str] = []
         self._urgent = mote.timer(self._send_alarm)
         self._set_traffic()
         self.flood = Flood(mote, big_endian, self.obey)
 
-    def press(self, pressed: bool) -> None:
-        """Take note that the button is pressed, or no longer; say so at once."""
-        self._pressed = pressed
-        if self._alarms and not self._is_mute:
+    def alarm(self, before: Mapping[str, int], now: Mapping[str, int]) -> None:
+        """Take note that what its button or its sensors of dangers say changed; say so at once."""
+        self._pressed = tuple(each for each in self._alarms if each in now)
+        if self._is_mute:
+            return
+        for each in self._alarms:
+            if before.get(each) != now.get(each) and each not in self._untold:
+                self._untold.append(each)
+        if self._untold:
             self._urgent.start(1)
 
     def obey(self, command: int, value: int) -> None:
@@ -308,7 +317,9 @@ class NodeApplication:
         self._mote.traffic = None if mute else Traffic(self._period_ns, self._build)
 
     def _send_alarm(self) -> None:
-        if not self._mote.originate(self._packet(self._alarms[0])):
+        if self._mote.originate(self._packet(self._untold[0])):
+            del self._untold[0]
+        if self._untold:
             self._urgent.start(_AGAIN_NS)
 
     def _build(self, mote: Mote, number: int) -> bytes:
@@ -320,8 +331,8 @@ class NodeApplication:
                 self._period_ns = self._usual_ns
                 self._set_traffic()
         turn, self._turn = self._turn, self._turn + 1
-        if self._pressed and self._alarms and turn % 2:
-            return self._packet(self._alarms[0])
+        if self._pressed and turn % 2:
+            return self._packet(self._pressed[turn // 2 % len(self._pressed)])
         return self._packet(self._quantities[turn % len(self._quantities)])
 
     def _packet(self, quantity: str) -> bytes:

@@ -15,7 +15,8 @@
 """
 What the nodes of a simulated house measure, in its unit and as their sensors give it.
 
-Warmth and light are those of the place; what a body says is made up, plausible and slow.
+Warmth, light and who moves about are those of the place, what a body says that of who wears the
+node; of a body that nobody has it is made up, plausible and slow.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from rt_robot_os.wsn.packets.conversions import sht1x_temperature_raw
 from rt_robot_os.wsn.packets.paper import Kind
 from rt_robot_os.wsn.survey import SurveyedNode
 
-#: What says 1 while the node's button is pressed, while there is smoke, or water.
+#: What says 1 while the node's button is pressed (2: "I am fine"), in smoke, in water.
 ALARMS: Final = frozenset({'alarm', 'smoke', 'water'})
 # Warm air takes up more water: so much of the humidity for each degree.
 _HUMIDITY: Final = 0.45
@@ -54,6 +55,9 @@ class Surroundings(Protocol):
 
     def light_lux(self, x: float, y: float) -> float:
         """Return the light at a place."""
+
+    def noticed(self, x: float, y: float) -> bool:
+        """Return whether a motion detector at a place sees somebody move."""
 
 
 class LiveNode(Protocol):
@@ -72,8 +76,15 @@ class LiveNode(Protocol):
         """Return how often it was switched on."""
 
     @property
-    def alarm(self) -> bool:
-        """Return whether its button is pressed."""
+    def alarms(self) -> Mapping[str, int]:
+        """Return what its button or its sensors of dangers say, of those that say something."""
+
+    @property
+    def worn(self) -> bool:
+        """Return whether somebody wears it."""
+
+    def vital(self, sign: str) -> float | None:
+        """Return a sign of life of who wears it; None when nobody does, or of no such sign."""
 
     @property
     def position_m(self) -> tuple[float, float, float]:
@@ -110,10 +121,13 @@ class NodeReadings:
     :param node: whose they are.
     :param surroundings: what its place is like.
     :param random: for noise.
+    :param nearest: tells the number of the node whose radio is the strongest here.
     """
 
-    def __init__(self, node: LiveNode, surroundings: Surroundings, random: Random) -> None:
+    def __init__(self, node: LiveNode, surroundings: Surroundings, random: Random,
+                 nearest: Callable[[], int] = lambda: 0) -> None:
         self._node = node
+        self._nearest = nearest
         self._surroundings = surroundings
         self._random = random
         # Quantity -> when it was looked at, and how far from its mean it was, in deviations.
@@ -130,7 +144,10 @@ class NodeReadings:
         if quantity == 'battery':
             return battery_v
         if quantity in ALARMS:
-            return float(self._node.alarm)
+            return float(self._node.alarms.get(quantity, 0))
+        vital = self._node.vital(quantity)
+        if vital is not None:
+            return vital
         measure = _MEASURES.get(quantity)
         return self._slow(quantity, now_s) if measure is None else measure(self, now_s)
 
@@ -171,7 +188,7 @@ class NodeReadings:
         return max(self._surroundings.light_lux(x, y) * self._slow('light', now_s), 0.0)
 
     def _pulse_per_min(self, now_s: float) -> float:
-        excited = _EXCITED_PER_MIN if self._node.alarm else 0.0
+        excited = _EXCITED_PER_MIN if self._node.alarms else 0.0
         return self._slow('pulse_per_min', now_s) + excited
 
     def _spo2_percent(self, now_s: float) -> float:
@@ -187,8 +204,14 @@ class NodeReadings:
         return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
 
     def _nothing(self, now_s: float) -> float:
-        """Return 0: air, alert, nobody there."""
+        """Return 0: air, alert."""
         return 0.0
+
+    def _presence(self, now_s: float) -> float:
+        return float(self._surroundings.noticed(*self._node.position_m[:2]))
+
+    def _nearest_node(self, now_s: float) -> float:
+        return float(self._nearest())
 
 
 def _milli_raw(value: float) -> int:
@@ -204,8 +227,8 @@ _MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], float]]] = {
     'temperature': NodeReadings._temperature_c, 'humidity': NodeReadings._humidity,
     'light': NodeReadings._light_lx, 'pulse_per_min': NodeReadings._pulse_per_min,
     'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g,
-    **dict.fromkeys(('oxygen_l_per_min', 'consciousness', 'presence', 'nearest_node'),
-                    NodeReadings._nothing)}
+    'presence': NodeReadings._presence, 'nearest_node': NodeReadings._nearest_node,
+    **dict.fromkeys(('oxygen_l_per_min', 'consciousness'), NodeReadings._nothing)}
 # Quantity -> how the paper calls it, and what the sensor gives of it.
 _SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
     'temperature': (Kind.TEMPERATURE, sht1x_temperature_raw),

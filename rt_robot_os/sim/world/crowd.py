@@ -1,0 +1,138 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The people of the world together: what happens to them, who of them a sensor notices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence
+import math
+from typing import Final
+
+from rt_robot_os.sim.world.happenings import Happening
+from rt_robot_os.sim.world.happenings import SILENT
+from rt_robot_os.sim.world.people import LYING_M
+from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.scene import Way
+from rt_robot_os.sim.world.wireless import PRESS
+
+#: Ends a sign that somebody has set.
+USUAL: Final = 'usual'
+# Somebody who has fallen presses their button so much later, if they do.
+_REPLY_S: Final = 8.0
+# A motion detector sees who has moved so lately, so near.
+_STILL_S: Final = 2.0
+_DETECTOR_M: Final = 6.0
+# What a detector hangs on does not hide anybody from it.
+_WALL_M: Final = 0.3
+
+# How far a wall is, from x and y in a direction.
+Room = Callable[[float, float, float], float]
+
+
+class Crowd:
+    """
+    All people of a world.
+
+    :ivar people: who walks about.
+    """
+
+    def __init__(self, ways: Sequence[Way], seed: int, room_m: Room) -> None:
+        """
+        Put everybody at the beginning of their way.
+
+        :param room_m: tells how far a wall is, from x and y in a direction.
+        """
+        self.people = tuple(Person(way, seed) for way in ways)
+        self._room_m = room_m
+
+    def named(self, name: str) -> Person | None:
+        """Return who has a name."""
+        return next((each for each in self.people if each.name == name), None)
+
+    def problem(self, name: str) -> str | None:
+        """Return what keeps something from happening to somebody of a name."""
+        if self.named(name) is not None:
+            return None
+        names = [person.name for person in self.people]
+        return f'there is no such person; there are {", ".join(names) or "none"}'
+
+    def happen(self, what: Happening) -> Happening | None:
+        """
+        Have something happen to somebody.
+
+        :return: what follows, after its time or that of ``what``; None when nothing does.
+        """
+        person = self.named(what.name)
+        assert person is not None
+        follows: Happening | None = None
+        if what.kind == 'person':
+            person.stand(*what.numbers)
+            follows = Happening('walk', what.name, ())
+        elif what.kind == 'walk':
+            person.walk()
+        elif what.kind == 'rise':
+            person.rise()
+        elif what.kind == 'fall':
+            person.fall(self._lying(person))
+            follows = Happening('rise', what.name, ())
+        elif what.kind in ('sit', 'sleep'):
+            if what.kind == 'sit':
+                person.sit()
+            else:
+                person.sleep(self._lying(person))
+            follows = Happening('rise', what.name, ())
+        elif what.kind == 'speak':
+            person.speaks_until_s = person.time_s + what.for_s
+        elif what.kind == 'vital':
+            person.vitals.set(what.word, *what.numbers)
+            follows = Happening(USUAL, what.name, (), word=what.word)
+        elif what.kind == USUAL:
+            person.vitals.clear(what.word)
+        else:
+            person.answer = what.word
+        return follows
+
+    def reply(self, what: Happening) -> Happening | None:
+        """Return what somebody does by and by because of what has happened to them."""
+        person = self.named(what.name)
+        if person is None or person.answer == SILENT or what.kind not in ('fall', 'answer'):
+            return None
+        if what.kind == 'answer' and not person.lies:
+            return None
+        for_s = _REPLY_S if what.kind == 'fall' else 0.0
+        return Happening(PRESS, what.name, (), for_s=for_s, word=person.answer)
+
+    def _lying(self, person: Person) -> float:
+        """Return the direction in which somebody finds room to lie: ahead, if there is some."""
+        def room(heading: float) -> float:
+            found = min(self._room_m(person.x, person.y, heading),
+                        self._room_m(person.x, person.y, heading + math.pi))
+            return min(found, LYING_M / 2)
+
+        return max((person.heading + turn * math.pi / 4 for turn in range(4)), key=room)
+
+    def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
+        """Return whether no wall is between two places, but that on which the second hangs."""
+        away = math.hypot(there_x - x, there_y - y)
+        return self._room_m(x, y, math.atan2(there_y - y, there_x - x)) >= away - _WALL_M
+
+    def noticed(self, x: float, y: float) -> bool:
+        """Return whether a motion detector at a place sees somebody move."""
+        return any(
+            person.time_s - person.moved_s <= _STILL_S
+            and math.hypot(person.x - x, person.y - y) <= _DETECTOR_M
+            and self.in_sight(person.x, person.y, x, y) for person in self.people)
