@@ -38,6 +38,8 @@ _STILL_S: Final = 2.0
 _DETECTOR_M: Final = 6.0
 # What a detector hangs on does not hide anybody from it.
 _WALL_M: Final = 0.3
+# So much farther than head and feet nobody looks for room to lie.
+_ROOM_M: Final = 0.3
 
 # How far a wall is, from x and y in a direction.
 Room = Callable[[float, float, float], float]
@@ -121,7 +123,7 @@ class Crowd:
         def room(heading: float) -> float:
             found = min(self._room_m(person.x, person.y, heading),
                         self._room_m(person.x, person.y, heading + math.pi))
-            return min(found, LYING_M / 2)
+            return min(found, LYING_M / 2 + _ROOM_M)
 
         return max((person.heading + turn * math.pi / 4 for turn in range(4)), key=room)
 

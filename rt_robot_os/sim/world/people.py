@@ -36,7 +36,7 @@ _ROOM_M: Final = 0.1
 _PATIENCE_S: Final = 1.5
 # Seen from above, somebody who lies is a row of discs.
 _LYING_RADIUS_M: Final = 0.17
-_LYING_DISCS: Final = 6
+_LYING_DISCS: Final = 7
 _ACTIVITIES: Final = {Posture.UPRIGHT: 'stand', Posture.RISING: 'rise', Posture.FALLEN: 'fall',
                       Posture.SITTING: 'sit', Posture.ASLEEP: 'lie'}
 
