@@ -33,6 +33,7 @@ _OWN: Final = {
     'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
+    'vital_signs': 'rt_robot_os.modules.vital_signs:VitalSigns',
 }
 
 MODULES: Final[PluginRegistry[Module]] = PluginRegistry(
