@@ -84,8 +84,8 @@ class SensorSource:
     """
 
     __slots__ = ('sign', 'name', 'times', 'value', 'stamp_ns', 'trouble', 'readings', 'said_off',
-                 'implausible', 'jumped', 'late', '_heard_ns', '_nothing_ns', '_nothing', '_good_ns',
-                 '_jump', '_jump_ns', '_periods')
+                 'implausible', 'jumped', 'late', '_heard_ns', '_nothing_ns', '_nothing',
+                 '_good_ns', '_jump', '_jump_ns', '_periods')
 
     def __init__(self, sign: Sign, name: str, times: Times, since_ns: int) -> None:
         """

@@ -45,8 +45,8 @@ from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.vital_signs.settings import checked_person
 from rt_robot_os.modules.vital_signs.settings import SETTINGS
-from rt_robot_os.modules.vital_signs.settings import SourceText
 from rt_robot_os.modules.vital_signs.settings import sources_of
+from rt_robot_os.modules.vital_signs.settings import SourceText
 from rt_robot_os.modules.vital_signs.settings import times_of
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.schema import TopicSpec

@@ -43,11 +43,11 @@ PERSON: Final = Field(
     'and recordings')
 SETTINGS: Final = (
     PERSON,
-    Field('sources', list, REQUIRED, "Sensors, of each sign the preferred first: 'TOPIC', when its "
-          "last part names the sign, else 'SIGN TOPIC.FIELD', and 'as NAME' where the part before "
-          'is not what the sensor should be called'),
-    Field('stale_limits', list, [], "Ages from which values say nothing, other than the usual: "
-          "'SIGN TIME', such as body_temperature 8 h"),
+    Field('sources', list, REQUIRED, 'Sensors, of each sign the preferred first: TOPIC, when its '
+          'last part names the sign, else SIGN TOPIC.FIELD, then "as NAME" where the part before '
+          'that is not what the sensor should be called'),
+    Field('stale_limits', list, [], 'Ages from which values say nothing, other than the usual: '
+          'SIGN TIME, such as body_temperature 8 h'),
     Field('off_s', float, 60.0, 'A sensor that says for so long that it measures nothing, or what '
           'nobody can have, is off, and that is told', 's', 1.0, 3600.0),
     Field('back_s', float, 10.0, 'It is back when it has said nothing but values for so long', 's',
