@@ -53,6 +53,7 @@ HEAD = '/**/robot:\n  ros__parameters:\n'
 UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
          'docs/attitude.md 1': HEAD + '    devices: [imu]\n'
          '    imu: {type: witmotion, port: sim, frame_id: imu_link}\n',
+         'docs/configuration.md 2': HEAD + '    devices: []\n',
          'docs/frames.md 1': HEAD + '    devices: [laser]\n',
          'docs/frames.md 2': HEAD + '    topics: [odom_to_base, map_to_odom]\n'
          '    odom_to_base: {message: geometry_msgs/msg/TransformStamped}\n'
