@@ -59,6 +59,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'alarms = rt_robot_os.clients.alarms.program:main',
             'bench = rt_robot_os.tools.bench.program:main',
             'black_box = rt_robot_os.tools.black_box.program:main',
             'core = rt_robot_os.core.program:main',

@@ -23,7 +23,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-import json
 import time
 from typing import Any
 from typing import Final
@@ -41,7 +40,8 @@ from rclpy.task import Future
 from rt_robot_os.clients.ros.mirrors import ask_for_all
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import string_in
+from rt_robot_os.link.answers import Answer
+from rt_robot_os.link.answers import answer_of
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.settings.service_model import ServiceSettings
@@ -57,7 +57,7 @@ WAITING_MAXIMUM: Final = 16
 _QUEUE: Final = 4 * WAITING_MAXIMUM
 
 
-class Answer(NamedTuple):
+class Outcome(NamedTuple):
     """What a caller is told."""
 
     ok: bool
@@ -77,7 +77,7 @@ class _Call:
         self.future: Future = Future()
         self._wake = wake
 
-    def end(self, answer: Answer) -> None:
+    def end(self, answer: Outcome) -> None:
         """Give the answer; from any thread, the first one counts."""
         if not self.future.done():
             self.future.set_result(answer)
@@ -119,8 +119,8 @@ class Service:
         self._client = client
         if client is None:
             for call in list(self.waiting):
-                call.end(Answer(False, 'the core has gone before it answered; what was asked '
-                                       'may have been done: look, then ask again'))
+                call.end(Outcome(False, 'the core has gone before it answered; what was asked '
+                                 'may have been done: look, then ask again'))
 
     async def _on_trigger(self, request: Any, response: Any) -> Any:
         return await self._call(self.settings.text, response)
@@ -137,14 +137,14 @@ class Service:
             self.refused += not answer.ok
         except TimeoutError as error:
             self.unanswered += 1
-            answer = Answer(False, str(error))
+            answer = Outcome(False, str(error))
         except LinkError as error:
             self.refused += 1
-            answer = Answer(False, str(error))
+            answer = Outcome(False, str(error))
         response.success, response.message = answer
         return response
 
-    async def _ask(self, text: str) -> Answer:
+    async def _ask(self, text: str) -> Outcome:
         """
         Publish a text and await the answer.
 
@@ -158,14 +158,14 @@ class Service:
             raise LinkError(f'{len(self.waiting)} calls wait for their answers already')
         if not settings.answer_topic:
             client.publish(self._channel, string_message(text))
-            return Answer(True, f'published {text!r} on {settings.topic}')
+            return Outcome(True, f'published {text!r} on {settings.topic}')
         call = _Call(text, self._services.wake)
         self.waiting.append(call)
         timer = None
         try:
             client.publish(self._channel, string_message(text))
             timer = self._services.timer(settings.timeout_s, lambda: call.end(_NONE))
-            answer: Answer = await call.future
+            answer: Outcome = await call.future
         finally:
             self.waiting.remove(call)
             if timer is not None:
@@ -176,11 +176,12 @@ class Service:
                 f'{settings.timeout_s:g} s; it may have been done all the same')
         return answer
 
-    def hear(self, stamp_ns: int, command: str, answer: Answer) -> bool:
+    def hear(self, stamp_ns: int, answer: Answer) -> bool:
         """Give an answer to the call that has waited longest for it; return whether one has."""
         for call in list(self.waiting):
-            if call.command == command and stamp_ns >= call.asked_ns and not call.future.done():
-                call.end(answer)
+            if (answer.is_to(call.command) and stamp_ns >= call.asked_ns
+                    and not call.future.done()):
+                call.end(Outcome(answer.ok, answer.text))
                 return True
         return False
 
@@ -190,7 +191,7 @@ class Service:
                 'unanswered': self.unanswered, 'waiting': len(self.waiting)}
 
 
-_NONE: Final = Answer(False, '')
+_NONE: Final = Outcome(False, '')
 
 
 class Services:
@@ -273,27 +274,15 @@ class Services:
         heard = [each for each in self.all if each.settings.answer_topic == topic]
 
         def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
-            answer = self._read(cdr)
-            if answer is not None:
-                for each in heard:
-                    if each.hear(stamp_ns, *answer):
-                        break
+            try:
+                answer = answer_of(cdr)
+                any(each.hear(stamp_ns, answer) for each in heard)
+            except ValueError:
+                self.malformed += 1
             if mirrored is not None:
                 mirrored(stamp_ns, missed, cdr)
 
         return carry
-
-    def _read(self, cdr: memoryview) -> tuple[str, Answer] | None:
-        try:
-            found = json.loads(string_in(cdr))
-            command, ok, text = found['command'], found['ok'], found.get('text', '')
-            if isinstance(command, str) and isinstance(ok, bool) and isinstance(text, str):
-                return command, Answer(ok, text.encode(errors='replace').decode().replace(
-                    '\0', ' '))
-        except (ValueError, RecursionError, LookupError, TypeError, AttributeError):
-            pass
-        self.malformed += 1
-        return None
 
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
         """Return the counters of all services, by their names."""

@@ -1,0 +1,97 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A connection to a core that is made again whenever it is lost, for programs that stay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import time
+from typing import Final
+
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link.client import LinkClient
+from rt_robot_os.link.client import LinkSilent
+
+_RETRY_S: Final = 0.2
+_BEAT_S: Final = 0.5
+
+
+class LastingClient:
+    """
+    Stay connected.
+
+    :param path: of the core's socket.
+    :param name: what the core calls this client.
+    :param on_connect: called with each new connection, before anything is read from it; when it
+        raises LinkError the connection is given up and made again.
+    :param tell: takes a line of text when a connection is lost, and when there is one again.
+    :ivar client: the connection; None while there is none.
+    :ivar connections: how many there were.
+    """
+
+    def __init__(self, path: Path, name: str, on_connect: Callable[[LinkClient], None],
+                 tell: Callable[[str], None]) -> None:
+        self.client: LinkClient | None = None
+        self.connections = 0
+        self._path = path
+        self._name = name
+        self._on_connect = on_connect
+        self._tell = tell
+        self._told = ''
+        self._beat_s = 0.0
+
+    def pump(self, timeout_s: float) -> bool:
+        """
+        Read what comes, connecting first if need be; never longer than about the time given.
+
+        :return: whether there is a connection.
+        """
+        try:
+            client = self.client or self._connect()
+            client.pump(timeout_s)
+            if time.monotonic() - self._beat_s > _BEAT_S:
+                self._beat_s = time.monotonic()
+                client.beat()
+            return True
+        except LinkSilent:
+            return True  # busy with what matters more; its reading goes on
+        except LinkError as error:
+            self.close()
+            if str(error) != self._told:
+                self._told = str(error)
+                self._tell(f'{error}; waiting for it')
+            time.sleep(min(_RETRY_S, timeout_s))
+            return False
+
+    def _connect(self) -> LinkClient:
+        client = LinkClient(self._path, self._name)
+        try:
+            self._on_connect(client)
+        except BaseException:
+            client.close()
+            raise
+        self.client = client
+        self.connections += 1
+        if self._told:
+            self._tell(f'connected to the core (pid {client.core.get("pid")})')
+        self._told = ''
+        return client
+
+    def close(self) -> None:
+        """Disconnect; may be called twice."""
+        client, self.client = self.client, None
+        if client is not None:
+            client.close()
