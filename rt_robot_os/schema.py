@@ -23,6 +23,8 @@ gives the value when the key is absent.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Iterable
 from collections.abc import Mapping
 import dataclasses
 from dataclasses import dataclass
@@ -30,6 +32,7 @@ from dataclasses import field
 import functools
 import keyword
 import math
+import re
 import sys
 from typing import Any
 from typing import ClassVar
@@ -38,6 +41,9 @@ from typing import get_origin
 from typing import get_type_hints
 
 REQUIRED: Any = object()
+
+#: In the name of a topic that is read: it stands for one part of the name, or some letters of it.
+STAR = '*'
 
 _NOUNS: Mapping[type, str] = {
     bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
@@ -174,6 +180,9 @@ class TopicRead:
     :ivar initial: begin with the last sample that is there already.
     :ivar newest: ``take`` gives only the newest sample; those before it count as skipped.
     :ivar message: type such as ``'sensor_msgs/msg/Imu'``; empty takes what is there.
+    :ivar key: the setting that it comes from, when that is more than its name.
+    :ivar check: says what is wrong with a topic as it is declared, a line each; asked when the
+        settings are read.
     """
 
     topic: str
@@ -181,6 +190,9 @@ class TopicRead:
     initial: bool = False
     newest: bool = False
     message: str = ''
+    key: str = ''
+    check: Callable[[TopicSpec], Iterable[str]] | None = field(
+        default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -194,6 +206,18 @@ class PartTopics:
 
     published: tuple[TopicSpec, ...] = ()
     read: tuple[TopicRead, ...] = ()
+
+
+def star_match(pattern: str, topic: str) -> str | None:
+    """
+    Match the name of a topic against one that may have a :data:`STAR`.
+
+    :return: what the star stands for, empty without one; None when it does not match.
+    """
+    if STAR not in pattern:
+        return '' if topic == pattern else None
+    found = re.fullmatch('([A-Za-z0-9_]+)'.join(map(re.escape, pattern.split(STAR))), topic)
+    return found and found[1]
 
 
 def number(value: float | None) -> str:

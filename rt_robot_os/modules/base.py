@@ -34,6 +34,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
+from typing import ClassVar
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
@@ -56,6 +57,7 @@ class Module(PortOwner):
     :param name: unique among tasks.
     :param settings: a value for each of :meth:`fields`, checked already.
     :cvar SETTINGS: what can be set, besides rate, priority and topics.
+    :cvar RATE_HZ: the rate when a section does not say; 0 when inputs release it, None: as all.
     :ivar mountings: where the frames of all devices are, by name, from :meth:`configure` on; see
         :func:`rt_robot_os.motion.mounting.in_base`.
     :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
@@ -63,6 +65,7 @@ class Module(PortOwner):
 
     NOUN = 'module'
     CONNECTED_FROM = 'configure()'
+    RATE_HZ: ClassVar[float | None] = None
     mountings: Mapping[str, Mounting] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:

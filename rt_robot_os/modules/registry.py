@@ -28,6 +28,7 @@ _OWN: Final = {
     'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'planner': 'rt_robot_os.modules.planner:Planner',
+    'rule': 'rt_robot_os.modules.rule:Rule',
     'sensor_network': 'rt_robot_os.modules.sensor_network:SensorNetwork',
     'sensor_readings': 'rt_robot_os.modules.sensor_readings:SensorReadings',
     'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',

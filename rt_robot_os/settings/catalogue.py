@@ -59,6 +59,7 @@ class Kind:
         fit those of the device.
     :ivar mountings: of a device, where its frames are, from the checked settings.
     :ivar shares_port: several devices may be on one port (a bus).
+    :ivar rate_hz: of a module, at which it runs when its section does not say; None: as all.
     :ivar answers: it waits for answers, so it is read on interrupt.
     """
 
@@ -70,6 +71,7 @@ class Kind:
     answers: bool = False
     has_safe_state: bool = False
     is_coroutine: bool = False
+    rate_hz: float | None = None
 
 
 class Lookup(Protocol):

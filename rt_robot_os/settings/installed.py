@@ -93,7 +93,8 @@ def _module_names() -> Sequence[str]:
 def _module(name: str) -> Kind:
     from rt_robot_os.modules import registry
     cls = registry.module_class(name)
-    return _with_ports(cls, has_safe_state=cls.has_safe_state(), is_coroutine=cls.is_coroutine())
+    return _with_ports(cls, has_safe_state=cls.has_safe_state(), is_coroutine=cls.is_coroutine(),
+                       rate_hz=cls.RATE_HZ)
 
 
 def _with_ports(cls: type[PortOwner], **facts: Any) -> Kind:

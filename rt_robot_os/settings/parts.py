@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import re
 from typing import Any
 from typing import TypeVar
 
@@ -43,6 +44,7 @@ from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import Section
 from rt_robot_os.settings.tree import Branch
 from rt_robot_os.settings.tree import Leaf
+from rt_robot_os.settings.tree import Origin
 
 _Settings = TypeVar('_Settings', DeviceSettings, ModuleSettings)
 
@@ -97,8 +99,11 @@ def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Probl
 def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
     """Read the section of one module."""
     kind, section = _read(branch, name, catalogue.modules, ModuleSettings, 'module', (), problems)
-    if kind is not None and kind.is_coroutine and 'rate_hz' not in section.origins:
-        section.values['rate_hz'] = 0.0  # it awaits what releases it
+    if kind is not None and 'rate_hz' not in section.origins:
+        if kind.is_coroutine:
+            section.values['rate_hz'] = 0.0  # it awaits what releases it
+        elif kind.rate_hz is not None:
+            section.values['rate_hz'] = kind.rate_hz
     return Part(section, branch, kind)
 
 
@@ -194,12 +199,19 @@ def topics_of(part: Part, noun: str, problems: Problems) -> PartTopics | None:
             for line in str(error).splitlines():
                 # Some authors name their section, some leave that to us.
                 named = line.startswith((f'{part.name}:', f'{part.name}.'))
-                problems.add(part.section.origin, line if named else f'{part.name}: {line}')
+                problems.add(_place(part.section, line),
+                             line if named else f'{part.name}: {line}')
     except Exception as error:  # a class from elsewhere may fail in any way
         if complete:
             text = f'{part.name}: this {noun} cannot be made from these settings: {error!r}'
             problems.add(part.section.origin, text)
     return None
+
+
+def _place(section: Section, line: str) -> Origin:
+    """Return where the key stands that a problem begins with; else the section."""
+    found = re.match(r'\w+', line.removeprefix(f'{section.name}.'))
+    return section.where(found[0] if found and line.startswith(f'{section.name}.') else '')
 
 
 def _stand_in(field: Field) -> Any:

@@ -92,6 +92,7 @@ def read_robot(
     table = TopicTable(loose=named.loose, complete=not named.loose)
     uses = _fill_table(table, devices, modules, topics, catalogue, problems)
     table.check_reads(problems)
+    uses = {name: table.expanded(each) for name, each in uses.items()}
     single = expanded(mirrors, table, problems)
     check_mirrors(single, table, namespace, node, problems)
     check_services(services, table, namespace, node, problems)

@@ -22,6 +22,7 @@ from collections.abc import Hashable
 from collections.abc import Iterable
 from dataclasses import dataclass
 from dataclasses import field
+from dataclasses import replace
 import os
 from typing import Final
 
@@ -33,6 +34,8 @@ from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.stamped_messages import FRAME_ID_BYTES_MAXIMUM
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
 from rt_robot_os.schema import PartTopics
+from rt_robot_os.schema import STAR
+from rt_robot_os.schema import star_match
 from rt_robot_os.schema import TopicRead
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings.catalogue import Catalogue
@@ -87,6 +90,20 @@ class TopicTable:
             return None
         return f'nobody declares this topic, {did_you_mean(topic, self.names)}'
 
+    def matching(self, pattern: str) -> tuple[str, ...]:
+        """Return the declared topics that match a name, which may have a star."""
+        if STAR not in pattern:
+            return (pattern,) if pattern in self.declared else ()
+        return tuple(name for name in self.declared if star_match(pattern, name) is not None)
+
+    def expanded(self, uses: PartTopics | None) -> PartTopics | None:
+        """Put each topic that matches in the place of a name with a star that is read."""
+        if uses is None or not any(STAR in each.topic for each in uses.read):
+            return uses
+        return replace(uses, read=tuple(
+            replace(each, topic=topic) for each in uses.read
+            for topic in ([each.topic] if STAR not in each.topic else self.matching(each.topic))))
+
     def message(self, topic: str) -> str:
         """Return the type of a declared topic."""
         return self.declared[topic].spec.message
@@ -106,9 +123,13 @@ class TopicTable:
         by = f'{noun} {section.name}'
         topics: tuple[TopicSpec | TopicRead, ...] = (*uses.published, *uses.read)
         for each in topics:
-            key = next((k for k, v in section.values.items() if v == each.topic), '')
+            key = getattr(each, 'key', '') or next(
+                (k for k, v in section.values.items() if v == each.topic), '')
             label = f'{section.name}.{key}' if key else f'topic of {section.name}'
-            if not self._is_name(each.topic, label, section.where(key), problems):
+            name = each.topic
+            if isinstance(each, TopicRead) and name.count(STAR) == 1:
+                name = name.replace(STAR, 'x')
+            if not self._is_name(name, label, section.where(key), problems):
                 continue
             if isinstance(each, TopicSpec):
                 self._declare(each, label, section.where(key), by, catalogue, problems)
@@ -182,6 +203,15 @@ class TopicTable:
     def check_reads(self, problems: Problems) -> None:
         """Find what is read and never declared, or declared with another type."""
         for use, by, origin in self.read:
+            if use.check is not None:
+                for topic in self.matching(use.topic):
+                    for text in use.check(self.declared[topic].spec):
+                        problems.add(origin, text)
+            if STAR in use.topic:
+                if self.complete and not self.matching(use.topic):
+                    problems.add(origin, f'{by} reads {use.topic!r}: no topic matches, '
+                                 f'{did_you_mean(use.topic, self.names)}')
+                continue
             old = self.declared.get(use.topic)
             wrong = self.missing(use.topic)
             if wrong:
@@ -189,14 +219,15 @@ class TopicTable:
             elif old and old.shape and use.message and old.spec.message != use.message:
                 problems.add(origin, f'{by} reads {use.topic!r} as {use.message}, but it is '
                              f'{old.spec.message} ({old.by}, {old.origin})')
-        for topic, count in Counter(use.topic for use, _, _ in self.read).items():
+        for topic, count in Counter(topic for use, _, _ in self.read
+                                    for topic in self.matching(use.topic)).items():
             if topic not in self.limits:
                 continue
             limit, label, origin = self.limits[topic]
             if count > limit:
                 who = 'devices and modules' if any(
                     by.startswith('device ') for each, by, _ in self.read
-                    if each.topic == topic) else 'modules'
+                    if star_match(each.topic, topic) is not None) else 'modules'
                 problems.value(origin, label, limit,
                                f'but {count} {who} read {topic!r}: must be at least {count}')
 

@@ -110,7 +110,7 @@ class ScriptedPort:
         """Do nothing."""
 
 
-def settings_of(kind: type[Device] | type[Module], **changes: Any) -> dict[str, Any]:
+def settings_of(kind: type[Device] | type[Module], /, **changes: Any) -> dict[str, Any]:
     """
     Return the default settings of a driver or a module, with changes.
 

@@ -24,6 +24,8 @@ import math
 
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.modules.registry import module_class
+from rt_robot_os.schema import STAR
+from rt_robot_os.schema import star_match
 from rt_robot_os.settings import DeviceSettings
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
@@ -75,6 +77,11 @@ class Wiring:
         for mirror in settings.mirrors:
             if mirror.direction == 'in':
                 self.inputs[mirror.topic] = rates.get(mirror.topic, 0.0)
+        for wakes in self._wakes.values():
+            for pattern in [topic for topic in wakes if STAR in topic]:
+                wake = wakes.pop(pattern)
+                wakes.update((topic, wake) for topic in self._sources
+                             if star_match(pattern, topic) is not None)
         for topic, rate_hz in self.inputs.items():
             self._add(topic, Source(COMMANDS, settings.core.command_priority, 0.0, rate_hz))
 
