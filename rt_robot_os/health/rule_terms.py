@@ -30,14 +30,14 @@ from rt_robot_os.units import NS_PER_S
 
 #: Longest first.
 DURATIONS = {'d': 86_400 * NS_PER_S, 'h': 3600 * NS_PER_S, 'min': 60 * NS_PER_S,
-                    's': NS_PER_S, 'ms': NS_PER_MS}
+             's': NS_PER_S, 'ms': NS_PER_MS}
 
 Span = tuple[int, int]
 
 
 def _span() -> Span:
     # Where it stands in the text is told in errors, and makes no difference.
-    return field(default=(0, 0), compare=False, repr=False)  # type: ignore[no-any-return]
+    return field(default=(0, 0), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -334,7 +334,8 @@ class _Parser:
 
     def _time_of_day(self, token: Token | None = None) -> NoReturn:
         self._fail('the time of day is nothing that a rule can know, so that a recording gives '
-                   'the same again: publish it on a topic, and compare that: clock/hour.data >= 22',
+                   'the same again: publish it on a topic, and compare that: '
+                   'clock/hour.data >= 22',
                    token)
 
     def _fail(self, problem: str, token: Token | None = None) -> NoReturn:

@@ -31,10 +31,10 @@ LONGEST: Final = 2000
 _TOKEN: Final = re.compile(
     r'(?P<space>\s+)'
     r'|(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)'
-    r'''|(?P<text>'[^']*'|"[^"]*")'''
+    r'|(?P<text>\'[^\']*\'|"[^"]*")'
     r'|(?P<comparison><=|>=|==|!=|<|>)'
     r'|(?P<bracket>[()])'
-    r'''|(?P<word>[^\s()<>=!'",]+)'''
+    r'|(?P<word>[^\s()<>=!\'",]+)'
     r'|(?P<other>.)', re.ASCII | re.IGNORECASE | re.DOTALL)
 
 # What people write who know other languages.

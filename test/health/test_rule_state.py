@@ -116,7 +116,7 @@ def test_what_comes_too_late_counts_from_then() -> None:
     assert state.pass_time(20 * S) == []
 
 
-# ---- against a plain reading ---------------------------------------------------------------------
+# ---- against a plain reading --------------------------------------------------------------------
 
 _COMPARE = {'<': lambda x, y: x < y, '<=': lambda x, y: x <= y, '>': lambda x, y: x > y,
             '>=': lambda x, y: x >= y, '==': lambda x, y: x == y, '!=': lambda x, y: x != y}

@@ -44,7 +44,7 @@ SMOKE = Compare(Ref('wsn/kitchen/smoke', 'data'), '>', Number(0.5))
 HEAT = Compare(Ref('t', 'temperature'), '>', Number(45.0, 'degC'))
 NS = 10**9
 
-# ---- random rules --------------------------------------------------------------------------------
+# ---- random rules -------------------------------------------------------------------------------
 
 REFS = st.builds(
     Ref, st.sampled_from(('wsn/kitchen/smoke', 'a', 'imu/data', 'wsn/*/t', 'for_all/not_1')),
@@ -88,7 +88,7 @@ def _more(rules: st.SearchStrategy[Rule]) -> st.SearchStrategy[Rule]:
 
 RULES: st.SearchStrategy[Rule] = st.recursive(CONDITIONS, _more, max_leaves=8)
 
-# ---- what is said --------------------------------------------------------------------------------
+# ---- what is said -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('text, meant', [

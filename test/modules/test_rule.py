@@ -183,7 +183,7 @@ def test_what_comes_together_is_judged_together_by_its_stamps() -> None:
         assert [stamp for stamp, _ in causes(read)] == [3.0]
 
 
-# ---- as it is loaded -----------------------------------------------------------------------------
+# ---- as it is loaded ----------------------------------------------------------------------------
 
 ROBOT = """
 robot:
@@ -225,7 +225,7 @@ def test_a_right_rule_has_no_problem_and_runs_by_itself(tmp_path: Path, when: st
 @pytest.mark.parametrize('when, told', [
     ('wsn/kitchen/smoke.data > 0.5 fro 3 s', [
         "14: mine.when: 'fro' is no unit, or cannot stand here: units are degC % s ms min h d m "
-        "cm mm m/s m/s2 g rad deg rad/s deg/s V mV A lx /min l/min Pa hPa mmHg; did you mean "
+        'cm mm m/s m/s2 g rad deg rad/s deg/s V mV A lx /min l/min Pa hPa mmHg; did you mean '
         "'for'?",
         '14: mine.when:   wsn/kitchen/smoke.data > 0.5 fro 3 s',
         '14: mine.when:                                ^^^']),

@@ -75,9 +75,9 @@ class Rule(Module):
         Field('subject', str, REQUIRED, 'Whom or what it concerns: a person, a room, a device; '
               f'{STAR}: what the {STAR} in the rule stands for, each by itself'),
         Field('level', str, 'warning', 'How much it matters', choices=tuple(LEVELS)),
-        Field('text', str, '', 'For people; {name} is what the star stands for, {value} the number '
-              'that the first field of the rule has. Empty: kind and subject'),
-        Field('node', str, '', f'The sensor node that reports it, so that a robot finds the place; '
+        Field('text', str, '', 'For people; {name} is what the star stands for, {value} the '
+              'number that the first field of the rule has. Empty: kind and subject'),
+        Field('node', str, '', 'The sensor node that reports it, so that a robot finds the place; '
               f'{STAR}: what the star stands for'),
         Field('position_m', list, [], 'Where it is in the map, x and y, when no node says it; '
               'empty: nobody knows', 'm', -1e6, 1e6, item=float),
@@ -130,8 +130,8 @@ class Rule(Module):
         layouts = {topic.name: topic.layout for topic in bus.topics}
         rules = bound_rules(self.name, self._text, self._rule, layouts)
         if len(rules) > _MOST_RULES:
-            raise ConfigError([f'{self.name}.when: {STAR} stands for {len(rules)} names, it may be '
-                               f'{_MOST_RULES}: write several rules'])
+            raise ConfigError([f'{self.name}.when: {STAR} stands for {len(rules)} names, it may '
+                               f'be {_MOST_RULES}: write several rules'])
         clear_ns, stale_ns = (round(self.settings[key] * NS_PER_S) for key in (
             'clear_s', 'stale_s'))
         self._watched = WatchedRules(
@@ -168,7 +168,8 @@ class Rule(Module):
         for name, state in list(watched.states.items())[:_LINES]:
             values = ', '.join(f'{ref} {_shown(value)}' for ref, value in zip(
                 state.refs, state.last_values()) if ref.path)
-            lines[f'state_{name}' if name else 'state'] = f'{_word(state)}{values and ": "}{values}'
+            key = f'state_{name}' if name else 'state'
+            lines[key] = ': '.join(filter(None, (_word(state), values)))
         active = [name for name, state in watched.states.items() if state.active]
         return {'rule': str(self._rule), 'active': len(active), 'began': self._began,
                 'no_values': watched.no_values, 'samples_lost': watched.lost,
