@@ -154,6 +154,11 @@ class FallDetector:
         self._looked_ns = 0
 
     @property
+    def moved_ns(self) -> int:
+        """Return when somebody who has fallen moved last; that of the newest sample without."""
+        return self._last_ns if self._recovery is None else self._recovery.moved_ns
+
+    @property
     def last_ns(self) -> int:
         """Return the stamp of the newest sample; -1 without one."""
         return self._last_ns
@@ -194,7 +199,8 @@ class FallDetector:
         """
         Decide with what there is: nothing more comes, or not for some time.
 
-        A sensor that falls silent right after an impact may have broken in a fall.
+        A sensor that falls silent right after an impact may have broken in a fall. When more does
+        come, it goes on as if nothing had been asked.
         """
         if self._count:
             happened = self._close_block()
@@ -203,17 +209,15 @@ class FallDetector:
         if self.state is not State.IMPACT:
             return None
         best: Evidence | None = None
+        lying: Vector | None = None
         for blow in self._blows:
             from_ns = max(blow.at_ns + _LAST_SETTLE_NS, self._last_ns - self._after_ns)
             if self._last_ns - from_ns >= _LAST_LOOK_NS:
                 after = self._history.span(from_ns, self._last_ns)
-                best = self._better(best, None if after is None else self._weigh(
-                    blow, after.mean))
-        happened = self._judge(best, self._last_ns)
-        if happened is None:
-            self._blows.clear()
-            self.state = State.WATCHING
-        return happened
+                if after is not None:
+                    lying = after.mean
+                    best = self._better(best, self._weigh(blow, lying))
+        return None if lying is None else self._judge(best, self._last_ns, lying)
 
     # ---- blocks ------------------------------------------------------------------------------
 
@@ -296,8 +300,7 @@ class FallDetector:
         blow.turn_deg_s = history.fastest_deg_s(at_ns - _TURN_BEFORE_NS)
         blow.known = True
 
-    def _judge(self, best: Evidence | None, now_ns: int, after: Vector | None = None
-               ) -> Happened | None:
+    def _judge(self, best: Evidence | None, now_ns: int, after: Vector) -> Happened | None:
         if best is None:
             return None
         self.evidence = best
@@ -306,7 +309,7 @@ class FallDetector:
         blow = next(each for each in self._blows if each.at_ns == best.impact_ns)
         assert blow.before is not None
         self.state = State.FALLEN
-        self._recovery = Recovery(self._limits, blow.before, after or blow.before)
+        self._recovery = Recovery(self._limits, blow.before, after, now_ns)
         self._blows.clear()
         return Happened(What.FALL, now_ns, best)
 

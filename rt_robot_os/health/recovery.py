@@ -28,6 +28,8 @@ from rt_robot_os.units import NS_PER_S
 
 # A sensor that was taken off and put upright does not move by that.
 _MOVES_G: Final = 0.12
+# Breathing stays below it.
+_STIRS_G: Final = 0.04
 _STEP_G: Final = 1.12
 _STEP_NS: Final = 250 * NS_PER_MS
 _STEPS: Final = 8
@@ -42,12 +44,15 @@ class Recovery:
     :param limits: of the detector.
     :param before: the specific force before the fall, upright.
     :param lying: that after it.
+    :param now_ns: when that was seen.
+    :ivar moved_ns: when they moved last.
     """
 
-    def __init__(self, limits: FallLimits, before: Vector, lying: Vector) -> None:
+    def __init__(self, limits: FallLimits, before: Vector, lying: Vector, now_ns: int) -> None:
         self._limits = limits
         self._before = before
         self._lying = lying
+        self.moved_ns = now_ns
         self._upright_ns = -1
         self._looked_ns = 0
         self._above = False
@@ -68,8 +73,11 @@ class Recovery:
             return False
         self._looked_ns = now_ns
         now = history.span(now_ns - round(self._limits.after_s * NS_PER_S), now_ns)
-        return now is not None and (
-            self._upright(history, now_ns, now.mean) or self._walks(now.mean))
+        if now is None:
+            return False
+        if now.spread_g > _STIRS_G:
+            self.moved_ns = now_ns
+        return self._upright(history, now_ns, now.mean) or self._walks(now.mean)
 
     def _upright(self, history: MotionHistory, now_ns: int, mean: Vector) -> bool:
         if angle_deg(mean, self._before) > self._limits.recovery_deg:

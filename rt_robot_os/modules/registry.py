@@ -25,6 +25,7 @@ _OWN: Final = {
     'alarms': 'rt_robot_os.modules.alarms:Alarms',
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
+    'fall_detector': 'rt_robot_os.modules.fall_detector:FallDetection',
     'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'planner': 'rt_robot_os.modules.planner:Planner',
