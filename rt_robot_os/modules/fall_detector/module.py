@@ -15,8 +15,8 @@
 """
 Falls of one person, from the inertial sensor that they wear: a cause of an alarm, and its end.
 
-The detector is that of :mod:`rt_robot_os.health.falls`, the same that ``health falls`` evaluates on
-recordings. Time comes from the stamps of the samples alone.
+The detector is that of :mod:`rt_robot_os.health.falls`, the same that ``health falls`` evaluates
+on recordings. Time comes from the stamps of the samples alone.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ class FallDetection(Module):
               '(peaks_topic): from here on one is a blow', 'g', 1.5, 100.0),
         Field('peak_moves_g', float, _PEAKS.moves_g, 'A report of as much after the blow shows '
               'that they move', 'g', 1.05, 10.0),
-        Field('peak_quiet_s', float, _PEAKS.quiet_s, 'When nothing has moved for so long after the '
-              'blow a fall is suspected', 's', 1.0, 600.0),
+        Field('peak_quiet_s', float, _PEAKS.quiet_s, 'When nothing has moved for so long after '
+              'the blow a fall is suspected', 's', 1.0, 600.0),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
@@ -100,8 +100,8 @@ class FallDetection(Module):
             raise ConfigError([f'{name}: {problem}'])
         person: str = settings['person']
         if not person.strip() or '/' in person:
-            raise ConfigError([f'{name}.person {person!r}: it must be a pseudonym that can be part '
-                               'of the name of a topic, such as anna'])
+            raise ConfigError([f'{name}.person {person!r}: it must be a pseudonym that can be '
+                               'part of the name of a topic, such as anna'])
         if not (self.connected('imu') or self.connected('peaks')):
             raise ConfigError([f'{name}: neither imu_topic nor peaks_topic is set: one of them '
                                'must name what the sensor says'])
@@ -231,9 +231,10 @@ class FallDetection(Module):
         if due_ns is None or not watch.pass_time(now_ns):
             return
         self._falls += 1
-        self._begin(Level.URGENT, f'{self._person} was struck with {watch.blow_g:.1f} g and has not moved for '
-                    f'{self.settings["peak_quiet_s"]:.0f} s: perhaps a fall (confidence '
-                    f'{CONFIDENCE:.2f}, low: the node reports peaks only)', watch.blow_g, due_ns)
+        self._begin(
+            Level.URGENT, f'{self._person} was struck with {watch.blow_g:.1f} g and has not moved '
+            f'for {self.settings["peak_quiet_s"]:.0f} s: perhaps a fall (confidence '
+            f'{CONFIDENCE:.2f}, low: the node reports peaks only)', watch.blow_g, due_ns)
 
     def _begin(self, level: Level, text: str, value: float, stamp_ns: int) -> None:
         self._reports.report(Cause(
