@@ -67,6 +67,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'arduino_bridge',
     'odrive',
     'sink',
+    'oximeter',
 )}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.

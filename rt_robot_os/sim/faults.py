@@ -80,6 +80,15 @@ SINK_FAULTS: Final = {
     'reset': 'has no power: what waited in it is lost, and its routing begins anew',
 }
 
+# What befalls pulse oximeters.
+OXIMETER_FAULTS: Final = {
+    **FAULTS,
+    'off': 'no finger is in it',
+    'disconnect': 'its sensor is not plugged in',
+    'artefact': 'the finger moves: its pulses are artefacts, and then it loses track',
+    'battery': 'its batteries are low',
+}
+
 
 def _besides(known: Mapping[str, str]) -> str:
     return ', '.join(fault for fault in known if fault not in FAULTS)
@@ -88,7 +97,8 @@ def _besides(known: Mapping[str, str]) -> str:
 # All of them, for messages.
 FAULT_HELP: Final = (
     f'{", ".join(FAULTS)}; on I2C {", ".join(I2C_FAULTS)}; motor boards {_besides(MOTOR_FAULTS)}; '
-    f'localisers {_besides(LOCALISER_FAULTS)}; sinks {_besides(SINK_FAULTS)}')
+    f'localisers {_besides(LOCALISER_FAULTS)}; sinks {_besides(SINK_FAULTS)}; '
+    f'pulse oximeters {_besides(OXIMETER_FAULTS)}')
 
 _MAX_S: Final = 1e6
 _MAX_EVENTS: Final = 256

@@ -1,0 +1,257 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Heart beats in a few seconds of a waveform, and whether they can be believed.
+
+A beat is where the wave rises: the *slope sum*, the rises of the last 128 ms added up, is high at
+the foot of each pulse and low elsewhere (Zong et al., "An open-source algorithm to detect onset of
+arterial blood pressure pulses", Computers in Cardiology 2003). Of an ECG the falls count as well.
+Where a beat is missing a weaker one is looked for (Pan and Tompkins, "A real-time QRS detection
+algorithm", IEEE Trans. Biomed. Eng. 32(3), 1985).
+
+They are believed when they could be a pulse and look like each other (Orphanidou et al.,
+"Signal-quality indices for the electrocardiogram and photoplethysmogram", IEEE J. Biomed. Health
+Inform. 19(3), 2015): a rate that can be, no gap above 3 s, no interval more than 2.2 times
+another, and a mean correlation with their own mean of at least 0.86 (0.66 of an ECG).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+SLOPE_S: Final = 0.128
+#: No two beats are nearer: 240 a minute.
+REFRACTORY_S: Final = 0.25
+#: Share of the usual slope sum of a beat that makes one.
+THRESHOLD: Final = 0.5
+#: After a longer interval, as a multiple of the usual one, a beat of half the threshold counts.
+SEARCH_BACK: Final = 1.66
+#: A pulse is not that many times stronger than the usual one: somebody moves.
+STRONGEST: Final = 3.0
+LONGEST_GAP_S: Final = 3.0
+MOST_RATIO: Final = 2.2
+SLOWEST_PER_MIN: Final = 25.0
+FASTEST_PER_MIN: Final = 240.0
+ALIKE_PULSE: Final = 0.86
+ALIKE_ECG: Final = 0.66
+
+# Noise of the converter is taken away by a mean of so long; a pulse is slower, a QRS is not.
+_SMOOTH_PULSE_S: Final = 0.04
+# In each part of the window of so long there is a beat, unless there is a gap.
+_PART_S: Final = 2.0
+_FEWEST_BEATS: Final = 3
+# The wave repeats itself after the interval of its beats, to that share of it.
+_PERIOD_SHARE: Final = 0.08
+# Where a beat begins and ends around its steepest place, as shares of the interval.
+_BEFORE: Final = 0.3
+_AFTER: Final = 0.6
+# More than that share of all samples at one of the two ends: the converter is at its limit.
+_CLIPPED: Final = 0.2
+
+
+class Beats(NamedTuple):
+    """
+    What a window of a wave shows.
+
+    :ivar at_s: shape (n,), when each beat was, in s from the beginning of the window.
+    :ivar rate_per_min: of the beats; NaN with less than two.
+    :ivar alike: how much they look like each other, -1 to 1; NaN while that was not looked at.
+    :ivar doubt: why they are not believed; empty: they are.
+    """
+
+    at_s: Floats
+    rate_per_min: float
+    alike: float
+    doubt: str
+
+
+def pulse_beats(wave: Floats, rate_hz: float) -> Beats:
+    """
+    Find the beats in a pulse wave.
+
+    :param wave: shape (n,), some seconds, in any unit, systole upwards; NaN: none.
+    :param rate_hz: samples a second, 25 or more.
+    """
+    return _beats(wave, rate_hz, False)
+
+
+def ecg_beats(wave: Floats, rate_hz: float) -> Beats:
+    """
+    Find the beats in an ECG.
+
+    :param wave: shape (n,), some seconds of a lead; NaN: none.
+    :param rate_hz: samples a second, 100 or more.
+    """
+    return _beats(wave, rate_hz, True)
+
+
+def _beats(wave: Floats, rate_hz: float, ecg: bool) -> Beats:
+    nothing = np.empty(0)
+    if wave.size < 2 * _PART_S * rate_hz:
+        return Beats(nothing, np.nan, np.nan, 'too short')
+    if not np.isfinite(wave).all():
+        return Beats(nothing, np.nan, np.nan, 'samples are missing')
+    low, high = float(wave.min()), float(wave.max())
+    if low == high:
+        return Beats(nothing, np.nan, np.nan, 'flat')
+    sums = slope_sum(wave, rate_hz, ecg)
+    found = _places(sums, rate_hz)
+    at_s = found / rate_hz
+    rate = np.nan
+    if found.size > 1:
+        rate = 60.0 * (found.size - 1) / (at_s[-1] - at_s[0])
+    clipped = max(np.count_nonzero(wave == low), np.count_nonzero(wave == high))
+    if clipped > _CLIPPED * wave.size:
+        return Beats(at_s, rate, np.nan, 'at the limit of the converter')
+    doubt = _implausible(at_s, wave.size / rate_hz) or _disturbed(sums, found, ecg)
+    if doubt:
+        return Beats(at_s, rate, np.nan, doubt)
+    alike = likeness(wave, found)
+    least = ALIKE_ECG if ecg else ALIKE_PULSE
+    # Written so that a NaN is a doubt.
+    return Beats(at_s, rate, alike, '' if alike >= least else 'the beats are not alike')
+
+
+def slope_sum(wave: Floats, rate_hz: float, ecg: bool = False) -> Floats:
+    """
+    Add up the rises of the last 128 ms; of an ECG the falls as well.
+
+    :param wave: shape (n,).
+    :return: shape (n,).
+    """
+    if not ecg:
+        wave = _mean_of(wave, max(round(_SMOOTH_PULSE_S * rate_hz), 1))
+    steps = np.diff(wave, prepend=wave[0])
+    rises = np.abs(steps) if ecg else np.maximum(steps, 0.0)
+    count = max(round(SLOPE_S * rate_hz), 1)
+    total = np.concatenate(([0.0], np.cumsum(rises)))
+    sums: Floats = total[1:].copy()
+    sums[count:] -= total[1:-count]
+    return sums
+
+
+def usual_peak(sums: Floats, rate_hz: float) -> float:
+    """Return what the slope sum of a beat usually is: the median of the highest of each 2 s."""
+    part = max(round(_PART_S * rate_hz), 1)
+    whole = sums[sums.size % part:]
+    return float(np.median(whole.reshape(-1, part).max(axis=1)))
+
+
+def _places(sums: Floats, rate_hz: float) -> Indices:
+    """Return where the slope sum has its peaks, one a beat."""
+    inner = sums[1:-1]
+    least = THRESHOLD * usual_peak(sums, rate_hz)
+    weak = np.flatnonzero(
+        (inner >= sums[:-2]) & (inner > sums[2:]) & (inner >= least / 2)) + 1
+    apart = REFRACTORY_S * rate_hz
+    kept: list[int] = []
+    for place in weak[sums[weak] >= least].tolist():
+        if not kept or place - kept[-1] >= apart:
+            kept.append(place)
+        elif sums[place] > sums[kept[-1]]:
+            kept[-1] = place
+    return _searched_back(kept, weak, sums, apart)
+
+
+def _searched_back(kept: list[int], weak: Indices, sums: Floats, apart: float) -> Indices:
+    """Add the strongest of the weak peaks where an interval is too long; breath hides beats."""
+    places = np.array(kept, dtype=np.intp)
+    if places.size < _FEWEST_BEATS:
+        return places
+    longest = SEARCH_BACK * float(np.median(np.diff(places)))
+    added = []
+    for first, last in zip(kept, kept[1:]):
+        while last - first > longest:
+            inside = weak[(weak >= first + apart) & (weak <= last - apart)]
+            if not inside.size:
+                break
+            strongest = int(inside[np.argmax(sums[inside])])
+            added.append(strongest)
+            first = strongest
+    return np.sort(np.concatenate((places, np.array(added, dtype=np.intp))))
+
+
+def _implausible(at_s: Floats, window_s: float) -> str:
+    if at_s.size < _FEWEST_BEATS:
+        return 'hardly a beat'
+    gaps = np.diff(at_s)
+    if max(gaps.max(), at_s[0], window_s - at_s[-1]) > LONGEST_GAP_S:
+        return f'no beat for more than {LONGEST_GAP_S:g} s'
+    rate = 60.0 / float(gaps.mean())
+    if not SLOWEST_PER_MIN <= rate <= FASTEST_PER_MIN:
+        return 'a rate that cannot be'
+    if gaps.max() > MOST_RATIO * gaps.min():
+        return 'an irregular rhythm, or artefacts'
+    return ''
+
+
+def _disturbed(sums: Floats, places: Indices, ecg: bool) -> str:
+    if not ecg and sums.max() > STRONGEST * float(np.median(sums[places])):
+        return 'a movement'
+    interval = (places[-1] - places[0]) / (places.size - 1)
+    if abs(period(sums, interval) - interval) > _PERIOD_SHARE * interval:
+        return 'beats are missing, or are none'
+    return ''
+
+
+def period(sums: Floats, interval: float) -> float:
+    """
+    Return after how many samples a wave repeats itself best: the peak of its autocorrelation.
+
+    :param interval: about so many; half of it to not quite twice of it are looked at.
+    """
+    size = 1 << (2 * sums.size - 1).bit_length()
+    spectrum = np.fft.rfft(sums - sums.mean(), size)
+    alike = np.fft.irfft(spectrum * spectrum.conj(), size)[:sums.size]
+    # Fewer samples overlap at a longer lag.
+    alike /= np.arange(sums.size, 0, -1)
+    first, last = int(interval / 2), min(int(1.9 * interval), sums.size - 1)
+    return float(first + np.argmax(alike[first:last + 1]))
+
+
+def likeness(wave: Floats, places: Indices) -> float:
+    """Return the mean correlation of the beats with their mean; NaN with less than three."""
+    interval = float(np.median(np.diff(places)))
+    before, after = round(_BEFORE * interval), round(_AFTER * interval)
+    whole = [place for place in places.tolist()
+             if place >= before and place + after < wave.size]
+    if len(whole) < _FEWEST_BEATS:
+        return float('nan')
+    beats = np.stack([wave[place - before:place + after] for place in whole])
+    # The line from the first to the last sample of each is breath, not pulse.
+    line = np.linspace(0.0, 1.0, before + after)
+    beats = beats - beats[:, :1] - (beats[:, -1:] - beats[:, :1]) * line
+    beats -= beats.mean(axis=1, keepdims=True)
+    size = np.linalg.norm(beats, axis=1)
+    if not size.all():
+        return float('nan')
+    unit = beats / size[:, np.newaxis]
+    mean = unit.mean(axis=0)
+    return float((unit @ mean).mean() / np.linalg.norm(mean))
+
+
+def _mean_of(wave: Floats, count: int) -> Floats:
+    if count < 2:
+        return wave
+    padded = np.pad(wave, (count // 2, count - 1 - count // 2), mode='edge')
+    total = np.concatenate(([0.0], np.cumsum(padded)))
+    return (total[count:] - total[:-count]) / count
