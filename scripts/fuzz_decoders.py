@@ -41,6 +41,7 @@ from rt_robot_os.devices.bno055 import wire as bno055
 from rt_robot_os.devices.hokuyo import wire as scip
 from rt_robot_os.devices.maxbotix import wire as maxbotix
 from rt_robot_os.devices.nmea import wire as nmea
+from rt_robot_os.devices.oximeter import wire as oximeter
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.sharp import wire as sharp
@@ -218,6 +219,17 @@ def stargazer_piece(chance: random.Random) -> bytes:
             'CalcStop', 'ParameterUpdate', 'I+1|2', '0', '9|1', 'I1|1|1|1|1|1')))))
 
 
+def oximeter_piece(chance: random.Random) -> bytes:
+    """Make a packet of any statuses and values, or some of its frames."""
+    statuses = [chance.choice((0, 0, 0, 2, 6, chance.randrange(128))) for _ in range(25)]
+    data = oximeter.packet(
+        chance.choice((7, 7, 7, 2)), statuses, [chance.randrange(65536) for _ in range(25)],
+        oximeter.float_bytes(chance.choice((72, 511, chance.randrange(512))),
+                             chance.choice((97, 127, chance.randrange(128))),
+                             timer=chance.randrange(oximeter.TIMER_TURN)))
+    return data if chance.random() < 0.8 else data[5 * chance.randrange(25):]
+
+
 def hokuyo_piece(chance: random.Random) -> bytes:
     """Make an answer to the set-up, or a scan."""
     echo = scip.scan_command(44, 725)
@@ -235,7 +247,7 @@ def hokuyo_piece(chance: random.Random) -> bytes:
 
 PIECES: dict[str, Callable[[random.Random], bytes]] = {
     'bno055': bno055_piece, 'hokuyo': hokuyo_piece, 'maxbotix': maxbotix_piece, 'nmea': gps_piece,
-    'sharp': sharp_piece, 'sink': sink_piece, 'stargazer': stargazer_piece, 'ublox': ublox_piece,
+    'oximeter': oximeter_piece, 'sharp': sharp_piece, 'sink': sink_piece, 'stargazer': stargazer_piece, 'ublox': ublox_piece,
     'witmotion': imu_piece, 'xsens': xsens_piece}
 
 # What answers the set-up, so that samples are published at all.

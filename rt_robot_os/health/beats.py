@@ -64,8 +64,9 @@ _PERIOD_SHARE: Final = 0.08
 # Where a beat begins and ends around its steepest place, as shares of the interval.
 _BEFORE: Final = 0.3
 _AFTER: Final = 0.6
-# More than that share of all samples at one of the two ends: the converter is at its limit.
-_CLIPPED: Final = 0.2
+# More than that share of all samples at one of the two ends: the converter is at its limit. Of a
+# wave in few steps many are at its foot.
+_CLIPPED: Final = 0.5
 
 
 class Beats(NamedTuple):

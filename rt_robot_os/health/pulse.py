@@ -137,8 +137,9 @@ class PulseMeter:
         still = wave.size - 1 - int(rising[-1]) if rising.size else wave.size
         end = wave[wave.size - still:]
         # A sensor that came off is somewhere else, or says the same number all the time.
+        stuck = np.count_nonzero(np.diff(end) == 0.0)
         if not end.size or end.min() < low - room or end.max() > high + room or (
-                end.min() == end.max()):
+                2 * stuck >= end.size):
             return 0.0
         return still / self.rate_hz
 

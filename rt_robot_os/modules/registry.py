@@ -29,6 +29,7 @@ _OWN: Final = {
     'localization': 'rt_robot_os.modules.localization:Localization',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'planner': 'rt_robot_os.modules.planner:Planner',
+    'pulse_check': 'rt_robot_os.modules.pulse_check:PulseCheck',
     'rule': 'rt_robot_os.modules.rule:Rule',
     'sensor_network': 'rt_robot_os.modules.sensor_network:SensorNetwork',
     'sensor_readings': 'rt_robot_os.modules.sensor_readings:SensorReadings',

@@ -26,6 +26,7 @@ The stamp is the arrival of the packet; of the waveform's 25 samples it is that 
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -153,7 +154,7 @@ class Oximeter(SerialDevice[OximeterPacket]):
             published += self._number(0, pulse, wire.NO_PULSE, arrival_ns)
             published += self._number(1, spo2, wire.NO_SPO2, arrival_ns)
         pleth, status = self._publishers[2:]
-        pleth.msg.data[:] = frame.pleth()
+        pleth.fill(memoryview(array('H', frame.pleth())))
         pleth.publish(arrival_ns)
         status.msg.data = self._told()
         status.publish(arrival_ns)

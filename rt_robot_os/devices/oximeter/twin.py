@@ -49,7 +49,7 @@ class SimulatedOximeter(SimulatedDevice):
     """A pulse oximeter; it obeys the order for a data format."""
 
     SETTINGS = (
-        *common_settings(wire.FRAMES_PER_S, wire.FRAMES_PER_S, OXIMETER_FAULTS),
+        *common_settings(wire.PACKETS_PER_S, wire.PACKETS_PER_S, OXIMETER_FAULTS),
         Field('on', str, '', 'Who wears it, one of the people of the world.'),
         Field('pulse_per_min', float, 68.0, 'Pulse of who wears it; 0: nobody does.', '1/min',
               0.0, 320.0),
@@ -82,18 +82,16 @@ class SimulatedOximeter(SimulatedDevice):
         self._pulse_frames = 0
         self._shown = (wire.NO_PULSE, wire.NO_SPO2)
         self._shown_s = self._steady_s = -math.inf
-        self._floats = bytes(wire.FRAMES)
         self._status = 0
+        self._rate_hz = 0.0
 
     def sample(self, time_s: float) -> bytes:
-        """Return one frame."""
-        number = self._number % wire.FRAMES
-        if not number:
-            self._begin_packet(time_s)
-        pleth, status = self._next(time_s)
-        self._number += 1
-        return wire.frame(self._format, status if number else status | wire.SYNC, pleth,
-                          self._floats[number])
+        """Return one packet, of the third of a second that is over."""
+        floats = self._floats(time_s)
+        frames = [self._next(time_s + (number - wire.FRAMES) / wire.FRAMES_PER_S)
+                  for number in range(wire.FRAMES)]
+        return wire.packet(self._format, [status for _, status in frames],
+                           [level for level, _ in frames], floats)
 
     def obey(self, data: bytes) -> None:
         """Take the order for a data format."""
@@ -101,8 +99,6 @@ class SimulatedOximeter(SimulatedDevice):
             if wire.order(known) in data:
                 self._format = known
                 self.reply(wire.ACCEPTED)
-                # The next frame begins a packet.
-                self._number += -self._number % wire.FRAMES
 
     def _wearer(self, name: str) -> Any:
         if not name or self.world is None:
@@ -127,7 +123,8 @@ class SimulatedOximeter(SimulatedDevice):
             pulse = self._wave.pulse_per_min(time_s)
         return pulse, self.settings['spo2_percent']
 
-    def _begin_packet(self, time_s: float) -> None:
+    def _floats(self, time_s: float) -> bytes:
+        """Return the bytes in turn; status and rate for the frames are kept."""
         pulse, spo2 = self._signs(time_s)
         disturbed = self.befallen('artefact')
         if not disturbed:
@@ -143,10 +140,11 @@ class SimulatedOximeter(SimulatedDevice):
             self._shown, self._shown_s = (pulse_now, spo2_now), time_s
         elif time_s - self._shown_s > _SHOWN_S:
             self._shown = (wire.NO_PULSE, wire.NO_SPO2)
-        self._floats = wire.float_bytes(
-            pulse_now, spo2_now, timer=self._number // wire.FRAMES % wire.TIMER_TURN,
-            status_2=wire.BATTERY_LOW if self.befallen('battery') else 0, displayed=self._shown)
         self._rate_hz = 0.0 if off else pulse / 60.0
+        self._number += 1
+        return wire.float_bytes(
+            pulse_now, spo2_now, timer=self._number % wire.TIMER_TURN,
+            status_2=wire.BATTERY_LOW if self.befallen('battery') else 0, displayed=self._shown)
 
     def _next(self, time_s: float) -> tuple[int, int]:
         """Return the next sample of the wave, and the status with it."""

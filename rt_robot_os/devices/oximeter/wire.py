@@ -115,6 +115,11 @@ class OximeterPacket(NamedTuple):
     end: int
 
     @property
+    def size(self) -> int:
+        """Return how many bytes it has."""
+        return len(self.data)
+
+    @property
     def statuses(self) -> bytes:
         """Return the 25 statuses."""
         return self.data[self.status_at::FRAME_SIZE]

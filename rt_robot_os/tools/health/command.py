@@ -29,8 +29,9 @@ from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
 from rt_robot_os.tools.health import falls
 from rt_robot_os.tools.health import news2
+from rt_robot_os.tools.health import pulse
 
-_COMMANDS = (falls, news2)
+_COMMANDS = (falls, news2, pulse)
 
 
 def run(argv: Sequence[str]) -> int:
