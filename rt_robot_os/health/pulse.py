@@ -161,4 +161,3 @@ def course(wave: Floats, rate_hz: float, every_s: float = 1.0) -> Iterator[Pulse
         yield meter.look()
         meter.add(wave[at:at + step])
         at += step
-

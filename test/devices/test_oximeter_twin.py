@@ -24,6 +24,8 @@ from rt_robot_os.devices.oximeter.driver import Oximeter
 from rt_robot_os.devices.oximeter.twin import SimulatedOximeter
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.health.pulse import PulseMeter
+from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import rig
 
 STEP_MS = 100.0
@@ -89,6 +91,28 @@ def test_a_recorded_wave_is_played_with_its_own_pulse(data_dir: Path, tmp_path: 
         meter = PulseMeter(75.0)
         meter.add(wave(made))
         assert meter.look().rate_per_min == pytest.approx(127.0, abs=3.0)
+
+
+def test_it_measures_who_wears_it(tmp_path: Path) -> None:
+    world = World(WorldSettings(map='open', people=('anna 0 1.0 1.0',)))
+    with rig(tmp_path, SimulatedOximeter, Oximeter, sim={'on': 'anna'}, world=world) as made:
+        run(made, 2)
+        assert values(made, 0)[-1] == pytest.approx(72.0, abs=15.0)
+        world.inject('vital anna pulse_per_min 150'.split())
+        world.inject('vital anna spo2_percent 84'.split())
+        run(made, 2)
+        assert (values(made, 0)[-1], values(made, 1)[-1]) == (150.0, 84.0)
+        for sign in ('pulse_per_min', 'spo2_percent'):
+            world.inject(['vital', 'anna', sign, '0'])
+        run(made, 2)
+        assert values(made, 3)[-1] == 'no finger'
+
+
+def test_somebody_who_is_not_there_is_told(tmp_path: Path) -> None:
+    world = World(WorldSettings(map='open', people=('anna 0 1.0 1.0',)))
+    with pytest.raises(ConfigError, match='on: bert: there is no such person; there are anna'):
+        with rig(tmp_path, SimulatedOximeter, Oximeter, sim={'on': 'bert'}, world=world):
+            pass
 
 
 @pytest.mark.parametrize('sim, message', [

@@ -87,7 +87,7 @@ class Oximeter(SerialDevice[OximeterPacket]):
               'beats, for those who must know soon) or beat (of each one).',
               choices=('average', *_SPO2_OF)),
     )
-    description = "pulse oximeter with Nonin's data format 2 or 7 (OEM III, Xpod, Onyx II, WristOx2)"
+    description = "pulse oximeter with Nonin's data format 2 or 7 (OEM III, Onyx II, WristOx2)"
     IF_SILENT = ('check that it is switched on (most are as soon as a finger is in them), that '
                  'the Bluetooth connection stands (rfcomm), and its batteries')
     IF_GARBAGE = ('check the baud rate (9600 of OEM III and Xpod), and data_format; a model that '

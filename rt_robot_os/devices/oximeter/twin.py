@@ -16,14 +16,15 @@
 A simulated pulse oximeter: on somebody of the world, or one that plays what a monitor recorded.
 
 What it shows comes, the first that there is: from the fault that befalls it, from who wears it
-(``on``), from a recording of numbers (``numerics``) and of a waveform (``wave``), from its settings.
+(``on``), from a recording of numbers (``numerics``) and of a waveform (``wave``), or from its
+settings.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
 from rt_robot_os.devices.oximeter import wire
 from rt_robot_os.devices.oximeter.twin_recordings import Numerics
@@ -33,6 +34,9 @@ from rt_robot_os.schema import Field
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import OXIMETER_FAULTS
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.people import Person
 
 _MIDDLE: Final = 32768
 _SWING: Final = 9000.0
@@ -100,15 +104,12 @@ class SimulatedOximeter(SimulatedDevice):
                 self._format = known
                 self.reply(wire.ACCEPTED)
 
-    def _wearer(self, name: str) -> Any:
+    def _wearer(self, name: str) -> Person | None:
         if not name or self.world is None:
             return None
-        people = self.world.people
-        found = next((each for each in people if each.name == name), None)
+        found = self.world.crowd.named(name)
         if found is None:
-            names = ', '.join(each.name for each in people) or 'none'
-            raise ConfigError([f'{self.name}: on = {name!r}: there is no such person; there are '
-                               f'{names}'])
+            raise ConfigError([f'{self.name}: on: {name}: {self.world.crowd.problem(name)}'])
         return found
 
     def _signs(self, time_s: float) -> tuple[float, float]:

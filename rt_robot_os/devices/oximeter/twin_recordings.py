@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of monitors that a simulated pulse oximeter plays, from their beginning at the end."""
+"""Recordings of monitors that a simulated pulse oximeter plays, again and again."""
 
 from __future__ import annotations
 
@@ -135,4 +135,5 @@ class Wave:
         half = int(_REFRACTORY_S * self._rate_hz)
         around = np.lib.stride_tricks.sliding_window_view(
             np.pad(sums, half), 2 * half + 1).max(axis=1)
-        return (sums == around) & (sums > np.median(around) / 2)
+        steep: npt.NDArray[np.bool_] = (sums == around) & (sums > np.median(around) / 2)
+        return steep

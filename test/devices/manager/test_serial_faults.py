@@ -73,7 +73,8 @@ CASES = {
     'maxbotix': Case(10, sim={'corrupt_probability': 0.1}, topic='range'),
     'odrive': Case(50, topic='joint_states', silent='silent for 1 s: check its power, its cable, '
                    'and that the ASCII protocol is on'),
-    'oximeter': Case(3, topic='oximeter/status', silent='silent for 1 s: check that it is switched on'),
+    'oximeter': Case(3, topic='oximeter/status',
+                     silent='silent for 1 s: check that it is switched on'),
     'roboclaw': Case(30, topic='joint_states', silent='silent for 1 s: check its power and its '
                      'wiring, that it is in packet serial mode'),
     'sharp': Case(25, topic='range', wrong='these are WitMotion frames'),
