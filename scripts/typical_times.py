@@ -124,7 +124,7 @@ def main() -> int:
     times: Times = {}
     # The link costs the more the more there is to mirror: of each task the dearest robot counts.
     paths = [CONFIG / f'{name}.yaml' for name in ('robot', 'all_devices', 'camera',
-                                                'service_robot')]
+                                                'service_robot', 'assisted_living')]
     per_robot: list[dict[tuple[str, str], list[float]]] = []
     for path in (*paths, *arguments.more):
         settings = load([path], {'core.scheduler_priority': 95})

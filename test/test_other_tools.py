@@ -133,7 +133,7 @@ def test_the_launch_file_passes_on_what_it_takes() -> None:
     assert float(node.get('respawn_delay', '')) > 0
 
 
-@pytest.mark.parametrize('name', ['service_robot', 'sensor_network'])
+@pytest.mark.parametrize('name', ['service_robot', 'sensor_network', 'assisted_living'])
 def test_the_launch_file_of_a_whole_robot_takes_the_same(name: str) -> None:
     text = (ROOT / 'launch' / f'{name}.launch.xml').read_text()
     launch = ElementTree.fromstring(text)

@@ -40,7 +40,7 @@ pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not in
 ROBOT = str(Path(__file__).with_name('plan_robot.yaml'))
 CONFIG = Path(__file__).parents[3] / 'config'
 ROBOTS = [CONFIG / f'{name}.yaml' for name in ('all_devices', 'camera', 'robot', 'serial',
-                                               'service_robot')]
+                                               'service_robot', 'assisted_living')]
 TIMES = [f'--execution={name}={us}' for name, us in (
     ('imu', 300), ('gps', 400), ('guard', 100), ('link/commands', 150))]
 
