@@ -147,7 +147,9 @@ class Score(NamedTuple):
 
     @property
     def response(self) -> str:
-        """Return who has to come; of an incomplete set, at least."""
+        """Return who has to come: at least; empty when something is missing and nothing scores."""
+        if self.missing and not self.at_least:
+            return ''
         return _RESPONSES[self.least_risk]
 
     @property

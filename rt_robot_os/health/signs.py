@@ -22,6 +22,7 @@ clip fell off.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from enum import IntEnum
 import math
 from types import MappingProxyType
@@ -109,3 +110,16 @@ SIGNS: Final[Mapping[str, Sign]] = MappingProxyType({each.name: each for each in
     _sign('consciousness', 'consciousness', 4 * _H, has_off=False, whole=True),
     _sign('oxygen_l_per_min', 'oxygen', 12 * _H, has_off=False),
 )})
+
+
+def checked_sign(name: str) -> str:
+    """
+    Return the name of a sign as it is.
+
+    :raises ValueError: there is none of that name.
+    """
+    if name not in SIGNS:
+        close = get_close_matches(name, SIGNS, 1)
+        hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(SIGNS)}'
+        raise ValueError(f'{name[:40]!r} is no sign: {hint}')
+    return name

@@ -23,6 +23,7 @@ from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
     'alarms': 'rt_robot_os.modules.alarms:Alarms',
+    'assessment': 'rt_robot_os.modules.assessment:Assessment',
     'attitude': 'rt_robot_os.modules.attitude:Attitude',
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
     'fall_detector': 'rt_robot_os.modules.fall_detector:FallDetection',

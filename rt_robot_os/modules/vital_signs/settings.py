@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 import re
 from typing import Any
 from typing import Final
@@ -26,6 +25,7 @@ from typing import NamedTuple
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.health.duration import duration_ns
 from rt_robot_os.health.sensor_source import Times
+from rt_robot_os.health.signs import checked_sign
 from rt_robot_os.health.signs import SIGNS
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
@@ -133,19 +133,6 @@ def times_of(name: str, settings: Mapping[str, Any]) -> dict[str, Times]:
         raise ConfigError(problems)
     off_ns, back_ns = (round(settings[key] * NS_PER_S) for key in ('off_s', 'back_s'))
     return {sign: Times(limit_ns, off_ns, back_ns) for sign, limit_ns in limits.items()}
-
-
-def checked_sign(name: str) -> str:
-    """
-    Return the name of a sign as it is.
-
-    :raises ValueError: there is none of that name.
-    """
-    if name not in SIGNS:
-        close = get_close_matches(name, SIGNS, 1)
-        hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(SIGNS)}'
-        raise ValueError(f'{name[:40]!r} is no sign: {hint}')
-    return name
 
 
 def _source(text: str) -> SourceText:

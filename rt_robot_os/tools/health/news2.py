@@ -74,7 +74,7 @@ def _result(case: Case) -> dict[str, Any]:
         'missing': list(found.missing), 'at_least': found.at_least, 'scale': found.scale,
         'scores': {name: found.scores.get(name) for name in PARAMETERS},
         'risk': found.risk.title if found.risk is not None else None,
-        'response': found.response if found.complete or found.at_least else None,
+        'response': found.response or None,
         'frequency': found.frequency or None, 'compared': compared, 'differences': differences,
         'problems': case.problems}
 
