@@ -160,8 +160,9 @@ def test_consciousness_counts_at_once() -> None:
         for time_s, value in ((10, 1.0), (20, 4.0), (30, 0.5), (40, 0.0)):
             anna.says(time_s, 'ros/consciousness', value)
         bench.run(60.0)
-        assert reasons(anna) == [(10.0, 'consciousness', 'urgent'),
-                                 (20.0, 'consciousness', 'critical'), (40.0, 'consciousness', None)]
+        assert reasons(anna) == [
+            (10.0, 'consciousness', 'urgent'), (20.0, 'consciousness', 'critical'),
+            (40.0, 'consciousness', None)]
 
 
 def test_a_fall_of_spo2_is_found_through_noise_and_wrong_values_and_none_in_noise() -> None:
@@ -212,7 +213,8 @@ def test_a_message_that_cannot_be_read_is_counted(text: str) -> None:
     ('pulse_per_min above 120', 'must be SIGN > NUMBER'), ('puls_per_min > 120', 'did you mean'),
     ('pulse_per_min > 120 clear 130', 'it must be below it'),
     ('spo2_percent > 100', 'is never > 100'), ('spo2_percent < 0.5', 'is never < 0.5'),
-    ('pulse_per_min > 120 for soon', 'must be SIGN'), ('pulse_per_min > 120 for 3 weeks', 'no dur'),
+    ('pulse_per_min > 120 for soon', 'must be SIGN'),
+    ('pulse_per_min > 120 for 3 weeks', 'is no duration'),
     ('pulse_per_min > 120 level bad', 'one of technical, warning'),
     ('pulse_per_min > 1..2', 'is no number'), ('spo2_percent falling 0 in 10 min', 'above 0'),
     ('spo2_percent falling 4 in 1 s', 'from 30 s to 14 d')])
