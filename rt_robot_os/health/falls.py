@@ -47,6 +47,7 @@ _BLOWS_KEPT: Final = 64
 _LOOKED_AT_EVERY_NS: Final = 100 * NS_PER_MS
 # Of the time in which a posture is looked at so much must be there.
 _COVERED: Final = 0.6
+_LONG_LOOK: Final = 2
 # When nothing more comes, a shorter look has to do.
 _LAST_LOOK_NS: Final = 250 * NS_PER_MS
 _LAST_SETTLE_NS: Final = 100 * NS_PER_MS
@@ -255,16 +256,28 @@ class FallDetector:
         settled_ns = now_ns - self._after_ns - self._settle_ns
         if blows[0].at_ns > settled_ns:
             return None
-        after = self._history.span(now_ns - self._after_ns, now_ns)
-        limits = self._limits
-        if (after is None or after.lasts_s < _COVERED * limits.after_s
-                or after.spread_g > limits.restless_g or after.turning_deg > limits.turning_deg):
+        after = self._rest(now_ns, 1)
+        if after is None:
+            # Who is hurt may move: a longer look, at less than half the restlessness of a walk.
+            after = self._rest(now_ns, _LONG_LOOK)
+            settled_ns = now_ns - _LONG_LOOK * self._after_ns - self._settle_ns
+        if after is None:
             return None
         best: Evidence | None = None
         for blow in blows:
             if blow.at_ns <= settled_ns:
-                best = self._better(best, self._weigh(blow, after.mean))
-        return self._judge(best, now_ns, after.mean)
+                best = self._better(best, self._weigh(blow, after))
+        return self._judge(best, now_ns, after)
+
+    def _rest(self, now_ns: int, times: int) -> Vector | None:
+        """Return the mean of a time up to now in which there was rest; None if there was none."""
+        limits = self._limits
+        after = self._history.span(now_ns - times * self._after_ns, now_ns)
+        if (after is None or after.lasts_s < _COVERED * times * limits.after_s
+                or after.spread_g > times * limits.restless_g
+                or after.turning_deg > times * limits.turning_deg):
+            return None
+        return after.mean
 
     @staticmethod
     def _better(one: Evidence | None, two: Evidence | None) -> Evidence | None:

@@ -140,6 +140,15 @@ def test_a_recording_that_ends_soon_is_decided_on_what_there_is(left_s):
     assert what(rows[:-round(left_s * 50)]) == []
 
 
+def test_who_crawls_after_the_fall_has_fallen_too():
+    random = Random(7)
+    rows = [(at_s, *(each + (random.gauss(0.0, 0.28) if at_s > 9.0 else 0.0) for each in force),
+             turn) for at_s, *force, turn in motion(FALL)]
+    found = happened(rows)
+    assert [one.what for one in found] == [What.FALL]
+    assert found[0].stamp_ns / NS_PER_S < 8.0 + IMPACT_S + 5.0
+
+
 def test_a_blow_alone_is_no_fall_nor_is_a_turn():
     rows = motion([('stand', 10.0)])
     knocked = [(at_s, x, y, z * (8.0 if 250 <= number < 254 else 1.0), turn)
