@@ -55,7 +55,8 @@ SERVICES: Final[PluginRegistry[Service]] = PluginRegistry(
     'rt_robot_os.device_services',
     Service,  # type: ignore[type-abstract]
     'service of devices',
-    {'captures': 'rt_robot_os.devices.capture.service:CaptureService'},
+    {'captures': 'rt_robot_os.devices.capture.service:CaptureService',
+     'journals': 'rt_robot_os.devices.journal.service:JournalService'},
 )
 
 

@@ -51,6 +51,7 @@ _OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
     'bmp388',
     'bno055',
     'camera',
+    'journal',
     'microphone',
     'mpu6050',
     'ms5611',

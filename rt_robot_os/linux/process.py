@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Iterable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from contextlib import suppress
@@ -91,6 +92,16 @@ def end_child(process: subprocess.Popen[bytes], patience_s: float, signo: int = 
         with suppress(subprocess.TimeoutExpired):
             process.wait(patience_s)
             return
+
+
+def leave_alone(cpus: Iterable[int]) -> None:
+    """Take ordinary priority, and run on other CPUs than those of a pinned core, if there are."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    everywhere = set(range(os.cpu_count() or 1))
+    others = everywhere - set(cpus)
+    if others != everywhere and others:
+        with suppress(OSError):  # a container that may use that one CPU only
+            os.sched_setaffinity(0, others)
 
 
 def die_with_parent(parent_pid: int | None = None, signo: int = signal.SIGTERM) -> bool:

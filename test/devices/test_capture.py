@@ -412,8 +412,8 @@ def test_a_process_that_is_killed_is_a_fault_and_opening_starts_another(
     started: list[Any] = []
     real = spawn.start_worker
 
-    def start(connection: socket.socket) -> Any:
-        started.append(real(connection))
+    def start(connection: socket.socket, **given: Any) -> Any:
+        started.append(real(connection, **given))
         return started[-1]
 
     monkeypatch.setattr(spawn, 'start_worker', start)

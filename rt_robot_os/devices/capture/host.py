@@ -31,6 +31,7 @@ import sys
 from typing import Final
 
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
+from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.capture.spawn import end_worker
 from rt_robot_os.devices.capture.spawn import start_worker
 from rt_robot_os.errors import DeviceError
@@ -47,11 +48,14 @@ class CaptureHost:
 
     :param path: of the socket.
     :param scene: what a simulated camera is before.
+    :param worker: the module of the workers.
     :ivar workers: those that run.
     """
 
-    def __init__(self, path: Path, scene: SceneMemory | None = None) -> None:
+    def __init__(self, path: Path, scene: SceneMemory | None = None,
+                 worker: str = CAPTURE) -> None:
         self.path = path
+        self._worker = worker
         self.scene = scene
         self.workers: list[subprocess.Popen[bytes]] = []
         self._listener: socket.socket | None = None
@@ -95,7 +99,7 @@ class CaptureHost:
                 return
             with connection:
                 if len(self.workers) < WORKERS_MAXIMUM:
-                    self.workers.append(start_worker(connection, self.scene))
+                    self.workers.append(start_worker(connection, self.scene, self._worker))
 
     def close(self) -> None:
         """Listen no more and end all workers; may be called twice."""
@@ -111,8 +115,8 @@ class CaptureHost:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Serve until SIGTERM or the end of the parent; the argument is the path of the socket."""
-    host = CaptureHost(Path(arguments[0]))
+    """Serve until SIGTERM or the end of the parent; arguments: path of the socket, worker."""
+    host = CaptureHost(Path(arguments[0]), worker=arguments[1])
     ended: list[int] = []
     try:
         with ended_by_signals(ended.append):
@@ -123,7 +127,7 @@ def main(arguments: Sequence[str]) -> int:
                 poll.poll(_WAIT_MS)
                 host.serve()
     except (DeviceError, OSError) as error:
-        print(f'capture: {error}', file=sys.stderr)
+        print(f'{arguments[1]}: {error}', file=sys.stderr)
         return 1
     finally:
         host.close()

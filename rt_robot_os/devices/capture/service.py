@@ -20,7 +20,9 @@ import os
 from pathlib import Path
 import subprocess
 import time
+from typing import ClassVar
 
+from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.service import Service
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import end_child
@@ -31,7 +33,15 @@ _STOP_TIMEOUT_S = 3.0
 
 
 class CaptureService(Service):
-    """The child process that starts capture processes; it ends with this process."""
+    """
+    The child process that starts capture processes; it ends with this process.
+
+    :cvar WORKER: the module of what it starts.
+    :cvar FOR: what it starts it for, for people.
+    """
+
+    WORKER: ClassVar[str] = CAPTURE
+    FOR: ClassVar[str] = 'cameras and microphones'
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -45,13 +55,14 @@ class CaptureService(Service):
         :raises DeviceError: it ended or hangs.
         """
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
-        self._process = start_child('rt_robot_os.devices.capture.host', os.getpid(), path)
+        self._process = start_child('rt_robot_os.devices.capture.host', os.getpid(), path,
+                                    self.WORKER)
         deadline = time.monotonic() + _READY_TIMEOUT_S
         while not path.exists():
             if self._process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
-                raise DeviceError('the process that starts cameras and microphones did not start; '
-                                  'see the message above')
+                raise DeviceError(f'the process that starts {self.FOR} did not start; see the '
+                                  'message above')
             time.sleep(0.01)
         return path
 

@@ -20,6 +20,7 @@ from collections.abc import Callable
 import os
 import socket
 import subprocess
+from typing import Final
 
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.linux.process import end_child
@@ -31,17 +32,22 @@ _BUFFER_BYTES = 1 << 17
 _PATIENCE_S = 0.5
 
 
-def start_worker(connection: socket.socket, scene: SceneMemory | None = None
-                 ) -> subprocess.Popen[bytes]:
+#: The worker that captures; another takes its connection in the same way.
+CAPTURE: Final = 'rt_robot_os.devices.capture.worker'
+
+
+def start_worker(connection: socket.socket, scene: SceneMemory | None = None,
+                 worker: str = CAPTURE) -> subprocess.Popen[bytes]:
     """
     Start a worker on a connection; the caller may close its own copy of that.
 
     :param scene: what a simulated camera is before.
+    :param worker: its module.
     :raises OSError: it cannot be started.
     """
     fds = [connection.fileno(), *([] if scene is None else [scene.fd])]
     return start_child(
-        'rt_robot_os.devices.capture.worker', os.getpid(), *fds, pass_fds=fds,
+        worker, os.getpid(), *fds, pass_fds=fds,
         stdout=subprocess.DEVNULL,
         # The worker says itself what is wrong; OpenCV says much more, and on the terminal.
         env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', **ONE_BLAS_THREAD})
@@ -52,17 +58,18 @@ def end_worker(process: subprocess.Popen[bytes]) -> None:
     end_child(process, _PATIENCE_S)
 
 
-def spawn_worker() -> tuple[socket.socket, Callable[[], None]]:
+def spawn_worker(worker: str = CAPTURE) -> tuple[socket.socket, Callable[[], None]]:
     """
     Start a worker without a host.
 
+    :param worker: its module.
     :return: our end of the connection, non-blocking, and what ends the worker.
     :raises OSError: it cannot be started.
     """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         with theirs:
-            process = start_worker(theirs)
+            process = start_worker(theirs, worker=worker)
     except OSError:
         ours.close()
         raise

@@ -29,6 +29,7 @@ from typing import ClassVar
 from typing import Final
 
 from rt_robot_os.devices.capture.host import CaptureHost
+from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
@@ -76,12 +77,16 @@ class SimulatedCapture(Simulated):
     """
     A camera or a microphone.
 
+    :cvar FAULTS: what can befall it.
+    :cvar WORKER: the module of its process.
     :ivar faults: what befalls it.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = (
         Field('faults', list, (), f'schedule of {", ".join(CAPTURE_FAULTS)}, such as '
               '"unplug at 5 for 2" (seconds)'),)
+    FAULTS: ClassVar[Mapping[str, str]] = CAPTURE_FAULTS
+    WORKER: ClassVar[str] = CAPTURE
 
     def __init__(self, name: str, settings: Mapping[str, Any], path: Path,
                  site: Site = NOWHERE) -> None:
@@ -94,8 +99,8 @@ class SimulatedCapture(Simulated):
         values = complete(self.SETTINGS, settings, name)
         self.name = name
         self.site, self.world = site, site.world
-        self.port = CapturePlug(path)
-        self.faults = FaultPlan(parse_schedule(values['faults'], CAPTURE_FAULTS), CAPTURE_FAULTS)
+        self.port = CapturePlug(path, worker=self.WORKER)
+        self.faults = FaultPlan(parse_schedule(values['faults'], self.FAULTS), self.FAULTS)
         self._started = False
         self._active: frozenset[str] = frozenset()
         self._now_ns = 0

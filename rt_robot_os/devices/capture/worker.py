@@ -40,6 +40,7 @@ from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import received_fds
+from rt_robot_os.linux.process import leave_alone
 from rt_robot_os.linux.process import run_child
 
 
@@ -129,14 +130,7 @@ class Worker:
 
     def place(self) -> None:
         """Take ordinary priority, and leave the CPU of a pinned core alone."""
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        everywhere = set(range(os.cpu_count() or 1))
-        others = everywhere - set(self.wanted['avoid_cpus'])
-        if others != everywhere and others:
-            try:
-                os.sched_setaffinity(0, others)
-            except OSError:
-                pass  # a container that may use that one CPU only
+        leave_alone(self.wanted['avoid_cpus'])
 
     def run(self) -> None:
         """

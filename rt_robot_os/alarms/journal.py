@@ -1,0 +1,205 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The bytes of a journal: a line for each record, with its length and its CRC-32.
+
+::
+
+    R1 0000004e 9d4c21f0 {"at_ns":1795370000000000000,"record":{"seq":1, ...}}
+
+What is read may have been cut at any byte, or be damaged anywhere: every record that is whole is
+found again, and what is between is counted. Nothing here does any input or output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from dataclasses import field
+import json
+import re
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+import zlib
+
+#: The longest line that is taken for one.
+LINE_BYTES: Final = 65_536
+_HEAD: Final = re.compile(rb'R1 ([0-9a-f]{8}) ([0-9a-f]{8}) ')
+_HEAD_BYTES: Final = 21
+_END: Final = b'\n'
+
+
+class Kept(NamedTuple):
+    """
+    A record as it is kept.
+
+    :ivar seq: its number.
+    :ivar alarm: which alarm it is about.
+    :ivar at_ns: the time of day at which it was stored, in ns since 1970.
+    :ivar record: what the desk wrote.
+    """
+
+    seq: int
+    alarm: str
+    at_ns: int
+    record: dict[str, Any]
+
+    @property
+    def lives(self) -> bool:
+        """Return whether something may still become of it."""
+        return self.record.get('state') is not None or bool(self.record.get('lasting'))
+
+
+class Beginning(NamedTuple):
+    """
+    What a file begins with.
+
+    :ivar generation: how often the journal was written anew.
+    :ivar carried: records of the file before it that follow.
+    """
+
+    generation: int
+    carried: int
+
+
+@dataclass
+class Contents:
+    """
+    What was found in a file.
+
+    :ivar beginning: None when that is damaged or there is none.
+    :ivar records: in the order of the file.
+    :ivar end: where the last whole line ends; what is behind was cut off.
+    :ivar torn_bytes: that are behind it.
+    :ivar damaged: stretches of bytes before it that are no lines.
+    :ivar ended: the last line has its end, so that another may follow.
+    """
+
+    beginning: Beginning | None = None
+    records: list[Kept] = field(default_factory=list)
+    end: int = 0
+    torn_bytes: int = 0
+    damaged: int = 0
+    ended: bool = True
+
+    @property
+    def whole(self) -> bool:
+        """Return whether it needs no file of before: what was taken over is all there."""
+        return (self.beginning is not None and not self.damaged
+                and len(self.records) >= self.beginning.carried)
+
+
+def encode(payload: str) -> bytes:
+    """
+    Write a line.
+
+    :raises ValueError: it is too long.
+    """
+    data = payload.encode()
+    if len(data) > LINE_BYTES:
+        raise ValueError(f'a record of {len(data)} bytes: at most {LINE_BYTES}')
+    return b'R1 %08x %08x %b\n' % (len(data), zlib.crc32(data), data)
+
+
+def encode_record(text: str, at_ns: int) -> bytes:
+    """Write the line of a record, which is JSON already."""
+    return encode(f'{{"at_ns":{at_ns},"record":{text}}}')
+
+
+def encode_beginning(beginning: Beginning) -> bytes:
+    """Write the first line of a file."""
+    return encode(json.dumps({'journal': 1, **beginning._asdict()}))
+
+
+def decode(data: bytes) -> Contents:
+    """Find every whole line; never raises."""
+    found = Contents()
+    position = 0
+    while position < len(data):
+        head = _HEAD.match(data, position)
+        end = 0 if head is None else _line_end(data, head)
+        if head is not None and end and _take(found, data[head.end():end]):
+            found.ended = data[end:end + 1] == _END
+            position = end + found.ended
+            found.end = position
+            continue
+        following = _next_line(data, position + 1)
+        if following < 0:
+            break
+        found.damaged += 1
+        position = following
+    found.torn_bytes = len(data) - found.end
+    return found
+
+
+def _line_end(data: bytes, head: re.Match[bytes]) -> int:
+    """Return where the text of a line ends; 0 when it is not whole."""
+    length = int(head[1], 16)
+    end = head.end() + length
+    if length > LINE_BYTES or end > len(data):
+        return 0
+    return end if zlib.crc32(data[head.end():end]) == int(head[2], 16) else 0
+
+
+def _next_line(data: bytes, position: int) -> int:
+    """Return where the next whole line begins; -1 when there is none."""
+    for head in _HEAD.finditer(data, position):
+        end = _line_end(data, head)
+        if end and _take(Contents(), data[head.end():end]):
+            return head.start()
+    return -1
+
+
+def _take(found: Contents, text: bytes) -> bool:
+    """Take a line over; return whether it is one."""
+    try:
+        said = json.loads(text)
+        if 'journal' in said:
+            found.beginning = Beginning(int(said['generation']), int(said['carried']))
+            return True
+        record = said['record']
+        found.records.append(Kept(
+            int(record['seq']), str(record['alarm']), int(said['at_ns']), record))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return False
+    return True
+
+
+def newest(records: Iterable[Kept]) -> dict[str, Kept]:
+    """Return the newest record of each alarm."""
+    found: dict[str, Kept] = {}
+    for each in records:
+        if each.alarm not in found or found[each.alarm].seq < each.seq:
+            found[each.alarm] = each
+    return found
+
+
+def worth_keeping(records: Iterable[Kept], history_bytes: int) -> list[Kept]:
+    """
+    Return what a new file takes over: what lives, the last record, and of the rest the newest.
+
+    :param history_bytes: so much of what is over, about.
+    """
+    ordered = sorted({each.seq: each for each in records}.values())
+    living = {each.seq for each in newest(ordered).values() if each.lives}
+    kept: list[Kept] = []
+    left = history_bytes
+    for each in reversed(ordered):
+        lives = each.seq in living or not kept
+        left -= 0 if lives else len(json.dumps(each.record, ensure_ascii=False))
+        if lives or left > 0:
+            kept.append(each)
+    return kept[::-1]

@@ -1,0 +1,193 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The file of a journal: opened, appended to, synced, and now and then written anew.
+
+There are two generations. A new file is written whole, synced, and only then takes the name of the
+one in use, which becomes the older one. So at each moment one of them is whole, whatever is cut.
+It is written anew each time it is opened, too: what a crash has left behind it stays behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+from typing import Final
+
+from rt_robot_os.alarms.alarm import compact
+from rt_robot_os.alarms.journal import Beginning
+from rt_robot_os.alarms.journal import Contents
+from rt_robot_os.alarms.journal import decode
+from rt_robot_os.alarms.journal import encode_beginning
+from rt_robot_os.alarms.journal import encode_record
+from rt_robot_os.alarms.journal import Kept
+from rt_robot_os.alarms.journal import newest
+from rt_robot_os.alarms.journal import worth_keeping
+from rt_robot_os.alarms.store import Store
+
+#: Names of the file in use, the one before it, and the one that is being written.
+NAME: Final = 'alarms.journal'
+OLDER: Final = 'alarms.journal.1'
+NEW: Final = 'alarms.journal.new'
+
+
+@dataclass
+class Found:
+    """
+    What a journal holds.
+
+    :ivar records: all that could be read, in order.
+    :ivar torn_bytes: cut off at the end of the file in use.
+    :ivar damaged: stretches that could not be read.
+    :ivar generation: of the file in use.
+    """
+
+    records: list[Kept] = field(default_factory=list)
+    torn_bytes: int = 0
+    damaged: int = 0
+    generation: int = 0
+
+    def living(self) -> list[Kept]:
+        """Return what a desk needs to go on: of each open alarm the newest, and the last one."""
+        last = max((each.seq for each in self.records), default=0)
+        return sorted(each for each in newest(self.records).values()
+                      if each.lives or each.seq == last)
+
+
+def read_journal(store: Store) -> Found:
+    """
+    Read a journal, also while another process writes it.
+
+    :raises OSError: it cannot be read.
+    """
+    return _found(decode(store.read(NAME)), lambda: decode(store.read(OLDER)))
+
+
+def _found(used: Contents, older: Callable[[], Contents]) -> Found:
+    found = Found(used.records, used.torn_bytes, used.damaged,
+                  used.beginning.generation if used.beginning else 0)
+    if used.whole:
+        return found
+    before = older()
+    found.records = sorted({each.seq: each for each in (*before.records, *used.records)}.values())
+    found.damaged += before.damaged
+    if before.beginning is not None:
+        found.generation = max(found.generation, before.beginning.generation)
+    return found
+
+
+class JournalFile:
+    """
+    The journal of one robot; nobody else may write it.
+
+    :param store: where its files are.
+    :param limit_bytes: when it has become that long it is written anew.
+    :param now_ns: the time of day, in ns since 1970.
+    :ivar seq: of the last record that is kept.
+    """
+
+    def __init__(self, store: Store, limit_bytes: int, now_ns: Callable[[], int]) -> None:
+        self.seq = 0
+        self._store = store
+        self._limit_bytes = limit_bytes
+        self._now_ns = now_ns
+        self._generation = 0
+        self._size = 0
+        self._anew_at = limit_bytes
+        self._dirty = False
+
+    def open(self) -> Found:  # noqa: A003
+        """
+        Read what is there, and begin a new file with what is worth keeping.
+
+        On a full disk, on which no new file can be written, the one that is there is used on.
+
+        :raises OSError: it can neither be written anew nor used on.
+        """
+        used = decode(self._store.read(NAME))
+        found = _found(used, lambda: decode(self._store.read(OLDER)))
+        self.seq = max((each.seq for each in found.records), default=0)
+        self._generation = found.generation
+        try:
+            self._write_anew(found.records)
+        except OSError:
+            if not used.whole:
+                raise
+            self._use_on(used)
+        return found
+
+    def append(self, text: str, seq: int) -> None:
+        """
+        Add a record, unless it is there; it is safe with :meth:`commit`.
+
+        :param text: of the record, JSON.
+        :raises OSError: it cannot be written; nothing is left of it.
+        """
+        if seq <= self.seq:
+            return
+        line = encode_record(text, self._now_ns())
+        if self._size + len(line) > self._anew_at:
+            self.commit()
+            self._write_anew(decode(self._store.read(NAME)).records)
+        try:
+            self._store.append(NAME, line)
+        except OSError:
+            self._store.truncate(NAME, self._size)
+            raise
+        self._size += len(line)
+        self.seq = seq
+        self._dirty = True
+
+    def commit(self) -> int:
+        """
+        Wait until all records are safe.
+
+        :return: the number of the last one.
+        :raises OSError: nobody knows what is safe; open it anew.
+        """
+        if self._dirty:
+            self._store.sync(NAME)
+            self._dirty = False
+        return self.seq
+
+    def _write_anew(self, records: list[Kept]) -> None:
+        kept = worth_keeping(records, self._limit_bytes // 2)
+        beginning = encode_beginning(Beginning(self._generation + 1, len(kept)))
+        data = b''.join([beginning, *(
+            encode_record(compact(each.record), each.at_ns) for each in kept)])
+        store = self._store
+        try:
+            store.write(NEW, data)
+        except OSError:
+            store.remove(NEW)
+            raise
+        if store.read(NAME):
+            store.rename(NAME, OLDER)
+        store.rename(NEW, NAME)
+        store.sync_folder()
+        self._generation += 1
+        self._size = len(data)
+        # What lives may be more than half of the limit: not anew with each record then.
+        self._anew_at = max(self._limit_bytes, 2 * len(data))
+        self._dirty = False
+
+    def _use_on(self, used: Contents) -> None:
+        if used.torn_bytes:
+            self._store.truncate(NAME, used.end)
+        self._size = used.end
+        if not used.ended:
+            self._store.append(NAME, b'\n')
+            self._size += 1

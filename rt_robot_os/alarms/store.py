@@ -1,0 +1,162 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where a journal's files are: what a store can do, and one in memory that can lose its power."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import errno
+import os
+from random import Random
+from typing import Protocol
+
+
+class Store(Protocol):
+    """
+    A folder of a few files; each method raises ``OSError`` as the system does.
+
+    After an error in :meth:`append` any part of the data may have been written.
+    """
+
+    def read(self, name: str) -> bytes:
+        """Return a whole file; empty when there is none."""
+
+    def append(self, name: str, data: bytes) -> None:
+        """Add bytes at the end of a file; they are safe with :meth:`sync`."""
+
+    def sync(self, name: str) -> None:
+        """Wait until the file is where a loss of power does not reach it."""
+
+    def truncate(self, name: str, size: int) -> None:
+        """Cut a file off."""
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file anew and wait until it is safe; its name is safe with the folder."""
+
+    def rename(self, name: str, other: str) -> None:
+        """Give a file another name, which another may have had."""
+
+    def sync_folder(self) -> None:
+        """Wait until the names are safe."""
+
+    def remove(self, name: str) -> None:
+        """Remove a file, if it is there."""
+
+
+class Killed(BaseException):
+    """The process is killed in the middle of something; nobody catches that."""
+
+
+class _File:
+    """A file: what a process sees, and what a loss of power leaves for sure."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.safe = b''
+
+
+class MemoryStore:
+    """
+    A store in memory, for tests: it can be full, kill who uses it, and lose its power.
+
+    :param room: bytes that it holds.
+    :ivar calls: how many changes it has seen.
+    :ivar kill_at: the call that kills whoever makes it, half done; 0 for none.
+    """
+
+    def __init__(self, room: int = 1 << 30) -> None:
+        self.room = room
+        self.calls = 0
+        self.kill_at = 0
+        self._files: dict[str, _File] = {}
+        # The names as of the last sync_folder(), and after each change since.
+        self._names: list[dict[str, _File]] = [{}]
+
+    def lose_power(self, random: Random) -> None:
+        """Keep what was synced, and of the rest as much as chance leaves."""
+        names = random.choice(self._names)
+        for file in {id(each): each for each in names.values()}.values():
+            data = bytes(file.data)
+            if data.startswith(file.safe):
+                more = random.randint(0, len(data) - len(file.safe))
+                file.data = bytearray(data[:len(file.safe) + more])
+            else:
+                file.data = bytearray(random.choice((data, file.safe)))
+            file.safe = bytes(file.data)
+        self._files = dict(names)
+        self._names = [names]
+
+    def read(self, name: str) -> bytes:
+        """Return a whole file; empty when there is none."""
+        file = self._files.get(name)
+        return b'' if file is None else bytes(file.data)
+
+    def append(self, name: str, data: bytes) -> None:
+        """Add bytes; when there is no room a part of them."""
+        self._call(lambda: self._add(name, data[:len(data) // 2]))
+        self._add(name, data)
+
+    def sync(self, name: str) -> None:
+        """Make a file safe."""
+        self._call()
+        file = self._files[name]
+        file.safe = bytes(file.data)
+
+    def truncate(self, name: str, size: int) -> None:
+        """Cut a file off."""
+        self._call()
+        del self._files[name].data[size:]
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file anew."""
+        self._files.pop(name, None)
+        self._call(lambda: self._add(name, data[:len(data) // 2]))
+        self._add(name, data)
+        self.sync(name)
+
+    def rename(self, name: str, other: str) -> None:
+        """Give a file another name."""
+        self._call()
+        self._files[other] = self._files.pop(name)
+        self._named()
+
+    def sync_folder(self) -> None:
+        """Make the names safe."""
+        self._call()
+        self._names = [dict(self._files)]
+
+    def remove(self, name: str) -> None:
+        """Remove a file."""
+        self._call()
+        if self._files.pop(name, None) is not None:
+            self._named()
+
+    def _named(self) -> None:
+        self._names.append(dict(self._files))
+
+    def _add(self, name: str, data: bytes) -> None:
+        free = self.room - sum(len(each.data) for each in self._files.values())
+        if name not in self._files:
+            self._files[name] = _File()
+            self._named()
+        self._files[name].data += data[:max(0, free)]
+        if free < len(data):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _call(self, half: Callable[[], object] = lambda: None) -> None:
+        self.calls += 1
+        if self.calls == self.kill_at:
+            half()
+            raise Killed(f'killed in call {self.calls}')

@@ -1,0 +1,250 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The journal as a device, with the real process on a real disk: killed, full, taken, damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Iterator
+import json
+import os
+from pathlib import Path
+import resource
+import select
+import signal
+import socket
+import time
+from typing import Any
+
+import pytest
+
+from rt_robot_os.alarms.cause import CAUSES_MESSAGE
+from rt_robot_os.alarms.journal_file import NAME
+from rt_robot_os.devices.journal import driver
+from rt_robot_os.devices.journal.driver import Journal
+from rt_robot_os.errors import DeviceError
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.testing.fakes import settings_of
+from rt_robot_os.topics import Bus
+
+pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
+
+
+class Rig:
+    """A journal with its topics."""
+
+    def __init__(self, folder: Path, **given: Any) -> None:
+        kernel = Kernel(VirtualClock())
+        bus = Bus(kernel)
+        self.device = Journal('journal', settings_of(Journal, port=str(folder), **given))
+        (stored,) = self.device.publications()
+        bus.add(stored, 4)
+        bus.declare('alarms/journal', CAUSES_MESSAGE, tail=33_000, depth=8)
+        self.records = bus.publisher('alarms/journal')
+        self.device.bind([bus.publisher(stored.topic)])
+        self.device.connect(bus, kernel.add_task('journal', lambda: None, priority=20))
+        self.stored = bus.subscribe(stored.topic, 'test')
+        self.said: list[dict[str, Any]] = []
+
+    def begin(self) -> list[str]:
+        """Open it, and give the alarms that it gives back."""
+        self.device.open()
+        at = len(self.said)
+        self.until(lambda: any('restored' in each for each in self.said[at:]))
+        return [each['record']['alarm'] for each in self.said[at:] if 'record' in each]
+
+    def until(self, done: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 60
+        while not self._heard(done):
+            assert time.monotonic() < deadline, self.said
+            fd = self.device.fileno()
+            assert fd is not None
+            select.select([fd], [], [], 1.0)
+            try:
+                self.device.read(time.monotonic_ns())
+            except DeviceError:
+                self._heard(done)
+                raise
+
+    def _heard(self, done: Callable[[], object]) -> object:
+        while self.stored.take():
+            self.said.append(json.loads(str(self.stored.msg.data)))
+        return done()
+
+    def keep(self, seq: int, alarm: str = '', is_open: bool = True) -> None:
+        self.records.msg.data = json.dumps({
+            'seq': seq, 'alarm': alarm or str(seq), 't_ns': seq, 'events': [],
+            'state': {} if is_open else None, 'lasting': []})
+        self.records.publish(seq)
+        self.device.receive(seq, False)
+
+    def until_stored(self, seq: int) -> None:
+        self.until(lambda: any(each.get('stored', 0) >= seq for each in self.said))
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
+    made: list[Rig] = []
+
+    def make(**given: Any) -> Rig:
+        made.append(Rig(tmp_path / 'alarms', **given))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.device.close()
+
+
+def worker_of(rig: Rig) -> int:
+    """Return the process that writes, which noted itself in the lock."""
+    return int(json.loads((Path(rig.device.settings['port']) / 'lock').read_text())['pid'])
+
+
+def test_what_was_stored_comes_back_with_its_age(rig: Callable[..., Rig]) -> None:
+    first = rig()
+    assert first.begin() == []
+    first.keep(1, 'one')
+    first.keep(2, 'two')
+    first.keep(3, 'two', is_open=False)
+    first.until_stored(3)
+    first.device.close()
+    second = rig()
+    assert second.begin() == ['one', 'two']  # the second one for its number
+    ages = [each['age_ns'] for each in second.said if 'record' in each]
+    assert all(0 < age < 600e9 for age in ages)
+
+
+def test_a_process_that_is_killed_is_told_and_the_next_goes_on(rig: Callable[..., Rig]) -> None:
+    one = rig()
+    for seq in range(1, 6):
+        assert len(one.begin()) == seq - 1
+        one.keep(seq)
+        one.until_stored(seq)
+        os.kill(worker_of(one), signal.SIGKILL)
+        with pytest.raises(DeviceError, match='ended without a word'):
+            one.until(lambda: False)
+        assert 'ended' in one.said[-1]['fault']
+        one.keep(seq + 100)  # to nobody: whoever made it sends it again
+        one.device.close()
+
+
+def test_a_full_disk_is_told_and_what_was_stored_stays(rig: Callable[..., Rig]) -> None:
+    one = rig()
+    one.begin()
+    one.keep(1)
+    one.until_stored(1)
+    resource.prlimit(worker_of(one), resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+    one.keep(2)
+    with pytest.raises(DeviceError, match='cannot be written: File too large'):
+        one.until(lambda: False)
+    assert one.begin() == ['1']
+    one.keep(2)
+    one.until_stored(2)
+
+
+def test_two_robots_with_one_folder_are_told_apart(rig: Callable[..., Rig]) -> None:
+    first, second = rig(), rig()
+    first.begin()
+    with pytest.raises(DeviceError, match='give each robot a folder of its own'):
+        second.begin()
+    first.device.close()
+    deadline = time.monotonic() + 60
+    while True:  # the first process needs a moment to end
+        try:
+            assert second.begin() == []
+            break
+        except DeviceError:
+            assert time.monotonic() < deadline
+            second.device.close()
+
+
+def test_a_folder_that_cannot_be_is_told(tmp_path: Path) -> None:
+    (tmp_path / 'alarms').write_text('a file')
+    one = Rig(tmp_path / 'alarms')
+    with pytest.raises(DeviceError, match='the journal cannot be written: .*alarms'):
+        one.begin()
+    one.device.close()
+
+
+def test_damage_in_the_middle_is_told_and_the_rest_kept(
+        rig: Callable[..., Rig], tmp_path: Path) -> None:
+    first = rig()
+    first.begin()
+    for seq in (1, 2, 3):
+        first.keep(seq)
+    first.until_stored(3)
+    first.device.close()
+    path = tmp_path / 'alarms' / NAME
+    data = bytearray(path.read_bytes())
+    data[data.index(b'"seq": 2')] ^= 1
+    path.write_bytes(data)
+    second = rig()
+    assert second.begin() == ['1', '3']
+    assert 'damaged in 1 places' in str(second.device.statistics().more['warning'])
+
+
+def test_only_this_user_reads_what_is_about_people(
+        rig: Callable[..., Rig], tmp_path: Path) -> None:
+    one = rig()
+    one.begin()
+    one.keep(1)
+    one.until_stored(1)
+    folder = tmp_path / 'alarms'
+    assert folder.stat().st_mode & 0o077 == 0
+    assert all(path.stat().st_mode & 0o077 == 0 for path in folder.iterdir())
+
+
+def test_records_that_found_no_room_are_asked_for_again(rig: Callable[..., Rig]) -> None:
+    one = rig()
+    one.begin()
+    for seq in range(1, 20):  # more than the topic keeps, before the device looks
+        one.records.msg.data = json.dumps({'seq': seq, 'alarm': 'a', 'state': {}})
+        one.records.publish(seq)
+    one.device.receive(20, False)
+    one.until(lambda: {'resend': True} in one.said)
+    assert one.device.statistics().more['resends'] == 1
+    assert not any('stored' in each for each in one.said)
+
+
+@pytest.mark.parametrize('said', [
+    b'\x04', b'\x05{', b'\x06\xff', b'\x63abc', b'\x07full', b'\x00' * 30])
+def test_a_process_that_talks_nonsense_is_a_fault_and_nothing_more(
+        rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch, said: bytes) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    monkeypatch.setattr(driver, 'spawn_worker', lambda worker: (ours, lambda: None))
+    one = rig()
+    one.device.open()
+    with theirs:
+        theirs.send(said)
+        try:
+            one.device.read(1)
+        except DeviceError as error:
+            assert str(error).startswith('journal: ')
+
+
+def test_a_process_that_hangs_is_given_up(
+        rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    monkeypatch.setattr(driver, 'spawn_worker', lambda worker: (ours, lambda: None))
+    one = rig()
+    one.device.open()
+    with theirs, pytest.raises(DeviceError, match='takes nothing more'):
+        theirs.send(b'\x05{"restored": 0, "torn_bytes": 0, "damaged": 0}')
+        one.device.read(1)
+        for seq in range(1, 100_000):
+            one.keep(seq)
