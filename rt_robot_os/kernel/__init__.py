@@ -23,8 +23,10 @@ from rt_robot_os.kernel.clock import CooperativeClock
 from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import VirtualClock
+from rt_robot_os.kernel.coroutine import any_of
 from rt_robot_os.kernel.coroutine import Event
 from rt_robot_os.kernel.coroutine import Ticks
+from rt_robot_os.kernel.coroutine import Until
 from rt_robot_os.kernel.coroutine import Wait
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
@@ -52,10 +54,10 @@ from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
 
 __all__ = [
-    'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy', 'Clock',
+    'any_of', 'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy', 'Clock',
     'CooperativeClock', 'DeadlineMiss', 'Event', 'FailurePolicy', 'FailureReport', 'Histogram',
     'Kernel', 'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot', 'OverrunPolicy',
     'Resource', 'ResourceStatistics', 'SourceStatistics', 'summarise', 'Summary', 'Task',
     'TaskAborted', 'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics', 'Ticks', 'TraceEvent',
-    'TraceLog', 'VirtualClock', 'Wait',
+    'TraceLog', 'Until', 'VirtualClock', 'Wait',
 ]

@@ -75,7 +75,8 @@ class Until(Wait):
     def begin(self, body: AsyncBody) -> None:
         """Start the task's timer."""
         self._body = body
-        body.timer.start_at(self.time_ns)
+        if not body.by_schedule:
+            body.timer.start_at(self.time_ns)
 
     def over(self) -> bool:
         """Whether the time has come."""
@@ -84,6 +85,67 @@ class Until(Wait):
     def end(self, body: AsyncBody) -> None:
         """Stop the timer."""
         body.timer.cancel()
+
+
+class AnyOf(Wait):
+    """
+    Whichever of several is over first; made by :func:`any_of`.
+
+    :param waits: of which the first that is over is the one; the others stay as they are.
+    """
+
+    __slots__ = ('_waits', '_timed', '_over')
+
+    def __init__(self, waits: tuple[Wait, ...]) -> None:
+        self._waits = waits
+        # A task has one timer.
+        timed = [each for each in waits if isinstance(each, Until)]
+        self._timed = min(timed, key=_time_of) if timed else None
+        self._over: Wait | None = None
+
+    def begin(self, body: AsyncBody) -> None:
+        """Begin all; of the points in time the earliest."""
+        for each in self._waits:
+            if each is self._timed or not isinstance(each, Until):
+                each.begin(body)
+
+    def over(self) -> bool:
+        """Whether one of them is over; those after it are not asked."""
+        if self._over is None:
+            for each in self._waits:
+                if each.over():
+                    self._over = each
+                    return True
+        return self._over is not None
+
+    def end(self, body: AsyncBody) -> None:
+        """Undo :meth:`begin`."""
+        for each in self._waits:
+            if each is self._timed or not isinstance(each, Until):
+                each.end(body)
+
+    def result(self) -> Any:
+        """Return what awaiting the one alone would have given."""
+        return None if self._over is None else self._over.result()
+
+
+def any_of(*waits: Wait) -> AnyOf:
+    """
+    Return something to await: over when the first of several is.
+
+    ``await`` gives what that one gives: a subscription, whose sample has been taken, or None for
+    an event or a point in time. When several are over at once the one that is named first is
+    meant, and nothing is taken from the others.
+
+    :raises TaskError: there is nothing to wait for.
+    """
+    if not waits:
+        raise TaskError('any_of() of nothing would wait for ever: give it what to wait for')
+    return AnyOf(waits)
+
+
+def _time_of(wait: Until) -> int:
+    return wait.time_ns
 
 
 class Event:
@@ -149,9 +211,11 @@ class AsyncBody(TaskCoroutine):
     The function of a task that is written as a coroutine.
 
     :param function: gives a new coroutine for each start.
+    :ivar by_schedule: somebody else releases the task when a point in time has come, as a replay
+        does; the timer stays as it is.
     """
 
-    __slots__ = ('kernel', 'task', 'timer', '_function', '_coroutine', '_wait')
+    __slots__ = ('kernel', 'task', 'timer', 'by_schedule', '_function', '_coroutine', '_wait')
 
     task: Task
     timer: OneShot
@@ -159,6 +223,7 @@ class AsyncBody(TaskCoroutine):
     def __init__(self, kernel: Releases, function: AsyncFunction) -> None:
         super().__init__()
         self.kernel = kernel
+        self.by_schedule = False
         self._function = function
         self._coroutine: Coroutine[Any, Any, None] | None = None
         self._wait: Wait | None = None

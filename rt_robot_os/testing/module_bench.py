@@ -23,6 +23,7 @@ from typing import Any
 from typing import TypeVar
 
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.modules import Module
@@ -78,10 +79,15 @@ class ModuleBench:
         made = module(name, settings_of(module, **settings))
         made.mountings = self.mountings
         made.declare(self.bus, rate_hz)
-        made.bind(self.bus, self.kernel.add_task(
-            name, made.job, priority=priority, rate_hz=rate_hz or None))
+        made.bind(self.bus, self._task_of(made, priority, rate_hz))
         self._modules.append(made)
         return made
+
+    def _task_of(self, made: Module, priority: int, rate_hz: float) -> Task:
+        if not made.is_coroutine():
+            return self.kernel.add_task(
+                made.name, made.job, priority=priority, rate_hz=rate_hz or None)
+        return self.kernel.add_async_task(made.name, made.run, priority=priority)
 
     def watch(self, topic: str) -> Subscription:
         """Subscribe to a topic; ``take()`` what was published after :meth:`run`."""

@@ -25,6 +25,7 @@ from typing import Any
 import pytest
 
 from rt_robot_os.errors import TaskError
+from rt_robot_os.kernel import any_of
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Event
 from rt_robot_os.kernel import FailurePolicy
@@ -32,6 +33,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TraceLog
+from rt_robot_os.kernel import Until
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 
@@ -105,6 +107,51 @@ def test_it_awaits_samples_in_order_and_loses_none(kernel: Kernel) -> None:
     assert taken == list(range(1, len(taken) + 1))
     assert len(taken) >= 55 and reader.lost == 0
     assert bus.topic('x').wakes == []  # what it waited for is undone
+
+
+def test_it_awaits_whichever_of_several_comes_first(kernel: Kernel) -> None:
+    bus = Bus(kernel)
+    readers = {}
+    for name in 'ab':
+        bus.declare(name, 'std_msgs/msg/Int64', depth=8)
+        readers[name] = bus.subscribe(name, 'async')
+    event, seen = Event(kernel), []
+
+    async def body() -> None:
+        while True:
+            deadline = Until(kernel.now_ns() + 10 * MS)
+            later = Until(kernel.now_ns() + 90 * MS)
+            source = await any_of(later, readers['a'].next(), readers['b'].next(), event.wait(),
+                                  deadline)
+            what = f'{source.topic.name}{source.msg.data}' if source else (
+                'event' if event.is_set else 'time')
+            event.clear()
+            seen.append((what, kernel.now_ns() // MS))
+
+    def publish(name: str, number: int) -> None:
+        publisher = publishers[name]
+        publisher.msg.data = number
+        publisher.publish()
+
+    def both() -> None:
+        publish('b', 2)
+        publish('b', 3)
+        publish('a', 1)
+
+    publishers = {name: bus.publisher(name) for name in 'ab'}
+    for at_ms, do in ((3, lambda: publish('b', 1)), (20, both), (24, event.set)):
+        kernel.add_task(f'at {at_ms}', do, priority=90, rate_hz=1.0, phase_ns=at_ms * MS)
+    kernel.add_async_task('async', body, priority=50)
+    kernel.run(36 * MS)
+    # None is lost, and of those that wait the first that is named comes first.
+    assert seen == [('b1', 3), ('time', 13), ('a1', 20), ('b2', 20), ('b3', 20), ('event', 24),
+                    ('time', 34)]
+    assert bus.topic('a').wakes == [] == bus.topic('b').wakes
+
+
+def test_nothing_at_all_cannot_be_awaited() -> None:
+    with pytest.raises(TaskError, match='would wait for ever'):
+        any_of()
 
 
 @pytest.mark.parametrize('setter', [50, 10])

@@ -1,0 +1,131 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Drive somewhere by goals for a planner: try one place after the other, and know when to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import Final
+
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.units import NS_PER_S
+
+# A planner says so far at most from the goal that it is done: it moves goals to where there is
+# room, and what it says of a goal before is told apart.
+_DONE_M: Final = 1.0
+
+
+class Drive:
+    """
+    The way to one of several poses; safe in the real-time loop.
+
+    :param tries: how many goals are given for one drive.
+    :param answer_ns: how long the planner may take to say something.
+    :param waiting_ns: how long it may wait for a way to become free.
+    :param pause_ns: how long to wait before the next goal.
+    :ivar goal: the last that was given; None without.
+    :ivar has_way: whoever was told has a way to it.
+    :ivar arrived: the robot is there.
+    :ivar problem: why it got nowhere; empty while it may.
+    """
+
+    def __init__(self, tries: int, answer_ns: int, waiting_ns: int, pause_ns: int) -> None:
+        self.tries = tries
+        self.answer_ns, self.waiting_ns, self.pause_ns = answer_ns, waiting_ns, pause_ns
+        self._left: list[Pose] = []
+        self.stop()
+
+    def stop(self) -> None:
+        """Want nothing any more."""
+        self.goal: Pose | None = None
+        self.has_way = self.arrived = False
+        self.problem = ''
+        self._tried = 0
+        self._left = []
+        self._given_ns = self._told_ns = self._next_ns = -1
+        self._waits_ns = -1
+        self._why = ''
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a goal was given, and nothing has come of it yet."""
+        return self.goal is not None and not self.arrived and not self.problem
+
+    def begin(self, poses: Sequence[Pose], t_ns: int) -> None:
+        """
+        Drive to the first of some poses, or to the next when that cannot be.
+
+        :param poses: in the order in which they are tried; of those beside each other one.
+        """
+        self.stop()
+        self._left = _apart(poses)[:self.tries]
+        self._next_ns = t_ns
+        if not self._left:
+            self.problem = 'no place to stand beside it'
+
+    def next_goal(self, t_ns: int) -> Pose | None:
+        """Return a goal when it is time to give one."""
+        if self.arrived or self.problem or self._next_ns < 0 or t_ns < self._next_ns:
+            return None
+        self.goal = self._left.pop(0)
+        self._tried += 1
+        self._given_ns, self._told_ns, self._next_ns, self._waits_ns = t_ns, -1, -1, -1
+        self.has_way = False
+        return self.goal
+
+    def told(self, state: str, t_ns: int, robot: Pose | None) -> None:
+        """
+        Take a state of the planner, told after the goal was given.
+
+        :param robot: where the robot is; None when nobody knows.
+        """
+        if self.goal is None or self._next_ns >= 0:
+            return
+        self._told_ns = t_ns
+        if state.startswith('planned') or state in ('driving', 'turning'):
+            self.has_way, self._waits_ns = True, -1
+        elif state == 'done':
+            if robot is None or math.dist(robot[:2], self.goal[:2]) <= _DONE_M:
+                self.arrived = True
+        elif state.startswith(('refused: ', 'stopped: ')):
+            self._fail(state.partition(': ')[2], t_ns)
+        elif state.startswith('waiting: ') and self._waits_ns < 0:
+            self._waits_ns, self._why = t_ns, state.partition(': ')[2]
+
+    def tick(self, t_ns: int) -> None:
+        """Look at the time."""
+        if self.goal is None or self._next_ns >= 0 or self.arrived or self.problem:
+            return
+        if self._told_ns < 0 and t_ns - self._given_ns >= self.answer_ns:
+            self._fail('the planner does not answer', t_ns)
+        elif self._waits_ns >= 0 and t_ns - self._waits_ns >= self.waiting_ns:
+            self._fail(self._why, t_ns)
+
+    def _fail(self, why: str, t_ns: int) -> None:
+        self.has_way = False
+        if self._left:
+            self._next_ns = t_ns + self.pause_ns
+        else:
+            self.problem = why if self._tried == 1 else f'{why} ({self._tried} places tried)'
+
+
+def _apart(poses: Sequence[Pose], least_m: float = 0.5) -> list[Pose]:
+    """Return the poses without those near one before: a place that cannot be has neighbours."""
+    found: list[Pose] = []
+    for pose in poses:
+        if all(math.dist(pose[:2], other[:2]) >= least_m for other in found):
+            found.append(pose)
+    return found

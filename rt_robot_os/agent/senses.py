@@ -1,0 +1,130 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the agent knows of the robot and of the people, and what it wants of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import field
+import math
+from typing import NamedTuple
+
+from rt_robot_os.motion.differential import Pose
+
+
+class Place(NamedTuple):
+    """
+    Where somebody or something is.
+
+    :ivar x: in the map, in m.
+    :ivar y: in the map, in m.
+    :ivar source: how it is known, for people.
+    """
+
+    x: float
+    y: float
+    source: str = ''
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """Return it without its source."""
+        return self.x, self.y
+
+
+@dataclass
+class Senses:
+    """
+    What has come in, kept up to date by whoever has the topics.
+
+    :ivar pose: of the robot; None before the first.
+    :ivar pose_ns: moment of that pose.
+    :ivar pose_good_ns: moment of the last one that was known well enough.
+    :ivar planner: state of the planner, and ``planner_new`` whether it came since the last tick.
+    :ivar estop: the last word of the e-stop.
+    :ivar steering: who steers, as the multiplexer says it.
+    :ivar other_goal: somebody else gave the robot a goal since the last tick.
+    :ivar battery: charge from 0 to 1; NaN when it is not known.
+    :ivar charging: the battery is being charged.
+    :ivar voice: level of sound in dB below full scale; NaN without a microphone.
+    :ivar people: where they are, by name.
+    """
+
+    pose: Pose | None = None
+    pose_ns: int = -1
+    pose_good_ns: int = -1
+    planner: str = ''
+    planner_new: bool = False
+    estop: bool = False
+    steering: str = ''
+    other_goal: bool = False
+    battery: float = math.nan
+    charging: bool = False
+    voice: float = math.nan
+    people: dict[str, Place] = field(default_factory=dict)
+
+
+class Say(NamedTuple):
+    """Something to be said aloud."""
+
+    text: str
+
+
+class Goal(NamedTuple):
+    """Where the robot is to drive; None: it is to stop."""
+
+    pose: Pose | None
+
+
+class Spin(NamedTuple):
+    """A turning rate."""
+
+    rate_rad_s: float
+
+
+class Command(NamedTuple):
+    """A command for the alarms, such as ``confirm 3 by robot``."""
+
+    text: str
+
+
+class Observe(NamedTuple):
+    """An order for whoever has camera and microphone."""
+
+    order: str
+    alarm: str
+    subject: str
+
+
+class Note(NamedTuple):
+    """What the agent found, for the next notification of an alarm."""
+
+    alarm: str
+    text: str
+
+
+class Trouble(NamedTuple):
+    """Whether the robot cannot reach somebody, and why; told as a technical cause."""
+
+    active: bool
+    text: str = ''
+
+
+class Limit(NamedTuple):
+    """The largest speed in m/s; 0: none of the agent's."""
+
+    speed_m_s: float
+
+
+Order = Say | Goal | Spin | Command | Observe | Note | Trouble | Limit
