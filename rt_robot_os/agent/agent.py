@@ -33,7 +33,6 @@ from rt_robot_os.agent.beside import Beside
 from rt_robot_os.agent.body import Body
 from rt_robot_os.agent.dialogue import answer_of
 from rt_robot_os.agent.dialogue import Dialogue
-from rt_robot_os.agent.edges import Edge
 from rt_robot_os.agent.edges import PAUSES
 from rt_robot_os.agent.edges import SERVING
 from rt_robot_os.agent.edges import State
@@ -127,7 +126,7 @@ class Agent:
         self._operator.hold_s = tuning.operator_hold_s
         self._body.take(tuning)
 
-    # ---- what can be asked -----------------------------------------------------------------------
+    # ---- what can be asked ------------------------------------------------------------------
 
     @property
     def state(self) -> State:
@@ -148,7 +147,7 @@ class Agent:
         """Return how many events no edge was for."""
         return self._machine.ignored
 
-    # ---- what is told ----------------------------------------------------------------------------
+    # ---- what is told -----------------------------------------------------------------------
 
     def alarm(self, text: str, t_ns: int) -> None:
         """Take an event of an alarm's life, the JSON of ``alarms/events``."""
@@ -213,7 +212,7 @@ class Agent:
                 self._body.limit(self._work.place())
         self.senses.planner_new = self.senses.other_goal = False
 
-    # ---- events ----------------------------------------------------------------------------------
+    # ---- events -----------------------------------------------------------------------------
 
     @property
     def _working(self) -> State:
@@ -273,7 +272,7 @@ class Agent:
             self._work.begin(target, t_ns, self._why)
         self._emit(Transition(edge, target if changes else self.state, why, alarm, t_ns))
 
-    # ---- actions of edges ------------------------------------------------------------------------
+    # ---- actions of edges -------------------------------------------------------------------
 
     def _take(self, t_ns: int) -> None:
         work = self._work
@@ -315,7 +314,7 @@ class Agent:
     def _try(self, t_ns: int) -> None:
         self._work.tries += 1
 
-    # ---- places ----------------------------------------------------------------------------------
+    # ---- places -----------------------------------------------------------------------------
 
     def _where(self, emergency: Emergency) -> Place | None:
         """Return where an emergency is: the person, what its cause said, or the node."""

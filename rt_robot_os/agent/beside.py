@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a robot stands beside somebody: near enough to see them, far enough not to be in the way."""
+"""Where a robot stands beside somebody: near enough to see, far enough not to hinder."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Beside:
             if self._is_free(x, y):
                 pose = x, y, math.remainder(angle + math.pi, math.tau)
                 found.append((self._is_hidden(x, y, place),
-                              math.dist((x, y), robot) + penalty_m, pose))
+                              math.dist((x, y), robot) + 2.0 * penalty_m, pose))
         return found
 
     def _is_free(self, x: float, y: float) -> bool:

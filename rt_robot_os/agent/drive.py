@@ -21,7 +21,6 @@ import math
 from typing import Final
 
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.units import NS_PER_S
 
 # A planner says so far at most from the goal that it is done: it moves goals to where there is
 # room, and what it says of a goal before is told apart.

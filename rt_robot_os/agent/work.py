@@ -25,7 +25,6 @@ from typing import Final
 from rt_robot_os.agent.body import Body
 from rt_robot_os.agent.dialogue import Dialogue
 from rt_robot_os.agent.edges import State
-from rt_robot_os.agent.emergencies import ACKNOWLEDGED
 from rt_robot_os.agent.emergencies import Emergency
 from rt_robot_os.agent.senses import Note
 from rt_robot_os.agent.senses import Observe
@@ -84,7 +83,7 @@ class Work:
             State.STAY: self._tick_stay, State.RETURN: self._tick_return,
             State.GIVE_UP: self._tick_give_up}
 
-    # ---- what others ask -----------------------------------------------------------------------
+    # ---- what others ask ------------------------------------------------------------------
 
     def place(self) -> Place | None:
         """Return where the emergency is."""
@@ -116,7 +115,7 @@ class Work:
             return ('silence' if state is State.CONFIRM else 'timeout'), f'after {seconds:.0f} s'
         return found
 
-    # ---- asking and driving ----------------------------------------------------------------------
+    # ---- asking and driving -----------------------------------------------------------------
 
     def _begin_idle(self, t_ns: int, why: str) -> None:
         self.body.forget()
@@ -169,7 +168,7 @@ class Work:
             return 'no_place', 'nobody knows where it is'
         return None
 
-    # ---- being there -----------------------------------------------------------------------------
+    # ---- being there ------------------------------------------------------------------------
 
     def _begin_observe(self, t_ns: int, why: str) -> None:
         self.body.face(self.place(), t_ns)
@@ -192,8 +191,9 @@ class Work:
 
     def _order(self) -> None:
         emergency = self.emergency
-        for order in self._orders if emergency is not None else ():
-            self._emit(Observe(order, emergency.alarm, emergency.subject))
+        if emergency is not None:
+            for order in self._orders:
+                self._emit(Observe(order, emergency.alarm, emergency.subject))
 
     def _begin_report(self, t_ns: int, why: str) -> None:
         self._until(t_ns, self.tuning.report_s)
@@ -237,7 +237,7 @@ class Work:
             return 'timeout', 'another emergency waits'
         return None
 
-    # ---- leaving ---------------------------------------------------------------------------------
+    # ---- leaving ----------------------------------------------------------------------------
 
     def _begin_return(self, t_ns: int, why: str) -> None:
         self.body.halt()
@@ -290,7 +290,7 @@ class Work:
             self._is_told = False
             self._emit(Trouble(False))
 
-    # ---- helpers ---------------------------------------------------------------------------------
+    # ---- helpers ----------------------------------------------------------------------------
 
     def _until(self, t_ns: int, seconds: float) -> None:
         self._deadline_ns = t_ns + round(seconds * NS_PER_S)

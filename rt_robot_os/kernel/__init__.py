@@ -54,10 +54,10 @@ from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
 
 __all__ = [
-    'any_of', 'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy', 'Clock',
-    'CooperativeClock', 'DeadlineMiss', 'Event', 'FailurePolicy', 'FailureReport', 'Histogram',
-    'Kernel', 'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot', 'OverrunPolicy',
-    'Resource', 'ResourceStatistics', 'SourceStatistics', 'summarise', 'Summary', 'Task',
-    'TaskAborted', 'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics', 'Ticks', 'TraceEvent',
-    'TraceLog', 'Until', 'VirtualClock', 'Wait',
+    'any_of', 'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy',
+    'Clock', 'CooperativeClock', 'DeadlineMiss', 'Event', 'FailurePolicy', 'FailureReport',
+    'Histogram', 'Kernel', 'KernelStatistics', 'MonotonicClock', 'NEVER_NS', 'OneShot',
+    'OverrunPolicy', 'Resource', 'ResourceStatistics', 'SourceStatistics', 'summarise',
+    'Summary', 'Task', 'TaskAborted', 'TaskFacts', 'TaskSpec', 'TaskState', 'TaskStatistics',
+    'Ticks', 'TraceEvent', 'TraceLog', 'Until', 'VirtualClock', 'Wait',
 ]

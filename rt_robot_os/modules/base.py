@@ -96,6 +96,14 @@ class Module(PortOwner):
         """
         raise NotImplementedError(f'{type(self).__name__} has no run()')
 
+    def own_rounds_hz(self) -> float:
+        """
+        Return how often ``run()`` awaits a time of its own at most; 0 when it awaits inputs only.
+
+        It is what ``plan`` is told: nobody else can know.
+        """
+        return 0.0
+
     def ticks(self) -> Ticks:
         """
         Return a grid of times at the module's rate, to be awaited in ``run()``.

@@ -22,6 +22,7 @@ from rt_robot_os.modules.base import Module
 from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
+    'agent': 'rt_robot_os.modules.agent:AgentModule',
     'alarms': 'rt_robot_os.modules.alarms:Alarms',
     'assessment': 'rt_robot_os.modules.assessment:Assessment',
     'attitude': 'rt_robot_os.modules.attitude:Attitude',

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import json
-import math
 from typing import Any
 from typing import Final
 
@@ -32,38 +31,242 @@ from rt_robot_os.agent.agent import Agent
 from rt_robot_os.agent.dialogue import BUTTON
 from rt_robot_os.agent.edges import State
 from rt_robot_os.agent.machine import Transition
-from rt_robot_os.agent.senses import Command
-from rt_robot_os.agent.senses import Goal
-from rt_robot_os.agent.senses import Limit
-from rt_robot_os.agent.senses import Note
-from rt_robot_os.agent.senses import Observe
 from rt_robot_os.agent.senses import Order
-from rt_robot_os.agent.senses import Place
-from rt_robot_os.agent.senses import Say
 from rt_robot_os.agent.senses import Spin
-from rt_robot_os.agent.senses import Trouble
 from rt_robot_os.agent.tuning import AgentTuning
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import any_of
 from rt_robot_os.kernel import Until
 from rt_robot_os.kernel import Wait
 from rt_robot_os.modules.agent.hearing import Hearing
+from rt_robot_os.modules.agent.orders import Orders
 from rt_robot_os.modules.agent.settings import home_of
 from rt_robot_os.modules.agent.settings import SETTINGS
 from rt_robot_os.modules.agent.settings import surroundings_of
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.sensor_packets import survey_from
+from rt_robot_os.motion.differential import Pose
 from rt_robot_os.schema import made
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import period_from_rate
 
 _TEXT: Final = 'std_msgs/msg/String'
+_BOOL: Final = 'std_msgs/msg/Bool'
+_FLOAT: Final = 'std_msgs/msg/Float64'
+_ON_MAP: Final = {'header.frame_id': 'map'}
+_SAY_BYTES: Final = 1000
 _TEXT_BYTES: Final = 600
-_BLOCKED: Final = 'robot_blocked'
+_COMMAND_BYTES: Final = 400
+# A grid that fell so far behind is begun anew: what was missed is over.
 _MOST_BEHIND: Final = 20
+
+
+class AgentModule(Module):
+    """Go to whoever needs help: ask, look, tell, stay."""
+
+    events = Input('alarms/events', wake=True, message=_TEXT)
+    command = Input('agent/command', wake=True, message=_TEXT)
+    answer = Input('agent/answer', message=_TEXT)
+    observed = Input('agent/observed', message=_TEXT)
+    pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
+    planner_state = Input('planner/state', message=_TEXT)
+    steering = Input('steering', message=_TEXT)
+    estop = Input('estop', message=_BOOL)
+    battery = Input('battery', message='sensor_msgs/msg/BatteryState')
+    voice = Input('', message='std_msgs/msg/Float32')
+    goals = Input('goal_pose', message='geometry_msgs/msg/PoseStamped')
+    turn = Output('cmd_vel_agent', 'geometry_msgs/msg/Twist')
+    goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP)
+    cancel = Output('trajectory_cancel', _BOOL)
+    speed_limit = Output('', _FLOAT)
+    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16)
+    state = Output('agent/state', _TEXT, tail=_TEXT_BYTES)
+    transitions = Output('agent/transitions', _TEXT, tail=_TEXT_BYTES, depth=64)
+    order = Output('agent/observe', _TEXT, tail=_TEXT_BYTES)
+    alarm_command = Output('alarms/command', _TEXT, tail=_COMMAND_BYTES)
+    causes = CAUSES_OUTPUT
+
+    SETTINGS = SETTINGS
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Read the survey.
+
+        :raises ConfigError: it cannot be read, or a setting is wrong.
+        """
+        super().__init__(name, settings)
+        home_of(name, settings)
+        self._period_ns = period_from_rate(settings['decision_rate_hz'])
+        self._survey = survey_from(name, settings)
+        self._wearers = {f'/{node.token}/alarm': node.person for node in self._survey}
+        self._agent: Agent | None = None
+        self._restarted = False
+        self._late = self._unreadable = 0
+        self._stamp_ns = 0
+
+    # ---- ports -------------------------------------------------------------------------------
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        return bool(self.topic_of(attribute))
+
+    def own_rounds_hz(self) -> float:
+        """Return the rate of its decisions."""
+        return float(self.settings['decision_rate_hz'])
+
+    def listed_inputs(self) -> Mapping[str, Input]:
+        """Return an input for the place of each person, and for each button."""
+        place = 'geometry_msgs/msg/PoseStamped'
+        return {
+            **{f'place {name}': Input(f'health/{name}/place', message=place, initial=True)
+               for name in self.settings['people']},
+            **{f'button {topic}': Input(topic, message=_FLOAT)
+               for topic in self.settings['answer_topics']}}
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """
+        Read the map.
+
+        :raises ConfigError: it cannot be read.
+        """
+        self._around = surroundings_of(self.name, self.settings, self._survey)
+        self._buttons = {topic: self.listed[f'button {topic}']
+                         for topic in self.settings['answer_topics']}
+
+    def activate(self) -> None:
+        """Begin without an emergency; after a failure with those of before."""
+        tuning = made(AgentTuning, self.settings)
+        self._restarted = self._agent is not None
+        self._agent = agent = Agent(tuning, self._around, self._emit, self._period_ns)
+        people = {name: self.listed[f'place {name}'] for name in self.settings['people']}
+        topics = {name: getattr(self, name) for name in self.used(Input)}
+        self._orders = Orders({name: getattr(self, name) for name in self.used(Output)},
+                              self.name, self.settings['name'], self.log, self._gave_goal)
+        self._hearing = Hearing(agent.senses, topics, people, tuning.position_stddev_max_m)
+
+    def changed(self, name: str) -> None:
+        """Take over a setting."""
+        if self._agent is not None:
+            tuning = made(AgentTuning, self.settings)
+            self._agent.retune(tuning)
+            self._hearing.stddev_max_m = tuning.position_stddev_max_m
+
+    def safe_state(self) -> None:
+        """Publish a standstill."""
+        self._orders.carry_out(Spin(0.0), 0)
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell what it does, and what it could not use."""
+        agent = self._agent
+        if agent is None:
+            return {}
+        emergencies = agent.emergencies
+        return {
+            'warning': agent.text if agent.state is State.GIVE_UP else '',
+            'state': agent.text, 'emergencies': len(emergencies),
+            'events_unreadable': emergencies.unreadable, 'events_lost': self.events.lost,
+            'emergencies_dropped': emergencies.dropped, 'events_ignored': agent.ignored,
+            'words_refused': agent.refused, 'observed_unreadable': self._unreadable,
+            'ticks_late': self._late,
+            **self._orders.statistics()}
+
+    # ---- work --------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Await what comes first: a point of the grid, an alarm, a command."""
+        agent, period_ns = self._agent, self._period_ns
+        if agent is None or self.kernel is None:
+            return
+        if self._restarted:
+            self._remember(agent)
+        tick_ns = 0
+        while True:
+            waits: list[Wait] = [self.events.next(), self.command.next()] if (
+                self.connected('command')) else [self.events.next()]
+            if agent.state is not State.IDLE:
+                # The point first: in a replay the job begins at the recorded time.
+                tick_ns = tick_ns or self._next_point(self._stamp_ns)
+                waits.insert(0, Until(tick_ns))
+            else:
+                tick_ns = 0
+            source = await any_of(*waits)
+            if source is None:
+                self._tick(agent, tick_ns)
+                tick_ns += period_ns
+                if self.kernel.now_ns() - tick_ns > _MOST_BEHIND * period_ns:
+                    self._late += 1
+                    tick_ns = self._next_point(self.kernel.now_ns())
+            elif source is self.events:
+                self._begin_at(source.stamp_ns)
+                agent.alarm(str(source.msg.data), self._stamp_ns)
+                self._orders.tell(agent.text, self._stamp_ns)
+            else:
+                self._begin_at(source.stamp_ns)
+                agent.command(str(source.msg.data), self._stamp_ns)
+                self._orders.tell(agent.text, self._stamp_ns)
+
+    def _next_point(self, after_ns: int) -> int:
+        return (after_ns // self._period_ns + 1) * self._period_ns
+
+    def _begin_at(self, stamp_ns: int) -> None:
+        """Take a moment as that of the decisions that follow; none lies before the last."""
+        now_ns = self.events.topic.kernel.now_ns()
+        self._stamp_ns = max(min(stamp_ns, now_ns), self._stamp_ns)
+        self._hearing.listen()
+
+    def _tick(self, agent: Agent, tick_ns: int) -> None:
+        self._stamp_ns = max(tick_ns, self._stamp_ns)
+        self._hearing.listen()
+        self._take_words(agent)
+        agent.tick(self._stamp_ns)
+        self._orders.refresh(self._stamp_ns)
+        self._orders.tell(agent.text, self._stamp_ns)
+
+    def _take_words(self, agent: Agent) -> None:
+        """Take what people and the observer say; answers count from when they were given."""
+        stamp_ns = self._stamp_ns
+        if self.connected('answer'):
+            while self.answer.unread and self.answer.take():
+                agent.answer(str(self.answer.msg.data), self.answer.stamp_ns, stamp_ns)
+        for topic, button in self._buttons.items():
+            while button.unread and button.take():
+                word = BUTTON.get(int(button.msg.data)) if abs(button.msg.data) < 1e6 else None
+                if word is not None:
+                    agent.answer(f'{self._wearer(topic)} {word}'.strip(), button.stamp_ns,
+                                 stamp_ns)
+        if self.connected('observed'):
+            while self.observed.unread and self.observed.take():
+                self._take_observed(agent, str(self.observed.msg.data))
+
+    def _wearer(self, topic: str) -> str:
+        """Return who wears the node of a button; empty when the survey does not say."""
+        return next((person for end, person in self._wearers.items()
+                     if f'/{topic}'.endswith(end)), '')
+
+    def _take_observed(self, agent: Agent, text: str) -> None:
+        try:
+            told = json.loads(text)
+            kind, problem = str(told['kind']), told.get('problem')
+            agent.observed(str(told['alarm']), kind,
+                           str(problem or told.get('file') or told.get('text') or ''))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            self._unreadable += 1
+
+    def _gave_goal(self, pose: Pose) -> None:
+        self._hearing.own_goal = pose
+
+    def _remember(self, agent: Agent) -> None:
+        """After a failure: take the events that are still kept, and go on with what is open."""
+        self.events.rewind()
+        texts = []
+        while self.events.take():
+            texts.append(str(self.events.msg.data))
+            self._begin_at(self.events.stamp_ns)
+        agent.remember(texts, self._stamp_ns)
+        self._orders.tell(agent.text, self._stamp_ns)
+
+    def _emit(self, order: Order | Transition) -> None:
+        self._orders.carry_out(order, self._stamp_ns)

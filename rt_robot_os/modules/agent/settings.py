@@ -29,7 +29,6 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.terrain import Terrain
-from rt_robot_os.modules.sensor_packets import survey_from
 from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.wsn.survey import SurveyedNode
@@ -37,6 +36,8 @@ from rt_robot_os.wsn.survey import SurveyedNode
 ORDERS: Final = ('picture', 'clip', 'sound')
 
 SETTINGS: Final = (
+    Field('decision_rate_hz', float, 20.0, 'How often it decides while it has something to do; '
+          'alarms and commands wake it besides', 'Hz', 1.0, 100.0),
     Field('people', list, [], 'Whom it knows: the place of each comes on health/NAME/place'),
     Field('nodes_file', str, '', 'The survey of the nodes: a YAML file with nodes, such as that '
           'of a simulated world; each is "name x y height [id N] [on PERSON] [quantity ...]"',
@@ -60,15 +61,6 @@ SETTINGS: Final = (
     Field('name', str, 'robot', 'Its name in commands and causes'),
     *declared(AgentTuning),
 )
-
-
-def survey_of_agent(name: str, settings: Mapping[str, Any]) -> tuple[SurveyedNode, ...]:
-    """
-    Read the survey, if there is one.
-
-    :raises ConfigError: with every problem.
-    """
-    return survey_from(name, settings)
 
 
 def surroundings_of(name: str, settings: Mapping[str, Any],

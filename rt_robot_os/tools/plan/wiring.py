@@ -103,7 +103,9 @@ class Wiring:
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
         self._wakes[entry.name] = _wakes_of(module)
         if module.is_coroutine():
-            self._coroutines.add(entry.name)
+            self._own_rounds_hz[entry.name] = module.own_rounds_hz()
+            if not (self._wakes[entry.name] or module.own_rounds_hz()):
+                self._coroutines.add(entry.name)
 
     def outputs(self) -> tuple[str, ...]:
         """Return the topics that ROS sees, each once."""
@@ -116,7 +118,11 @@ class Wiring:
                     for source in sources if source.task == device), default=0.0)
 
     def is_coroutine(self, module: str) -> bool:
-        """Return whether a module is an ``async def run``, which says itself when it goes on."""
+        """
+        Return whether a module is an ``async def run`` that says itself when it goes on.
+
+        One with inputs that wake it, or with rounds of its own, goes on with those.
+        """
         return module in self._coroutines
 
     def outputs_events(self, priority: int) -> tuple[Event, ...]:

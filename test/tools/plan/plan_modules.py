@@ -57,3 +57,12 @@ class Waiter(Module):
 
     async def run(self) -> None:
         await self.fix.next()
+
+
+class Woken(Waiter):
+    """Say what it goes on with: what wakes it, and rounds of its own."""
+
+    third = Input('third', wake=True)
+
+    def own_rounds_hz(self) -> float:
+        return 20.0

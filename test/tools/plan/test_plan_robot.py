@@ -214,6 +214,15 @@ def test_modules_are_released_as_their_inputs_say() -> None:
     assert not tasks['waiter'].unknown
 
 
+def test_a_coroutine_goes_on_with_its_own_rounds_and_with_what_wakes_it() -> None:
+    woken = {'type': 'plan_modules:Woken', 'rate_hz': 0.0, 'execution_us': 90.0}
+    settings = settings_of(**{**MODULES, 'modules': [*MODULES['modules'], 'woken'], **{
+        f'woken.{key}': value for key, value in woken.items()}})
+    task = {each.name: each for each in robot_tasks(settings).tasks}['woken']
+    assert task.events == (Event('third'), Event('', 50_000_000))
+    assert not task.unknown and not task.period_ns
+
+
 def test_the_load_of_chains_that_count_is_that_of_what_releases() -> None:
     times = {'imu': 300_000, 'gps': 400_000, 'guard': 100_000, 'link/commands': 100_000}
     made = robot_tasks(settings_of(**MODULES), None, Given(
