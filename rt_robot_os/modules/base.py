@@ -96,12 +96,16 @@ class Module(PortOwner):
         """
         raise NotImplementedError(f'{type(self).__name__} has no run()')
 
-    def own_rounds_hz(self) -> float:
+    def awaits(self) -> tuple[str, ...]:
         """
-        Return how often ``run()`` awaits a time of its own at most; 0 when it awaits inputs only.
+        Name the inputs that ``run()`` awaits, by attribute; for ``plan``: nobody else can know.
 
-        It is what ``plan`` is told: nobody else can know.
+        Without them, and without rounds of its own, it is not known what releases a coroutine.
         """
+        return ()
+
+    def own_rounds_hz(self) -> float:
+        """Return how often ``run()`` awaits a time at most; for ``plan``, as :meth:`awaits`."""
         return 0.0
 
     def ticks(self) -> Ticks:

@@ -65,8 +65,8 @@ _MOST_BEHIND: Final = 20
 class AgentModule(Module):
     """Go to whoever needs help: ask, look, tell, stay."""
 
-    events = Input('alarms/events', wake=True, message=_TEXT)
-    command = Input('agent/command', wake=True, message=_TEXT)
+    events = Input('alarms/events', message=_TEXT)
+    command = Input('agent/command', message=_TEXT)
     answer = Input('agent/answer', message=_TEXT)
     observed = Input('agent/observed', message=_TEXT)
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
@@ -110,6 +110,10 @@ class AgentModule(Module):
     def connected(self, attribute: str) -> bool:
         """Leave alone what has no topic."""
         return bool(self.topic_of(attribute))
+
+    def awaits(self) -> tuple[str, ...]:
+        """Name what it goes on with, besides its own rounds."""
+        return ('events', 'command') if self.connected('command') else ('events',)
 
     def own_rounds_hz(self) -> float:
         """Return the rate of its decisions."""

@@ -67,6 +67,7 @@ class Wiring:
         self._wakes: dict[str, dict[str, bool | int | str]] = {}
         self._own_rounds_hz: dict[str, float] = {}
         self._coroutines: set[str] = set()
+        self._awaited: dict[str, frozenset[str]] = {}
         for device in settings.devices:
             self._add_device(device)
         for module in settings.modules:
@@ -103,6 +104,9 @@ class Wiring:
             self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
         self._wakes[entry.name] = _wakes_of(module)
         if module.is_coroutine():
+            awaited = {module.topic_of(each): True for each in module.awaits()}
+            self._wakes[entry.name].update(awaited)
+            self._awaited[entry.name] = frozenset(awaited)
             self._own_rounds_hz[entry.name] = module.own_rounds_hz()
             if not (self._wakes[entry.name] or module.own_rounds_hz()):
                 self._coroutines.add(entry.name)
@@ -121,7 +125,7 @@ class Wiring:
         """
         Return whether a module is an ``async def run`` that says itself when it goes on.
 
-        One with inputs that wake it, or with rounds of its own, goes on with those.
+        One that says which inputs it awaits, or its own rounds, goes on with those.
         """
         return module in self._coroutines
 
@@ -144,7 +148,7 @@ class Wiring:
         single = {topic: int(wake) for topic, wake in wakes.items() if wake != WAKE_ON_ALL}
         own_hz = self._own_rounds_hz.get(name, 0.0)
         own = (Event('', period_from_rate(own_hz)),) if own_hz else ()
-        return self._events(single, priority) + self._together(together, priority) + own
+        return self._events(single, priority, name) + self._together(together, priority) + own
 
     def _together(self, topics: Sequence[str], priority: int) -> tuple[Event, ...]:
         """
@@ -163,7 +167,8 @@ class Wiring:
         return sum(source.topic_rate_hz or source.task_rate_hz or math.inf
                    for source in self._sources.get(topic, ()))
 
-    def _events(self, topics: Mapping[str, int], priority: int) -> tuple[Event, ...]:
+    def _events(self, topics: Mapping[str, int], priority: int, reader: str = ''
+                ) -> tuple[Event, ...]:
         """
         Return what releases a task of a priority that wakes on every n-th sample of topics.
 
@@ -173,6 +178,7 @@ class Wiring:
         by_task: dict[str, list[tuple[Source, int]]] = {}
         for topic, every in topics.items():
             for source in self._sources.get(topic, ()):
+                source = self._answering(source, reader)
                 by_task.setdefault(source.task, []).append((source, every))
         found: list[Event] = []
         for name, sources in by_task.items():
@@ -189,6 +195,19 @@ class Wiring:
             else:
                 found.append(Event(name))
         return tuple(found)
+
+    def _answering(self, source: Source, reader: str) -> Source:
+        """
+        Return a source as its reader has to count with it.
+
+        A coroutine may answer those whose topics it awaits. The answer releases them, but is not
+        answered in turn without end: it comes at most as often as the coroutine has rounds.
+        """
+        rounds_hz = self._own_rounds_hz.get(source.task, 0.0)
+        if rounds_hz and any(each.task == reader for topic in self._awaited.get(source.task, ())
+                             for each in self._sources.get(topic, ())):
+            return replace(source, topic_rate_hz=rounds_hz)
+        return source
 
 
 def _wakes_of(owner: PortOwner) -> dict[str, bool | int | str]:

@@ -60,9 +60,12 @@ class Waiter(Module):
 
 
 class Woken(Waiter):
-    """Say what it goes on with: what wakes it, and rounds of its own."""
+    """Say what it goes on with: what it awaits, and rounds of its own."""
 
-    third = Input('third', wake=True)
+    third = Input('third')
+
+    def awaits(self) -> tuple[str, ...]:
+        return ('third',)
 
     def own_rounds_hz(self) -> float:
         return 20.0

@@ -214,7 +214,7 @@ def test_modules_are_released_as_their_inputs_say() -> None:
     assert not tasks['waiter'].unknown
 
 
-def test_a_coroutine_goes_on_with_its_own_rounds_and_with_what_wakes_it() -> None:
+def test_a_coroutine_goes_on_with_its_own_rounds_and_with_what_it_awaits() -> None:
     woken = {'type': 'plan_modules:Woken', 'rate_hz': 0.0, 'execution_us': 90.0}
     settings = settings_of(**{**MODULES, 'modules': [*MODULES['modules'], 'woken'], **{
         f'woken.{key}': value for key, value in woken.items()}})
