@@ -61,6 +61,18 @@ def judge(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Anal
     return _Analyser(tasks, overhead, needed=True).run()
 
 
+def busy_until_ns(tasks: Sequence[PlannedTask], overhead: Overhead, task: PlannedTask) -> int:
+    """
+    Bound the time for which tasks of a priority and above are busy without a pause.
+
+    :param task: one of the tasks, of that priority; it has a bound itself.
+    :raises NoBoundError: it does not end in reasonable time.
+    """
+    found = _Analyser(tasks, overhead)
+    found.run()
+    return found.busy_ns(task)
+
+
 class _Analyser:
     """One set of tasks, and the loads that it makes at each priority."""
 
@@ -97,6 +109,12 @@ class _Analyser:
             for judged in (True, False))
         return Analysis(
             tuple(self._found.values()), work + jobs + ticks, service, jobs + ticks)
+
+    def busy_ns(self, task: PlannedTask) -> int:
+        """Return the longest busy period of a priority, once the chains are known."""
+        p = task.priority
+        return busy_period_ns(blocking_of(task, self._tasks).length_ns, self._tick_loads() + [
+            self._load(s, p) for s in self._all if s.task.priority >= p])
 
     # ---- loads -------------------------------------------------------------------------------
 

@@ -72,7 +72,7 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
         robot_tasks(settings, measured, options)  # before a measurement that takes minutes
         if arguments.measure is not None:
             measured = _measure(settings, make_core, arguments)
-        report = make_report(robot_tasks(settings, measured, options))
+        report = make_report(robot_tasks(settings, measured, options), arguments.chain)
     except ConfigError as error:
         return _refuse(error.problems)
     except (RtRobotError, OSError) as error:

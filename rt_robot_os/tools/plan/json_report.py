@@ -47,6 +47,10 @@ def document(report: Report) -> dict[str, Any]:
         'phases': {
             'before': asdict(report.phases.before), 'after': asdict(report.phases.after),
             'phases_ns': dict(report.phases.phases_ns)},
+        'chains': [{
+            'stages': [each._asdict() for each in chain.stages], 'bound_ns': chain.bound_ns,
+            'limit_ns': chain.limit_ns, 'late': chain.late, 'reason': chain.reason}
+            for chain in report.chains],
         'notes': list(report.robot.notes),
     }
 

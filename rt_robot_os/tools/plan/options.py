@@ -22,11 +22,13 @@ import math
 from pathlib import Path
 
 from rt_robot_os.settings.command_line import parse_own
+from rt_robot_os.tools.plan.chains import ChainRequest
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.tools.plan.given import MARGIN
 from rt_robot_os.tools.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.tools.plan.typical import shipped
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
@@ -76,6 +78,20 @@ def _named(what: str) -> argparse._ActionType:
     return convert
 
 
+def _chain(text: str) -> ChainRequest:
+    names, separator, limit = text.partition('=')
+    stages = tuple(name.strip() for name in names.split(','))
+    try:
+        limit_ms = float(limit) if separator else 0.0
+    except ValueError:
+        limit_ms = math.nan
+    if len(stages) < 2 or not all(stages) or (separator and not 0 < limit_ms <= 1e6):
+        raise argparse.ArgumentTypeError(
+            f'{text!r}: must be two names or more with commas between, and =MILLISECONDS if there '
+            'is a limit, such as sink,alarms,base=10')
+    return ChainRequest(stages, round(limit_ms * NS_PER_MS))
+
+
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Read the arguments outside of --ros-args; ends the program with code 2 for nonsense."""
     parser = argparse.ArgumentParser(
@@ -116,6 +132,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
                         f'(default: as measured, else {TICK_OVERHEAD_NS / NS_PER_US:g})')
     parser.add_argument('--jitter-us', metavar='US', type=us,
                         help='how late timers are (default: as measured, else 0)')
+    parser.add_argument('--chain', metavar='FROM,..,TO[=MS]', type=_chain, action='append',
+                        default=[], help='bound the time from the release of a task or the bytes '
+                        'of a device to the end of another, through those named in between; with '
+                        '=MS it is a deadline; may be repeated')
     parser.add_argument('--json', action='store_true', help='write JSON instead of text')
     arguments = parse_own(parser, argv)
     if arguments.save_measured is not None and arguments.measure is None:

@@ -16,9 +16,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rt_robot_os.tools.plan.analysis import analyse
+from rt_robot_os.tools.plan.chains import ChainRequest
+from rt_robot_os.tools.plan.chains import ChainResult
+from rt_robot_os.tools.plan.chains import chains_of
 from rt_robot_os.tools.plan.given import RobotTasks
 from rt_robot_os.tools.plan.phases import hyper_period_ns
 from rt_robot_os.tools.plan.phases import lowest_peak
@@ -40,6 +44,7 @@ class Report:
     :ivar sensitivity: None while tasks with a deadline cannot be judged.
     :ivar hyper_period_ns: None when it is too long to matter, 0 without timers.
     :ivar remedy: the first thing to do; empty when nothing has to be done.
+    :ivar chains: that were asked for.
     """
 
     robot: RobotTasks
@@ -48,24 +53,28 @@ class Report:
     phases: PhasePlan
     hyper_period_ns: int | None
     remedy: str
+    chains: tuple[ChainResult, ...] = ()
 
     @property
     def exit_code(self) -> int:
-        """Return 0 schedulable, 1 not schedulable, 3 some task with a deadline is not judged."""
-        if self.analysis.failed:
+        """Return 0 schedulable, 1 not schedulable, 3 something with a deadline is not judged."""
+        if self.analysis.failed or any(chain.late for chain in self.chains):
             return NOT_SCHEDULABLE
-        return NOT_JUDGED if self.analysis.unjudged else SCHEDULABLE
+        unjudged = self.analysis.unjudged or any(chain.unjudged for chain in self.chains)
+        return NOT_JUDGED if unjudged else SCHEDULABLE
 
 
-def make_report(robot: RobotTasks) -> Report:
+def make_report(robot: RobotTasks, chains: Sequence[ChainRequest] = ()) -> Report:
     """
     Find out everything about a robot's tasks.
 
-    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`.
+    :param chains: that are asked for.
+    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`; or a chain is none.
     """
     tasks, overhead = robot.tasks, robot.overhead
     analysis = analyse(tasks, overhead)
     sensitivity = None if analysis.unjudged else load_margins(tasks, overhead)
     return Report(
         robot, analysis, sensitivity, lowest_peak(tasks, robot.fixed_phases()),
-        hyper_period_ns(tasks), remedy(tasks, overhead, analysis))
+        hyper_period_ns(tasks), remedy(tasks, overhead, analysis),
+        chains_of(chains, robot, analysis))

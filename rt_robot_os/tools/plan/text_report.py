@@ -18,57 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from collections.abc import Sequence
-import textwrap
 
 from rt_robot_os.tools.plan.blocking import NATIVE
 from rt_robot_os.tools.plan.blocking import WHOLE_JOB
+from rt_robot_os.tools.plan.chain_text import chain_lines
+from rt_robot_os.tools.plan.chain_text import verdict_text
 from rt_robot_os.tools.plan.phases import Peak
 from rt_robot_os.tools.plan.report import Report
 from rt_robot_os.tools.plan.result import TaskResult
 from rt_robot_os.tools.plan.result import Verdict
 from rt_robot_os.tools.plan.sensitivity import FACTOR_MAXIMUM
 from rt_robot_os.tools.plan.sensitivity import Sensitivity
-
-WIDTH = 100
-
-
-def ms(time_ns: int) -> str:
-    """Write a time in milliseconds, with as many decimals as six digits allow."""
-    value = time_ns / 1e6
-    decimals = 3 if value < 100 else 2 if value < 1000 else 1 if value < 10_000 else 0
-    return f'{value:.{decimals}f}'
-
-
-def percent(part: float) -> str:
-    """Write a part as a percentage without its sign."""
-    value = part * 100
-    return f'{value:.1f}' if abs(value) < 999.95 else f'{value:.0f}'
-
-
-def _short(name: str, width: int) -> str:
-    return name if len(name) <= width else f'{name[:max(0, width - 2)]}..'
-
-
-def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
-          ) -> Iterator[str]:
-    """
-    Write a table; a heading may have a second line, its unit, after a line break.
-
-    :param left: columns that are aligned to the left; the others to the right.
-    """
-    heads = [list(line) for line in zip(*(f'{h}\n'.split('\n')[:2] for h in headings))]
-    heads = [line for line in heads if any(line)]
-    columns = range(len(headings))
-    widths = [max(len(row[i]) for row in [*heads, *rows]) for i in columns]
-    over = sum(widths) + len(widths) - 1 - WIDTH
-    if over > 0:
-        widths[0] = max(1, widths[0] - over)
-        rows = [(_short(row[0], widths[0]), *row[1:]) for row in rows]
-    gap = ' ' * (2 if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else 1)
-    for row in [*heads, *rows]:
-        yield gap.join(cell.ljust(width) if i in left else cell.rjust(width)
-                       for i, cell, width in zip(columns, row, widths)).rstrip()
-
+from rt_robot_os.tools.plan.text_table import ms
+from rt_robot_os.tools.plan.text_table import percent
+from rt_robot_os.tools.plan.text_table import table
+from rt_robot_os.tools.plan.text_table import wrapped
 
 THROTTLED = 0.95
 _MARKS = {'declared': 'd', 'measured': 'm', 'budget': 'b', 'option': 'o',
@@ -83,21 +47,18 @@ def report_lines(report: Report) -> Iterator[str]:
     yield from _blocking_lines(report)
     yield from _chain_lines(report)
     yield from _idle_lines(report)
-    yield from _wrapped(_utilisation(report))
-    yield from _wrapped(_hyper_period(report))
+    yield from wrapped(_utilisation(report))
+    yield from wrapped(_hyper_period(report))
     if report.sensitivity is not None:
         yield from _sensitivity_lines(report.sensitivity, report)
     yield from _phase_lines(report)
     yield from _exceeded_lines(report)
+    for chain in report.chains:
+        yield from chain_lines(chain)
     for note in report.robot.notes:
-        yield from _wrapped(f'note: {note}')
+        yield from wrapped(f'note: {note}')
     yield ''
     yield from verdict_lines(report)
-
-
-def _wrapped(text: str) -> Iterator[str]:
-    yield from textwrap.wrap(text, WIDTH, subsequent_indent='  ', break_long_words=False,
-                             break_on_hyphens=False)
 
 
 # ---- tasks -------------------------------------------------------------------------------------
@@ -113,7 +74,7 @@ def _task_lines(report: Report) -> Iterator[str]:
               if origin in used and mark.strip()]
     origins = f' C is {", ".join(legend)}.' if legend else ''
     yield ''
-    yield from _wrapped(
+    yield from wrapped(
         'C: longest computing time of a job. Blocked: by one task below. Jitter: how late it may '
         f'be released. Margin: of the deadline. ?: not known. -: none.{origins}')
 
@@ -145,7 +106,7 @@ def _blocking_lines(report: Report) -> Iterator[str]:
     for (by, what, length_ns), names in groups.items():
         how = {NATIVE: 'in a native call', WHOLE_JOB: 'in a job that nothing preempts'}.get(
             what, f'inside {what!r}')
-        yield from _wrapped(f'blocked by {by!r}, {ms(length_ns)} ms {how}: {_names(names)}')
+        yield from wrapped(f'blocked by {by!r}, {ms(length_ns)} ms {how}: {_names(names)}')
 
 
 def _idle_lines(report: Report) -> Iterator[str]:
@@ -158,14 +119,14 @@ def _idle_lines(report: Report) -> Iterator[str]:
             reason = root if waits.startswith('it may wait') and root else result.reason
             reasons.setdefault(reason, []).append(result.task.name)
     for reason, names in reasons.items():
-        yield from _wrapped(f'without a bound, and without a deadline: {_names(names)}: {reason}')
+        yield from wrapped(f'without a bound, and without a deadline: {_names(names)}: {reason}')
 
 
 def _chain_lines(report: Report) -> Iterator[str]:
     for result in report.analysis.tasks:
         sources = [event.source for event in result.task.events if event.source]
         if result.chain_ns is not None and sources and result.task.judged:
-            yield from _wrapped(
+            yield from wrapped(
                 f'{result.task.name!r} has ended at most {ms(result.chain_ns)} ms after what '
                 f'wakes it was due ({_names(list(dict.fromkeys(sources)))})')
 
@@ -207,7 +168,7 @@ def _sensitivity_lines(found: Sensitivity, report: Report) -> Iterator[str]:
     elif found.factor >= 1:
         what = (f'{found.breaks!r} is the first to be late' if found.breaks
                 else 'there is more work than time')
-        yield from _wrapped(
+        yield from wrapped(
             f'growth: all execution times together may grow by a factor of {found.factor:.2f}; '
             f'beyond that {what}. One alone may grow to:')
     elif found.factor:
@@ -230,12 +191,12 @@ def _sensitivity_lines(found: Sensitivity, report: Report) -> Iterator[str]:
 
 def _phase_lines(report: Report) -> Iterator[str]:
     plan = report.phases
-    yield from _wrapped(f'released at one instant: {_peak(plan.before)}')
+    yield from wrapped(f'released at one instant: {_peak(plan.before)}')
     if not plan.better:
         return
     changed = {task.name: plan.phases_ns[task.name] for task in report.robot.tasks
                if task.name in plan.phases_ns and plan.phases_ns[task.name] != task.phase_ns}
-    yield from _wrapped(
+    yield from wrapped(
         f'with these phases: {_peak(plan.after)}. The bounds above hold for any phases; these '
         'lower what usually comes together:')
     for name, phase_ns in changed.items():
@@ -253,7 +214,7 @@ def _exceeded_lines(report: Report) -> Iterator[str]:
     for result in report.analysis.tasks:
         measured_ns = report.robot.responses_ns.get(result.task.name, 0)
         if result.response_ns is not None and measured_ns > result.response_ns:
-            yield from _wrapped(
+            yield from wrapped(
                 f'note: {result.task.name}: a response of {ms(measured_ns)} ms was measured, more '
                 f'than the bound of {ms(result.response_ns)} ms: other programs or the host took '
                 'the CPU away, or a time is too low')
@@ -270,18 +231,21 @@ def verdict_lines(report: Report) -> Iterator[str]:
             continue
         below = f'; nothing is left for {_names(overloaded[1:])}' if (
             result.task.name in overloaded[:1] and overloaded[1:]) else ''
-        yield from _wrapped(f'not schedulable: {failure_text(result)}{below}')
+        yield from wrapped(f'not schedulable: {failure_text(result)}{below}')
     if report.remedy:
-        yield from _wrapped(f'first thing to do: {report.remedy}')
+        yield from wrapped(f'first thing to do: {report.remedy}')
     if analysis.unjudged:
         yield from _unjudged_lines(report)
+    for chain in report.chains:
+        if chain.late or chain.unjudged:
+            yield from wrapped(verdict_text(chain))
     if report.exit_code == 0:
         judged = [r for r in analysis.tasks if r.task.limit_ns and r.response_ns is not None]
         if not judged:
             yield 'nothing to judge: no task has a deadline'
             return
         least = min(judged, key=lambda r: -r.late_ns / r.task.limit_ns)
-        yield from _wrapped(
+        yield from wrapped(
             f'schedulable: every task ends before its deadline; the least margin has '
             f'{least.task.name!r}: {ms(least.response_ns or 0)} ms of {ms(least.task.limit_ns)} '
             f'ms, {percent(-least.late_ns / least.task.limit_ns)} % left')
@@ -304,8 +268,8 @@ def _unjudged_lines(report: Report) -> Iterator[str]:
     for result in report.analysis.unjudged:
         reasons.setdefault(result.reason, []).append(result.task.name)
     for reason, names in reasons.items():
-        yield from _wrapped(f'not judged: {_names(names)}: {reason}')
+        yield from wrapped(f'not judged: {_names(names)}: {reason}')
     if any(origin == 'unknown' for origin in report.robot.origins.values()):
-        yield from _wrapped(
+        yield from wrapped(
             'to know execution times: plan --measure 10, or execution_us in the section of the '
             'device or module, or budget_us with on_budget: abort, or --execution NAME=US')

@@ -30,9 +30,9 @@ from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask
 from rt_robot_os.tools.plan.measured import read_measured
 from rt_robot_os.tools.plan.robot import robot_tasks
-from rt_robot_os.tools.plan.text_report import ms
-from rt_robot_os.tools.plan.text_report import percent
-from rt_robot_os.tools.plan.text_report import table
+from rt_robot_os.tools.plan.text_table import ms
+from rt_robot_os.tools.plan.text_table import percent
+from rt_robot_os.tools.plan.text_table import table
 from rt_robot_os.tools.plan.typical import shipped
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
