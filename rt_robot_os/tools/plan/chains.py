@@ -183,8 +183,8 @@ def _task_of(owner: str, before: str, by_name: Mapping[str, PlannedTask]) -> Pla
     return by_name.get(owner, arrival)
 
 
-def _bounded(path: Sequence[PlannedTask], limit_ns: int, robot: RobotTasks, analysis: Analysis
-             ) -> ChainResult:
+def _bounded(path: Sequence[PlannedTask], limit_ns: int, robot: RobotTasks,
+             analysis: Analysis) -> ChainResult:
     results = [analysis.task(task.name) for task in path]
     stages = tuple(Stage(r.task.name, r.task.priority, r.response_ns) for r in results)
     for result in results:
