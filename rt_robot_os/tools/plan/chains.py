@@ -173,7 +173,7 @@ def _shortest(first: str, last: str, readers: Mapping[str, list[str]]) -> list[s
 
 
 def _task_of(owner: str, before: str, by_name: Mapping[str, PlannedTask]) -> PlannedTask:
-    """Return which task of a device it is: that of its bytes or of what wakes it, if it has one."""
+    """Return which task of a device it is: that of its bytes, or of what wakes it, if there is."""
     arrival = by_name.get(owner + ARRIVAL)
     if arrival is None:
         return by_name[owner]
