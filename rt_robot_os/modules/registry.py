@@ -39,6 +39,7 @@ _OWN: Final = {
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
     'vital_signs': 'rt_robot_os.modules.vital_signs:VitalSigns',
+    'whereabouts': 'rt_robot_os.modules.whereabouts:Whereabouts',
 }
 
 MODULES: Final[PluginRegistry[Module]] = PluginRegistry(

@@ -43,16 +43,16 @@ from rt_robot_os.topics.field_path import field_reader
 _ORDER: Final = ('<', '<=', '>', '>=')
 
 
-def lines_of(name: str, error: RuleError) -> list[str]:
+def lines_of(key: str, error: RuleError) -> list[str]:
     """Write an error of a rule for people, each line with the key that it is about."""
-    return [f'{name}.when: {line}' for line in error.lines()]
+    return [f'{key}: {line}' for line in error.lines()]
 
 
-def checked(name: str, text: str, rule: Rule, ref: Ref) -> Callable[[TopicSpec], Iterator[str]]:
+def checked(key: str, text: str, rule: Rule, ref: Ref) -> Callable[[TopicSpec], Iterator[str]]:
     """
     Make the check of a field against the declaration of its topic.
 
-    :param name: of the module.
+    :param key: of the rule, such as ``smoke.when``.
     :param text: of the rule.
     """
     def check(spec: TopicSpec) -> Iterator[str]:
@@ -62,7 +62,7 @@ def checked(name: str, text: str, rule: Rule, ref: Ref) -> Callable[[TopicSpec],
             return  # told where it is declared
         problem = problem_of(rule, ref, spec.topic, layout)
         if problem:
-            yield from lines_of(name, RuleError(problem, text, ref.span))
+            yield from lines_of(key, RuleError(problem, text, ref.span))
     return check
 
 

@@ -99,7 +99,7 @@ class Rule(Module):
         try:
             self._rule = read_rule(self._text)
         except RuleError as error:
-            raise ConfigError(lines_of(name, error)) from None
+            raise ConfigError(lines_of(f'{name}.when', error)) from None
         self._starred = any(STAR in ref.topic for ref in refs_of(self._rule))
         problems = _problems(name, settings, self._starred)
         if problems:
@@ -117,7 +117,7 @@ class Rule(Module):
     def reads(self) -> tuple[TopicRead, ...]:
         """Return the topics of the rule, each with a check of its fields."""
         return tuple(TopicRead(ref.topic, wake=True, key='when',
-                               check=checked(self.name, self._text, self._rule, ref))
+                               check=checked(f'{self.name}.when', self._text, self._rule, ref))
                      for ref in refs_of(self._rule))
 
     def bind(self, bus: Bus, task: Task) -> None:
@@ -128,7 +128,7 @@ class Rule(Module):
         """
         super().bind(bus, task)
         layouts = {topic.name: topic.layout for topic in bus.topics}
-        rules = bound_rules(self.name, self._text, self._rule, layouts)
+        rules = bound_rules(f'{self.name}.when', self._text, self._rule, layouts)
         if len(rules) > _MOST_RULES:
             raise ConfigError([f'{self.name}.when: {STAR} stands for {len(rules)} names, it may '
                                f'be {_MOST_RULES}: write several rules'])

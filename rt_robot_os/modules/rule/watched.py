@@ -76,12 +76,12 @@ def names_of(rule: Rule, topics: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in found[0] if all(name in each for each in found[1:]))
 
 
-def bound_rules(name: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
+def bound_rules(key: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
                 ) -> dict[str, Rule]:
     """
     Find the topics of a rule; not for the real-time loop.
 
-    :param name: of the module, for errors.
+    :param key: of the rule, for errors.
     :param text: of the rule, for errors.
     :param layouts: of all topics, by name.
     :return: by what the star stands for, the rule with these topics, its numbers in their units.
@@ -89,7 +89,7 @@ def bound_rules(name: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
     """
     stars = names_of(rule, layouts)
     if not stars:
-        raise ConfigError([f'{name}.when: there is nothing that {STAR} could stand for in all of '
+        raise ConfigError([f'{key}: there is nothing that {STAR} could stand for in all of '
                            f'{", ".join(str(ref) for ref in refs_of(rule) if STAR in ref.topic)}'])
     problems: list[str] = []
     for star in stars:
@@ -99,21 +99,21 @@ def bound_rules(name: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
             if topic in layouts:
                 problem = problem_of(rule, ref, topic, layouts[topic])
             if problem:
-                problems += lines_of(name, RuleError(problem, text, ref.span))
+                problems += lines_of(key, RuleError(problem, text, ref.span))
     if problems:
         raise ConfigError(list(dict.fromkeys(problems)))
     found = {star: bound(rule, star, layouts.__getitem__) for star in stars}
-    _check_kinds(name, text, next(iter(found.values())), layouts)
+    _check_kinds(key, text, next(iter(found.values())), layouts)
     return found
 
 
-def _check_kinds(name: str, text: str, rule: Rule, layouts: Mapping[str, Layout]) -> None:
+def _check_kinds(key: str, text: str, rule: Rule, layouts: Mapping[str, Layout]) -> None:
     for each in conditions_of(rule):
         if isinstance(each, Compare) and isinstance(each.right, Ref):
             kinds = {field_reader(layouts[ref.topic], ref.path).is_text
                      for ref in (each.left, each.right)}
             if len(kinds) > 1:
-                raise ConfigError(lines_of(name, RuleError(
+                raise ConfigError(lines_of(key, RuleError(
                     'a number and a text cannot be compared', text, each.right.span)))
 
 

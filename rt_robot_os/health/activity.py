@@ -1,0 +1,236 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Whether a person has not moved for too long, is somewhere for too long, or has left and not come.
+
+No topics, no kernel. Times are those of what was seen and of the deadlines between them. What is
+not seen because no sensor speaks is not known: that is never a reason for an alarm here, since a
+sensor that is silent has an alarm of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+import math
+from typing import Final
+from typing import NamedTuple
+
+_NS_PER_S: Final = 1_000_000_000
+#: That somebody moves again is believed when it is seen twice, that far apart, or lasts.
+AGAIN_NS: Final = 5 * _NS_PER_S
+LASTS_NS: Final = 30 * _NS_PER_S
+_AGAIN_WITHIN_NS: Final = 60 * _NS_PER_S
+
+NO_MOVEMENT: Final = 'no_movement'
+WANDERING: Final = 'wandering'
+LEFT_HOME: Final = 'left_home'
+#: A room of this name is not the home.
+OUTSIDE: Final = 'outside'
+
+
+@dataclass(frozen=True)
+class ActivityLimits:
+    """
+    How long is too long.
+
+    :ivar still_ns: without movement; 0: as long as one likes.
+    :ivar still: the same by room, such as the bed.
+    :ivar stay: in a room.
+    :ivar away_ns: unseen after a way out; 0: as long as one likes.
+    :ivar blind_ns: without a word of any sensor, after which nothing is known.
+    :ivar room_ns: in another room, after which that counts.
+    """
+
+    still_ns: int
+    still: Mapping[str, int] = field(default_factory=dict)
+    stay: Mapping[str, int] = field(default_factory=dict)
+    away_ns: int = 0
+    blind_ns: int = 600 * _NS_PER_S
+    room_ns: int = 10 * _NS_PER_S
+
+
+class Finding(NamedTuple):
+    """
+    Something began or is over.
+
+    :ivar kind: ``no_movement``, ``wandering`` or ``left_home``.
+    :ivar active: it began.
+    :ivar stamp_ns: when.
+    :ivar since_ns: since when it has been so that it is too long.
+    """
+
+    kind: str
+    active: bool
+    stamp_ns: int
+    since_ns: int
+
+
+class Activity:
+    """
+    What one person does; safe in the real-time loop.
+
+    Call :meth:`pass_time` up to the moment of what comes before handing it in.
+
+    :ivar room: where the person is; empty when it is not known, or no room.
+    :ivar moved_ns: when a movement was seen last, or when looking began; -1 before.
+    """
+
+    __slots__ = ('room', 'moved_ns', '_limits', '_heard_ns', '_seen_ns', '_at_exit', '_room_ns',
+                 '_next_room', '_next_room_ns', '_placed_ns', '_moving', '_again_ns', '_active',
+                 '_now_ns')
+
+    def __init__(self, limits: ActivityLimits) -> None:
+        self.room = self._next_room = ''
+        self.moved_ns = self._heard_ns = self._seen_ns = self._room_ns = -1
+        self._next_room_ns = self._placed_ns = self._again_ns = -1
+        self._limits = limits
+        self._at_exit = False
+        self._now_ns = 0
+        self._moving: dict[str, int] = {}
+        self._active: dict[str, int] = {}
+
+    # ---- what is seen ------------------------------------------------------------------------
+
+    def heard(self, stamp_ns: int) -> None:
+        """Note that a sensor spoke that would see a movement, whatever it said."""
+        if self._heard_ns < 0 or stamp_ns - self._heard_ns > self._limits.blind_ns:
+            self.moved_ns = stamp_ns  # what was before is not known
+        self._heard_ns = max(self._heard_ns, stamp_ns)
+
+    def moved(self, stamp_ns: int) -> list[Finding]:
+        """Note a movement; return what is over by it."""
+        self.heard(stamp_ns)
+        self.moved_ns = max(self.moved_ns, stamp_ns)
+        if NO_MOVEMENT not in self._active:
+            return []
+        first_ns, self._again_ns = self._again_ns, stamp_ns
+        if first_ns < 0 or stamp_ns - first_ns > _AGAIN_WITHIN_NS:
+            return []
+        if stamp_ns - first_ns < AGAIN_NS:
+            self._again_ns = first_ns
+            return []
+        return [self._end(NO_MOVEMENT, stamp_ns)]
+
+    def moving(self, source: str, is_so: bool, stamp_ns: int) -> list[Finding]:
+        """Note that a movement that lasts began, or is over; return what is over by it."""
+        if is_so:
+            self._moving.setdefault(source, stamp_ns)
+            return self.moved(stamp_ns)
+        self._moving.pop(source, None)
+        # The end of a movement is no second one.
+        self.heard(stamp_ns)
+        self.moved_ns = max(self.moved_ns, stamp_ns)
+        return []
+
+    def seen(self, room: str, at_exit: bool, stamp_ns: int) -> list[Finding]:
+        """Note that the person was seen somewhere; return what is over by it."""
+        self._seen_ns = self._placed_ns = stamp_ns
+        self._at_exit = at_exit
+        if room == self.room:
+            self._next_room_ns = -1
+        elif room != self._next_room or self._next_room_ns < 0:
+            self._next_room, self._next_room_ns = room, stamp_ns
+        if self._room_ns < 0:
+            self.room, self._room_ns, self._next_room_ns = room, stamp_ns, -1
+        if LEFT_HOME in self._active and not at_exit and room != OUTSIDE:
+            return [self._end(LEFT_HOME, stamp_ns)]
+        return []
+
+    # ---- what follows ------------------------------------------------------------------------
+
+    def is_active(self, kind: str) -> bool:
+        """Return whether something has begun and is not over."""
+        return kind in self._active
+
+    @property
+    def due_ns(self) -> float:
+        """When something may follow if nothing is seen; infinite for never."""
+        return min(self._still_due(), self._stay_due(), self._away_due(), self._room_due(),
+                   self._again_due())
+
+    def pass_time(self, now_ns: int) -> list[Finding]:
+        """Let time pass; return what followed from it, in order."""
+        found: list[Finding] = []
+        while (due_ns := self.due_ns) <= now_ns:
+            # Not before what was known already: a sensor may have been silent meanwhile.
+            at_ns = max(int(due_ns), self._now_ns)
+            if self._room_due() == due_ns:
+                found += self._enter(at_ns)
+            elif self._again_due() == due_ns:
+                found.append(self._end(NO_MOVEMENT, at_ns))
+            elif self._still_due() == due_ns:
+                found.append(self._begin(NO_MOVEMENT, at_ns, self.moved_ns))
+                self._again_ns = -1
+            elif self._stay_due() == due_ns:
+                found.append(self._begin(self._stay_kind(), at_ns, self._room_ns))
+            else:
+                found.append(self._begin(LEFT_HOME, at_ns, self._seen_ns))
+        self._now_ns = max(self._now_ns, now_ns)
+        return found
+
+    def _still_due(self) -> float:
+        limit_ns = self._limits.still.get(self.room, self._limits.still_ns)
+        if not limit_ns or self.moved_ns < 0 or self._moving or NO_MOVEMENT in self._active:
+            return math.inf
+        if self._at_exit and self._limits.away_ns:
+            return math.inf  # gone, as far as anybody can tell
+        due_ns = self.moved_ns + limit_ns
+        return due_ns if due_ns <= self._heard_ns + self._limits.blind_ns else math.inf
+
+    def _again_due(self) -> float:
+        if NO_MOVEMENT not in self._active or not self._moving:
+            return math.inf
+        return min(self._moving.values()) + LASTS_NS
+
+    def _stay_kind(self) -> str:
+        return LEFT_HOME if self.room == OUTSIDE else WANDERING
+
+    def _stay_due(self) -> float:
+        limit_ns = self._limits.stay.get(self.room, 0)
+        if not limit_ns or self._room_ns < 0 or self._stay_kind() in self._active:
+            return math.inf
+        due_ns = self._room_ns + limit_ns
+        return due_ns if due_ns <= self._placed_ns + self._limits.blind_ns else math.inf
+
+    def _away_due(self) -> float:
+        limit_ns = self._limits.away_ns
+        if not limit_ns or self._seen_ns < 0 or not self._at_exit or LEFT_HOME in self._active:
+            return math.inf
+        due_ns = self._seen_ns + limit_ns
+        # The other sensors still speak: it is the person who is gone, not the network.
+        return due_ns if due_ns <= self._heard_ns + self._limits.blind_ns else math.inf
+
+    def _room_due(self) -> float:
+        if self._next_room_ns < 0 or self._placed_ns < self._next_room_ns + self._limits.room_ns:
+            return math.inf
+        return self._next_room_ns + self._limits.room_ns
+
+    def _enter(self, stamp_ns: int) -> list[Finding]:
+        """Be in another room, since it was seen there first."""
+        kind = self._stay_kind()
+        over = [self._end(kind, stamp_ns)] if kind in self._active and (
+            self._limits.stay.get(self.room)) else []
+        self.room, self._room_ns, self._next_room_ns = self._next_room, self._next_room_ns, -1
+        return over
+
+    def _begin(self, kind: str, stamp_ns: int, since_ns: int) -> Finding:
+        self._active[kind] = since_ns
+        return Finding(kind, True, stamp_ns, since_ns)
+
+    def _end(self, kind: str, stamp_ns: int) -> Finding:
+        return Finding(kind, False, stamp_ns, self._active.pop(kind))

@@ -1,0 +1,180 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Where a person is, by all that tells of it: no topics, no kernel.
+
+Nothing that people wear or that hangs on a wall knows it exactly. Each source gives a sighting: a
+point, how far off it may be, and when. Sightings become less certain as they age, since people
+walk; the one that is least uncertain now counts.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections import deque
+from collections.abc import Iterable
+import math
+from typing import Final
+from typing import NamedTuple
+
+_NS_PER_S: Final = 1_000_000_000
+#: So much less certain is a place each second: people walk, and sit down most of the time.
+SPREAD_M_S: Final = 0.2
+#: Nobody walks faster in a flat.
+WALK_M_S: Final = 1.5
+# A worn node says which node it hears best; radio is fickle, so some of these together count.
+_VOTES: Final = 5
+_VOTES_NS: Final = 60 * _NS_PER_S
+
+
+class Sighting(NamedTuple):
+    """
+    A hint of where somebody is.
+
+    :ivar x: in the map, in m.
+    :ivar y: in the map, in m.
+    :ivar uncertainty_m: standard deviation when it was seen.
+    :ivar how: ``ros``, ``node`` (a worn node hears that one best), ``presence`` or ``network``.
+    :ivar node: of the sensor network that tells it; empty for none.
+    :ivar stamp_ns: when.
+    """
+
+    x: float
+    y: float
+    uncertainty_m: float
+    how: str
+    node: str
+    stamp_ns: int
+
+    def now_m(self, now_ns: int) -> float:
+        """Return how uncertain it is by now, in m."""
+        return self.uncertainty_m + SPREAD_M_S * max(0, now_ns - self.stamp_ns) / _NS_PER_S
+
+    def distance(self, x: float, y: float) -> float:
+        """Return the distance to a point, in m."""
+        return math.hypot(self.x - x, self.y - y)
+
+
+class Room(NamedTuple):
+    """A rectangle of the map, in m."""
+
+    name: str
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def has(self, x: float, y: float) -> bool:
+        """Return whether a point is in it."""
+        return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
+
+    @property
+    def area(self) -> float:
+        """Return its area, in m2."""
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+
+def room_of(text: str) -> Room:
+    """
+    Read a room: ``kitchen 0 0 3.5 4``.
+
+    :raises ValueError: it is none.
+    """
+    name, *numbers = text.split() or ['']
+    try:
+        x0, y0, x1, y1 = (float(each) for each in numbers)
+    except ValueError:
+        x0 = y0 = x1 = y1 = math.nan
+    if not (name.isidentifier() and x0 < x1 and y0 < y1 and math.isfinite((x1 - x0) * (y1 - y0))):
+        raise ValueError(f'{text[:60]!r} is no room: write a name and two corners in m, the lower '
+                         'left one first: kitchen 0 0 3.5 4')
+    return Room(name, x0, y0, x1, y1)
+
+
+class Rooms:
+    """The rooms of a flat; of several that have a point the smallest counts, such as a bed."""
+
+    def __init__(self, rooms: Iterable[Room]) -> None:
+        self._rooms = sorted(rooms, key=lambda room: room.area)
+
+    def at(self, x: float, y: float) -> str:
+        """Return the name of the room at a point; empty when there is none."""
+        return next((room.name for room in self._rooms if room.has(x, y)), '')
+
+
+class PlaceEstimate:
+    """
+    Where one person is; safe in the real-time loop.
+
+    :param timeout_ns: a sighting that is older counts no more.
+    :ivar refused: sightings by presence that are somebody else's.
+    """
+
+    __slots__ = ('refused', '_timeout_ns', '_sightings', '_votes', '_chosen')
+
+    def __init__(self, timeout_ns: int) -> None:
+        self.refused = 0
+        self._timeout_ns = timeout_ns
+        self._sightings: dict[str, Sighting] = {}
+        self._votes: deque[tuple[str, int]] = deque(maxlen=_VOTES)
+        self._chosen = ''
+
+    def put(self, sighting: Sighting) -> None:
+        """Take a sighting; it takes the place of the last one of its kind."""
+        self._sightings[sighting.how] = sighting
+
+    def vote(self, node: str, stamp_ns: int) -> str:
+        """
+        Take that the worn node hears a node best.
+
+        :return: the node that it hears best most of the time lately.
+        """
+        self._votes.append((node, stamp_ns))
+        votes = Counter(name for name, at_ns in self._votes if stamp_ns - at_ns <= _VOTES_NS)
+        most = max(votes.values())
+        if votes.get(self._chosen, 0) < most:
+            self._chosen = next(name for name, _ in reversed(self._votes) if votes[name] == most)
+        return self._chosen
+
+    def best(self, now_ns: int) -> Sighting | None:
+        """Return the sighting that is least uncertain now; None when all are too old."""
+        fresh = [each for each in self._sightings.values()
+                 if now_ns - each.stamp_ns <= self._timeout_ns]
+        return min(fresh, key=lambda each: (each.now_m(now_ns), each.how), default=None)
+
+    def may_be_me(self, x: float, y: float, range_m: float, stamp_ns: int,
+                  others: Iterable[Sighting]) -> bool:
+        """
+        Say whether what a sensor of presence sees is this person.
+
+        It is nobody else's: no other is known to be nearer to it than this one. And it can be:
+        one gets there from where one was, walking.
+
+        :param range_m: how far the sensor sees.
+        :param others: where other people are.
+        """
+        mine = self.best(stamp_ns)
+        my_m = math.inf if mine is None else mine.distance(x, y)
+        mistaken = any(other.distance(x, y) <= range_m + other.now_m(stamp_ns)
+                       and other.distance(x, y) <= my_m for other in others
+                       if stamp_ns - other.stamp_ns <= self._timeout_ns)
+        reach_m = math.inf if mine is None else (
+            range_m + 2 * mine.uncertainty_m
+            + WALK_M_S * max(0, stamp_ns - mine.stamp_ns) / _NS_PER_S)
+        if mistaken or my_m > reach_m:
+            self.refused += 1
+            return False
+        return True

@@ -1,0 +1,264 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Where people are, and what follows from where they are and whether they move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from typing import Any
+
+import pytest
+from rt_robot_os.alarms.cause import cause_of
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.whereabouts import Whereabouts
+from rt_robot_os.testing.fakes import settings_of
+from rt_robot_os.testing.module_bench import ModuleBench
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+from rt_robot_os.wsn.network_rows import NodeRow
+
+S = 10**9
+FLOAT = 'std_msgs/msg/Float64'
+POSE = 'geometry_msgs/msg/PoseStamped'
+NODES = ['hall 1 1 2 id 1 presence', 'kitchen 8 1 2 id 2 presence', 'bed 8 7 1 id 3 temperature',
+         'door 1 7 2 id 4 presence', 'wrist 5 5 1 id 9 on anna nearest_node acceleration_g']
+ROOMS = ['hall 0 0 4 4', 'kitchen 6 0 10 4', 'sleeping 6 5 10 9', 'entry 0 5 4 9']
+
+
+class Flat:
+    """The topics of a flat, with samples at times."""
+
+    def __init__(self, bench: ModuleBench) -> None:
+        self.bench = bench
+        self.presence = {name: bench.topic(f'wsn/{name}/presence', FLOAT)
+                         for name in ('hall', 'kitchen', 'door')}
+        self.nearest = bench.topic('wsn/wrist/nearest_node', FLOAT)
+        self.shake = bench.topic('wsn/wrist/acceleration_g', FLOAT)
+
+    def add(self, person: str = 'anna', **settings: Any) -> Whereabouts:
+        return self.bench.add(Whereabouts, person, rate_hz=1.0, person=person,
+                              **{'nodes': NODES, 'rooms': ROOMS, **settings})
+
+    def at(self, time_s: float, publisher: Publisher, value: float) -> None:
+        self.bench.at(time_s, put(publisher, value))
+
+    def causes(self) -> Callable[[], list[tuple[float, str, bool]]]:
+        read = self.bench.watch('alarms/causes')
+
+        def told() -> list[tuple[float, str, bool]]:
+            found, active = [], set()
+            while read.take():
+                cause = cause_of(read.msg.data)
+                if cause.active != (cause.kind in active):
+                    (active.add if cause.active else active.discard)(cause.kind)
+                    found.append((read.stamp_ns / S, cause.kind, cause.active))
+            return found
+        return told
+
+
+def put(publisher: Publisher, value: float) -> Callable[[], None]:
+    def publish() -> None:
+        publisher.msg.data = value
+        publisher.publish()
+    return publish
+
+
+def places(read: Subscription) -> list[tuple[float, float, float]]:
+    found = []
+    while read.take():
+        position = read.msg.pose.position
+        found.append((read.stamp_ns / S, position.x, position.y))
+    return found
+
+
+def newest(read: Subscription) -> dict[str, str]:
+    assert read.latest()
+    values: dict[str, str] = json.loads(read.msg.data)['status'][0]['values']
+    return values
+
+
+def test_the_node_that_is_heard_best_most_of_the_time_tells_the_place() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add()
+        place, details = bench.watch('health/anna/place'), bench.watch('health/anna/place_details')
+        for time, number in enumerate([2, 2, 3, 2, 3, 2, 2, 99, 3, 3, 3]):
+            flat.at(1.0 + time, flat.nearest, number)
+        bench.run(20.0)
+        found = places(place)
+        assert {each[1:] for each in found if each[0] < 9.5} == {(8.0, 1.0)}
+        assert found[-1] == (11.0, 8.0, 7.0)  # now it is the bed, by its stamp
+        assert newest(details)['how'] == 'node' and newest_message(details) == 'sleeping'
+
+
+def newest_message(read: Subscription) -> str:
+    return str(json.loads(read.msg.data)['status'][0]['message'])
+
+
+def test_a_localisation_of_ros_is_preferred_while_it_is_fresh() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        pose = bench.topic('anna_pose', POSE, {'header.frame_id': 'map'})
+        flat.add(pose_topic='anna_pose')
+        place = bench.watch('health/anna/place')
+
+        def here() -> None:
+            pose.msg.pose.position.x, pose.msg.pose.position.y = 2.5, 2.0
+            pose.publish()
+        bench.at(1.0, here)
+        for time in (2.5, 5.5, 9.5, 20.5):
+            flat.at(time, flat.nearest, 2)
+        bench.run(21.0)
+        found = places(place)
+        assert (1.0, 2.5, 2.0) in found
+        assert {each[1:] for each in found if each[0] < 10.0} == {(2.5, 2.0)}
+        assert found[-1][1:] == (8.0, 1.0)
+
+
+def test_presence_is_of_whom_it_can_be() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        bob_at = bench.topic('health/bob/place', POSE, {'header.frame_id': 'map'})
+        module = flat.add(others=['bob'], presence_range_m=3.0)
+        place = bench.watch('health/anna/place')
+
+        def bob() -> None:
+            bob_at.msg.pose.position.x, bob_at.msg.pose.position.y = 8.5, 1.0
+            bob_at.publish()
+        bench.at(1.0, bob)
+        flat.at(2.0, flat.presence['hall'], 1.0)      # anna: bob is in the kitchen
+        flat.at(3.0, flat.presence['kitchen'], 1.0)   # bob
+        flat.at(4.0, flat.presence['hall'], 0.0)
+        bench.run(6.0)
+        assert {each[1:] for each in places(place)} == {(1.0, 1.0)}
+        assert module.statistics()['presence_of_others'] == 1
+
+
+def test_nobody_is_at_both_ends_of_the_flat_within_a_second() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(presence_range_m=2.0)
+        place = bench.watch('health/anna/place')
+        flat.at(2.0, flat.presence['hall'], 1.0)
+        flat.at(2.5, flat.presence['kitchen'], 1.0)   # somebody else, whoever that is
+        flat.at(9.0, flat.presence['kitchen'], 1.0)
+        bench.run(10.0)
+        assert [each[1:] for each in places(place)] == [(1.0, 1.0), (8.0, 1.0)]
+
+
+def test_whom_a_worn_node_sends_to_tells_roughly() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        nodes = bench.bus.declare('wsn/nodes', 'std_msgs/msg/Float64MultiArray', tail=200)
+        out = bench.bus.publisher('wsn/nodes')
+        flat.add(network_topic='wsn/nodes')
+        place, details = bench.watch('health/anna/place'), bench.watch('health/anna/place_details')
+        row = NodeRow(9, 5, 5, 1, 0, 3, 2, 2, 1, 2.9, 100, 1, 1, 10, 0, 0, 0, 1.0)
+
+        def rows() -> None:
+            out.msg.data = list(row)
+            out.publish()
+        bench.at(5.0, rows)
+        bench.run(8.0)
+        assert nodes.layout.tail == 'data'
+        assert places(place) == [(4.0, 8.0, 7.0)]
+        assert newest(details)['how'] == 'network'
+
+
+def test_who_does_not_move_for_too_long_is_told_and_one_twitch_does_not_end_it() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(still_s=100.0, movement=['wsn/wrist/acceleration_g.data moves 0.1 within 5 s'])
+        told = flat.causes()
+        for time in range(0, 400, 2):
+            # It moves until 20 s, once at 200 s, and again from 300 s on.
+            moving = time <= 20 or time == 200 or time >= 300
+            flat.at(time + 0.5, flat.shake, 1.0 + 0.2 * (time // 2 % 2 or time == 200) * moving)
+            flat.at(time + 0.5, flat.nearest, 2)
+        bench.run(400.0)
+        (began, kind, active), (ended, _, over) = told()
+        assert (kind, active, over) == ('no_movement', True, False)
+        assert 120.0 < began < 130.0 and 300.0 < ended < 335.0
+
+
+def test_in_bed_one_may_lie_for_longer() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(still_s=100.0, still=['sleeping 300 s'])
+        told = flat.causes()
+        for time in range(0, 500, 5):
+            flat.at(time + 0.25, flat.nearest, 3)
+        bench.run(500.0)
+        assert told() == [(300.25, 'no_movement', True)]
+
+
+def test_sensors_that_are_silent_say_nothing_about_a_person() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(still_s=1000.0, stay=['kitchen 1000 s'], blind_s=300.0)
+        told = flat.causes()
+        for time in (*range(0, 600, 50), *range(1500, 1900, 50)):
+            flat.at(time + 0.25, flat.nearest, 2)
+        bench.run(1950.0)
+        # Since it is heard again she may have walked about: only the room is as it was.
+        assert told() == [(1500.25, 'wandering', True)]
+
+
+def test_too_long_in_a_room_is_over_in_another_one() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(stay=['kitchen 60 s'])
+        told = flat.causes()
+        for time in range(0, 200, 5):
+            flat.at(time + 0.25, flat.nearest, 2 if time < 100 else 3)
+        bench.run(200.0)
+        (began, kind, _), (ended, _, over) = told()
+        assert (began, kind, over) == (60.25, 'wandering', False)
+        assert 110.0 <= ended <= 135.0
+
+
+def test_who_was_seen_at_the_door_last_has_left() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        flat.add(still_s=60.0, exits=['door'], away_s=120.0)
+        told = flat.causes()
+        flat.at(1.0, flat.presence['hall'], 1.0)
+        flat.at(10.0, flat.presence['door'], 1.0)
+        for time in range(20, 400, 10):
+            flat.at(float(time), flat.presence['kitchen'], 0.0)
+        flat.at(400.0, flat.presence['door'], 1.0)
+        flat.at(405.0, flat.presence['hall'], 1.0)
+        bench.run(410.0)
+        # Not "no movement": nobody is there who could move.
+        assert told() == [(130.0, 'left_home', True), (405.0, 'left_home', False)]
+
+
+@pytest.mark.parametrize('settings, told', [
+    ({'person': 'an na'}, 'anna.person'),
+    ({'rooms': ['kitchen 0 0 3']}, 'is no room: write a name and two corners'),
+    ({'rooms': ['kitchen 3 0 0 4']}, 'the lower left one first'),
+    ({'still': ['attic 2 h']}, "'attic' is none of the rooms, entry, hall, kitchen"),
+    ({'still': ['hall forever']}, "'forever' is no duration"),
+    ({'exits': ['gate']}, "'gate' is none of the nodes"),
+    ({'away_s': 60.0}, 'name the nodes at the ways out'),
+    ({'others': ['anna']}, 'take it out'),
+    ({'movement': ['wsn/wrist/x.data moves']}, 'anna.movement: the end cannot stand here'),
+])
+def test_settings_that_cannot_be_are_refused(settings: dict[str, Any], told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        Whereabouts('anna', settings_of(Whereabouts, **{
+            'person': 'anna', 'nodes': NODES, 'rooms': ROOMS, **settings}))
