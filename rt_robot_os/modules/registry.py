@@ -39,6 +39,7 @@ _OWN: Final = {
     'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
     'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
     'vital_signs': 'rt_robot_os.modules.vital_signs:VitalSigns',
+    'watch': 'rt_robot_os.modules.watch:Watch',
     'whereabouts': 'rt_robot_os.modules.whereabouts:Whereabouts',
 }
 

@@ -58,6 +58,8 @@ UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'e
          'docs/rules.md 1': ROOT / 'config' / 'sensor_network.yaml',
          'docs/rules.md 2': ROOT / 'config' / 'sensor_network.yaml',
          'docs/rules.md 3': ROOT / 'config' / 'service_robot.yaml',
+         'docs/rules.md 4': ROOT / 'config' / 'sensor_network.yaml',
+         'docs/rules.md 5': HEAD + '    devices: []\n',
          'docs/frames.md 1': HEAD + '    devices: [laser]\n',
          'docs/frames.md 2': HEAD + '    topics: [odom_to_base, map_to_odom]\n'
          '    odom_to_base: {message: geometry_msgs/msg/TransformStamped}\n'
