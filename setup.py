@@ -68,6 +68,7 @@ setup(
             'health = rt_robot_os.tools.health.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'new = rt_robot_os.tools.new.program:main',
+            'notifier = rt_robot_os.clients.notifier.program:main',
             'parameters = rt_robot_os.clients.parameters.program:main',
             'plan = rt_robot_os.tools.plan.program:main',
             'player = rt_robot_os.sim.player_program:main',
