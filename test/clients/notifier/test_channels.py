@@ -252,6 +252,15 @@ def test_wrong_settings_are_told_before_anything_is_carried(
     assert 'sesame' not in str(found.value) and '4711' not in str(found.value)
 
 
+def test_the_example_of_the_page_can_be_used(tmp_path: Path) -> None:
+    page = (Path(__file__).resolve().parents[3] / 'docs' / 'notifier.md').read_text()
+    (tmp_path / 'notifier.yaml').write_text(page.partition('```yaml\n')[2].partition('```')[0])
+    environ = {'OPERATOR_TOKEN': 'a', 'FAMILY_PASSWORD': 'b'}
+    found = load([tmp_path / 'notifier.yaml'], {}, environ).channels
+    assert [(each.name, each.type) for each in found] == [
+        ('operator', 'webhook'), ('family', 'email'), ('diary', 'file')]
+
+
 def test_sections_and_names_that_do_not_fit_are_told(tmp_path: Path) -> None:
     path = tmp_path / 'notifier.yaml'
     path.write_text(json.dumps({'/**/notifier': {'ros__parameters': {
