@@ -75,7 +75,7 @@ class Person:
     def assess(self, **changes: Any) -> Assessment:
         """Have her signs assessed, at once unless the test says otherwise."""
         self.assessment = self.bench.add(Assessment, 'assessment_of_anna', person='anna',
-                                         priority=30, **changes)
+                                         priority=30, rate_hz=1.0, **changes)
         self.news2 = Heard(self.bench, 'health/anna/news2')
         self.details = Heard(self.bench, 'health/anna/news2_details')
         return self.assessment

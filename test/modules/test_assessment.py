@@ -198,7 +198,7 @@ def test_a_message_that_cannot_be_read_is_counted(text: str) -> None:
     with ModuleBench() as bench:
         bench.bus.declare('health/anna/signs', 'std_msgs/msg/String', {}, depth=16, tail=500)
         publisher = bench.bus.publisher('health/anna/signs')
-        assessment = bench.add(Assessment, person='anna')
+        assessment = bench.add(Assessment, rate_hz=1.0, person='anna')
 
         def send() -> None:
             publisher.msg.data = text

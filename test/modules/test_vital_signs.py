@@ -30,6 +30,7 @@ from rt_robot_os.health.sensor_source import Change
 from rt_robot_os.health.sensor_source import SensorSource
 from rt_robot_os.health.sensor_source import Times
 from rt_robot_os.health.signs import SIGNS
+from rt_robot_os.modules.assessment import Assessment
 from rt_robot_os.modules.vital_signs import VitalSigns
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
@@ -226,7 +227,7 @@ def test_what_cannot_be_meant_is_refused(changes: dict[str, Any], words: str) ->
 def test_a_message_without_a_number_is_refused() -> None:
     with ModuleBench() as bench:
         bench.topic('voice', 'std_msgs/msg/Bool')
-        bench.add(VitalSigns, person='anna', sources=['pulse_per_min voice'])
+        bench.add(VitalSigns, rate_hz=1.0, person='anna', sources=['pulse_per_min voice'])
         with pytest.raises(ConfigError, match='is a std_msgs/msg/Bool without a number data'):
             bench.run(1.0)
 
@@ -251,3 +252,13 @@ def test_whatever_sensors_say_only_plausible_values_come_out(
                 values = each['values']
                 assert values['quality'] != 'good' or SIGNS[
                     each['name'].split('/')[1]].is_plausible(float(values['value']))
+
+
+@pytest.mark.parametrize('kind, changes', [
+    (VitalSigns, {'sources': [PULSE]}), (Assessment, {'signs_topic': PULSE})])
+def test_a_module_that_no_silence_would_release_is_refused(kind: Any, changes: Any) -> None:
+    with ModuleBench() as bench:
+        bench.topic(PULSE, 'std_msgs/msg/Float64' if kind is VitalSigns else 'std_msgs/msg/String')
+        bench.add(kind, person='anna', **changes)
+        with pytest.raises(ConfigError, match='rate_hz is 0: nothing would release it'):
+            bench.run(1.0)

@@ -47,6 +47,7 @@ from rt_robot_os.modules.assessment.settings import SETTINGS
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
+from rt_robot_os.modules.vital_signs.settings import check_rate
 from rt_robot_os.modules.vital_signs.settings import checked_person
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.topics.ports import Input
@@ -108,7 +109,12 @@ class Assessment(Module):
     # ---- life --------------------------------------------------------------------------------
 
     def configure(self) -> None:
-        """Prepare; silence counts from here."""
+        """
+        Prepare; silence counts from here.
+
+        :raises ConfigError: it has no rate, so that nothing would release it in a silence.
+        """
+        check_rate(self.name, self.period_ns)
         self._reports = CauseReports(self.causes, self.name)
         self._wake_up = WakeUp(self.kernel, self.task)
         self._heard_ns = self._time_ns = self.signs.topic.kernel.now_ns()

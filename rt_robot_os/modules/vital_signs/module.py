@@ -43,6 +43,7 @@ from rt_robot_os.kernel import Task
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
+from rt_robot_os.modules.vital_signs.settings import check_rate
 from rt_robot_os.modules.vital_signs.settings import checked_person
 from rt_robot_os.modules.vital_signs.settings import SETTINGS
 from rt_robot_os.modules.vital_signs.settings import sources_of
@@ -64,6 +65,7 @@ _STRING: Final = 'std_msgs/msg/String'
 _SIGNS_BYTES: Final = 6000
 _ROUND_NS: Final = NS_PER_S
 _OK, _WARN, _STALE = 0, 1, 3
+_COUNTERS: Final = ('readings', 'said_off', 'implausible', 'jumped', 'late')
 SENSOR_OFF: Final = 'sensor_off'
 SENSOR_IMPLAUSIBLE: Final = 'sensor_implausible'
 
@@ -118,7 +120,12 @@ class VitalSigns(Module):
     # ---- life --------------------------------------------------------------------------------
 
     def configure(self) -> None:
-        """Prepare the sensors; silence counts from here."""
+        """
+        Prepare the sensors; silence counts from here.
+
+        :raises ConfigError: it has no rate, so that nothing would release it in a silence.
+        """
+        check_rate(self.name, self.period_ns)
         assert self.kernel is not None
         now_ns = self.kernel.now_ns()
         self._reports = CauseReports(self.causes, self.name)
@@ -158,10 +165,13 @@ class VitalSigns(Module):
         found: dict[str, Any] = {'person': self._person, 'warning': '; '.join(
             f'{self._name(watch, source)} is {source.trouble}'
             for watch, source in self._all() if source.trouble)}
-        for name in ('readings', 'said_off', 'implausible', 'jumped', 'late'):
-            found[name] = sum(getattr(source, name) for _, source in self._all())
+        found.update({name: sum(each[name] for each in self.counters()) for name in _COUNTERS})
         return {**found, **self._reports.statistics(), 'sensors': len(self._all()),
                 'readings_lost': sum(read.lost for read in self.listed.values())}
+
+    def counters(self) -> list[dict[str, int]]:
+        """Return what came of each sensor: by sign, and within one as the settings list them."""
+        return [{name: getattr(source, name) for name in _COUNTERS} for _, source in self._all()]
 
     # ---- work --------------------------------------------------------------------------------
 

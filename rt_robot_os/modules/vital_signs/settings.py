@@ -85,6 +85,17 @@ def checked_person(name: str, settings: Mapping[str, Any]) -> str:
     return person
 
 
+def check_rate(name: str, period_ns: int) -> None:
+    """
+    Check that a module which has to notice silence is released in it.
+
+    :raises ConfigError: it has no rate.
+    """
+    if not period_ns:
+        raise ConfigError([f'{name}.rate_hz is 0: nothing would release it when its inputs fall '
+                           'silent, and that is what it has to tell; write rate_hz: 1.0'])
+
+
 def sources_of(name: str, settings: Mapping[str, Any]) -> dict[str, list[SourceText]]:
     """
     Read the sensors, by sign in the order of the table of signs.
