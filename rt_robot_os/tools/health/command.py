@@ -30,8 +30,9 @@ from rt_robot_os.programs import tell
 from rt_robot_os.tools.health import falls
 from rt_robot_os.tools.health import news2
 from rt_robot_os.tools.health import pulse
+from rt_robot_os.tools.health import vitals
 
-_COMMANDS = (falls, news2, pulse)
+_COMMANDS = (falls, news2, pulse, vitals)
 
 
 def run(argv: Sequence[str]) -> int:

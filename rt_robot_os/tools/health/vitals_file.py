@@ -73,6 +73,8 @@ _MINDS: Final = {mind.name.lower(): float(mind) for mind in Consciousness} | {
     mind.name[0].lower(): float(mind) for mind in Consciousness}
 _WORDS: Final = {'air': 0.0, 'no': 0.0, 'false': 0.0, 'yes': 1.0, 'true': 1.0, 'oxygen': 1.0}
 _FAHRENHEIT_FROM: Final = 70.0
+# Of times in s: a rate in a header is not always what a clock shows.
+_DIGITS: Final = 6
 _MOST_BYTES: Final = 1 << 30
 
 
@@ -131,8 +133,8 @@ def _of_record(path: Path) -> Recording:
     record = read_record(path)
     times = [place / record.rate_hz for place in range(max(
         (len(each.samples) for each in record.signals), default=0))]
-    cells = {f'{each.name or "signal"}': (each.unit, [float(value) for value in each.samples])
-             for each in record.signals}
+    cells = [(each.name or 'signal', each.unit, [float(value) for value in each.samples])
+             for each in record.signals]
     return _recording(times, cells, str(path))
 
 
@@ -148,47 +150,52 @@ def _of_text(text: str, name: str) -> Recording:
                            'timestamp, ...; its columns are ' + ', '.join(titles)[:200]])
     unit_s = _time_unit(titles[at])
     times: list[float] = []
-    cells: dict[str, tuple[str, list[float]]] = {
-        title: (title, []) for place, title in enumerate(titles) if place != at}
+    values: list[list[float]] = [[] for _ in titles]
     for row in rows[1:]:
         time_s = _time_s(row[at], unit_s) if at < len(row) else math.nan
         if not math.isfinite(time_s):
             continue  # such as a second line of the head, with units
         times.append(time_s)
-        for place, title in enumerate(titles):
-            if place != at:
-                cells[title][1].append(_cell(row[place] if place < len(row) else ''))
-    return _recording(times, cells, name)
+        for place, column in enumerate(values):
+            column.append(_cell(row[place] if place < len(row) else ''))
+    return _recording(times, [(title, title, column) for place, (title, column) in enumerate(
+        zip(titles, values)) if place != at], name)
 
 
-def _recording(times: Sequence[float], cells: Mapping[str, tuple[str, list[float]]], name: str
+def _recording(times: Sequence[float], cells: Sequence[tuple[str, str, list[float]]], name: str
                ) -> Recording:
-    """Make a recording of all moments and the values of each column at them."""
+    """
+    Make a recording.
+
+    :param times: all moments, in s.
+    :param cells: name, unit and the values at these moments of each column.
+    """
     if not times:
         raise ConfigError([f'{name!r} holds no samples with a time'])
     order = sorted(range(len(times)), key=lambda place: times[place])
     first_s = times[order[0]]
     steps = [times[later] - times[earlier] for earlier, later in zip(order, order[1:])
              if times[later] > times[earlier]]
-    period_s = median(steps) if steps else 1.0
+    period_s = round(median(steps), _DIGITS) if steps else 1.0
     found: list[Column] = []
     ignored = []
-    for title, (unit, values) in cells.items():
+    for title, unit, values in cells:
         sign = sign_of(title)
         if not sign:
             ignored.append(title)
             continue
-        samples = [(times[place] - first_s, values[place]) for place in order
+        samples = [(round(times[place] - first_s, _DIGITS), values[place]) for place in order
                    if place < len(values) and not math.isnan(values[place])]
         found.append(Column(title, sign, _in_unit(sign, unit, samples)))
     if not found:
         raise ConfigError([f'{name!r} has no column of a vital sign, such as HR, PULSE, RESP, '
-                           f'SpO2, NBPSys; its columns are {", ".join(cells)[:200]}'])
+                           f'SpO2, NBPSys; its columns are ' + ', '.join(
+                               title for title, _, _ in cells)[:200]])
     signs = list(SIGNS)
     found.sort(key=lambda each: (signs.index(each.sign), COLUMNS[each.sign].index(
         _plain(each.name))))
     return Recording(found, ignored, len(times), period_s,
-                     times[order[-1]] - first_s + period_s)
+                     round(times[order[-1]] - first_s + period_s, _DIGITS))
 
 
 def sign_of(title: str) -> str:

@@ -30,6 +30,7 @@ from rt_robot_os.alarms.cause import CAUSES_TOPIC
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.assessment import Assessment
 from rt_robot_os.modules.vital_signs import VitalSigns
@@ -55,13 +56,13 @@ class Course(NamedTuple):
     :ivar causes: each that was told, with its moment.
     :ivar signs: quality, value and source of each sign, whenever one of them changed.
     :ivar news2: what the details of the score said, whenever that changed.
-    :ivar sensors: counters of each sensor, by the name of its column.
+    :ivar sensors: counters of the sensor of each column.
     """
 
     causes: Sequence[tuple[float, Cause]]
     signs: Mapping[str, Sequence[tuple[float, str]]]
     news2: Sequence[tuple[float, dict[str, str]]]
-    sensors: Mapping[str, dict[str, int]]
+    sensors: Sequence[dict[str, int]]
 
 
 class _Hearing:
@@ -89,8 +90,9 @@ class _Player:
         self._publishers = [bus.publisher(topic) for topic in topics]
         self._samples = in_order(recording)
         self._next = next(self._samples, None)
-        self._timer = kernel.timer(kernel.add_task('recording', self._play, priority=_FEED))
-        self._start()
+        # Its rate is for its first job only, which starts the timer.
+        self._timer = kernel.timer(kernel.add_task(
+            'recording', self._play, priority=_FEED, rate_hz=RATE_MINIMUM_HZ))
 
     def _start(self) -> None:
         if self._next is not None:
@@ -142,9 +144,8 @@ def play(recording: Recording, vital: Mapping[str, Any], assessment: Mapping[str
     vital_signs = modules[0]
     assert isinstance(vital_signs, VitalSigns)
     return Course([(time_s, cause_of(text)) for time_s, text in heard['causes']],
-                  _qualities(heard['signs']), _scores(heard['news2_details']), {
-        column.name: counters for column, counters in zip(
-            recording.columns, vital_signs.counters())})
+                  _qualities(heard['signs']), _scores(heard['news2_details']),
+                  vital_signs.counters())
 
 
 def _names(recording: Recording) -> list[str]:
