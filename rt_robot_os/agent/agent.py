@@ -197,7 +197,6 @@ class Agent:
     def tick(self, t_ns: int) -> None:
         """Go on at a point of the grid."""
         if self.state is State.IDLE:
-            self._operator.forget()
             return
         self._look_who_has_it(t_ns)
         if self.state not in PAUSES:
@@ -237,6 +236,9 @@ class Agent:
 
     def _see_who_has_it(self, t_ns: int) -> bool:
         """Return whether the e-stop has the robot; note whether an operator does."""
+        if self.state is State.IDLE:
+            self._operator.forget()
+            self.senses.other_goal = False  # an errand: an emergency comes first
         held = self._operator.is_held(self.senses)
         self._is_driven = self._operator.drives(self.senses, t_ns)
         self._body.is_free = not held and not self._is_driven
@@ -265,12 +267,15 @@ class Agent:
         self._why = f'{event}: {why}' if why else event
         if edge.action:
             self._actions[edge.action](t_ns)
+        source = self.state
         changes = self._machine.go(edge, target)
         served = self._work.emergency or served
         alarm = served.alarm if served is not None else ''
         if changes:
             self._work.begin(target, t_ns, self._why)
-        self._emit(Transition(edge, target if changes else self.state, why, alarm, t_ns))
+        else:
+            why = f'{why}; {target.value} afterwards'
+        self._emit(Transition(edge, source, self.state, why, alarm, t_ns))
 
     # ---- actions of edges -------------------------------------------------------------------
 

@@ -117,6 +117,7 @@ class Emergencies:
             told = json.loads(text)
             alarm, state = str(told['alarm'])[:_LONGEST], told['state']
             level = LEVELS[told['level']] if state in _OPEN else Level.TECHNICAL
+            hash(state)
         except (ValueError, KeyError, TypeError, RecursionError):
             self.unreadable += 1
             return None

@@ -37,13 +37,15 @@ class Transition(NamedTuple):
     A change of state that was made.
 
     :ivar edge: of the table.
-    :ivar target: the state that it led to: that of the edge, or the one that was resumed.
+    :ivar source: the state that it led from; in a pause that is not the one of the edge.
+    :ivar target: the state that it led to.
     :ivar why: what happened, for people.
     :ivar alarm: the alarm that is served; empty without.
     :ivar t_ns: when, by the samples and deadlines that led to it.
     """
 
     edge: Edge
+    source: State
     target: State
     why: str
     alarm: str
@@ -52,7 +54,7 @@ class Transition(NamedTuple):
     def to_text(self) -> str:
         """Return it as JSON; safe in the real-time loop."""
         return json.dumps({
-            'from': self.edge.source.value, 'to': self.target.value,
+            'from': self.source.value, 'to': self.target.value,
             'cause': f'{self.edge.event}: {self.why}'[:_LONGEST] if self.why else self.edge.event,
             'alarm': self.alarm, 't_ns': self.t_ns}, ensure_ascii=False, separators=(',', ':'))
 

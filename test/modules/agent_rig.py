@@ -68,6 +68,7 @@ class AgentRig(ModuleBench):
         self.cancels = self.watch('trajectory_cancel')
         self._goal_in = self.watch('goal_pose')
         self._spin_in = self.watch('cmd_vel_agent')
+        self._cancel_in = self.watch('trajectory_cancel')
         self._seq = 0
         self._due: list[tuple[int, str]] = []
         self.kernel.add_task('robot', self._live, priority=60, rate_hz=50.0)
@@ -87,6 +88,8 @@ class AgentRig(ModuleBench):
         if now_ns - getattr(self, '_spin_ns', -10**9) < 200_000_000:
             yaw += self.rate * 0.02
         self.pose = x, y, yaw
+        if self._cancel_in.latest():
+            self._due.clear()
         while self._goal_in.take():
             self._take_goal(now_ns)
         while self._due and self._due[0][0] <= now_ns:

@@ -55,6 +55,10 @@ class Hearing:
         self._planner = topics.get('planner_state')
         self._voice = topics.get('voice')
         self._goals = topics.get('goals')
+        # What was told before counts, also after a failure: the e-stop may have been set.
+        for each in (self._pose, self._battery, self._estop, self._steering, *people.values()):
+            if each is not None:
+                each.rewind()
 
     def listen(self) -> None:
         """Take what has come."""

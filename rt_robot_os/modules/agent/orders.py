@@ -144,7 +144,7 @@ class Orders:
         self._counts['transitions'] += 1
         text = made.to_text()
         self._text('transitions', text, stamp_ns)
-        self._log.info('%s to %s: %s', made.edge.source.value, made.target.value, made.why)
+        self._log.info('%s to %s: %s', made.source.value, made.target.value, made.why)
 
     def _json(self, attribute: str, value: Mapping[str, Any], stamp_ns: int) -> None:
         self._text(attribute, json.dumps(value, ensure_ascii=False, separators=(',', ':')),
