@@ -211,11 +211,9 @@ class AsyncBody(TaskCoroutine):
     The function of a task that is written as a coroutine.
 
     :param function: gives a new coroutine for each start.
-    :ivar by_schedule: somebody else releases the task when a point in time has come, as a replay
-        does; the timer stays as it is.
     """
 
-    __slots__ = ('kernel', 'task', 'timer', 'by_schedule', '_function', '_coroutine', '_wait')
+    __slots__ = ('kernel', 'task', 'timer', '_function', '_coroutine', '_wait')
 
     task: Task
     timer: OneShot
@@ -223,7 +221,6 @@ class AsyncBody(TaskCoroutine):
     def __init__(self, kernel: Releases, function: AsyncFunction) -> None:
         super().__init__()
         self.kernel = kernel
-        self.by_schedule = False
         self._function = function
         self._coroutine: Coroutine[Any, Any, None] | None = None
         self._wait: Wait | None = None

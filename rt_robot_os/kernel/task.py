@@ -57,12 +57,14 @@ class Coroutine(ABC):
     What a task is made of that is written as one: :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
 
     :ivar finished: it returned; the task makes no more jobs.
+    :ivar by_schedule: somebody else releases the task when a point in time that it awaits has
+        come, as a replay does: no timer is started.
     """
 
-    __slots__ = ('finished',)
+    __slots__ = ('finished', 'by_schedule')
 
     def __init__(self) -> None:
-        self.finished = False
+        self.finished = self.by_schedule = False
 
     @abstractmethod
     def close(self) -> None:

@@ -114,10 +114,9 @@ class Replay:
         self._replayed |= {f'{name}/arrival': name for name in self._devices}
         self._replayed |= {module.name: module.name for module in self.core.modules}
         self._released = self._on_schedule()
-        # Topics that replayed tasks publish, and those that others publish as well.
+        # Topics that replayed tasks publish; clients may publish on any of them as well.
         self._made = {p.topic for m in self._devices.values() for p in m.device.publications()}
         self._made |= {name for name, task in self._bus.made if task in self._replayed}
-        self._mixed = self._made & {topic.topic for topic in settings.topics}
         self._samples: dict[tuple[str, int], Recorded] = {}
         self._events: deque[Event] = deque()
         self._first: Slice | None = first
@@ -189,11 +188,14 @@ class Replay:
         found = {}
         modules = {module.name for module in self.core.modules}
         for task in self._kernel.tasks:
-            if task.logical is not None or task.coroutine is not None:
+            if task.logical is not None:
                 self.notes.append(f'{task.name} runs at its own times: it has logical execution '
-                                  'time or is a coroutine')
+                                  'time')
                 continue
-            if task.period_ns and task.name in modules:
+            if task.coroutine is not None:
+                # What it awaits has come when its job began then, also a point in time.
+                task.coroutine.by_schedule = True
+            if task.name in modules and (task.period_ns or task.coroutine is not None):
                 found[task.name] = task
             if task.name.partition('/')[0] not in modules or task.name in modules:
                 task.period_ns = 0
@@ -248,8 +250,7 @@ class Replay:
         for sample in one.samples:
             if sample.topic in self._made:
                 self.comparison.recorded(sample)
-            if sample.topic not in self._made or sample.topic in self._mixed:
-                self._samples[sample.topic, sample.number] = sample
+            self._samples[sample.topic, sample.number] = sample
         events: list[Event] = []
         for job in one.jobs:
             self._add_job(job, events)
@@ -288,6 +289,7 @@ class Replay:
             self._schedule.add_publication(
                 self._replayed[self._task_name(record.task)], topic, record.number, record.at_ns)
             self.comparison.scheduled(topic, record.number, record.at_ns)
+            self._samples.pop((topic, record.number), None)
         else:
             events.append((record.at_ns, 0, lambda: self._inject(topic, record.number)))
 

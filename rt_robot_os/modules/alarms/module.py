@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from collections.abc import Iterable
 from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
 import json
 from typing import Any
@@ -114,10 +114,11 @@ class Alarms(Module):
         """Take what came in the order in which it was said, do what is due, tell of it."""
         now_ns = self.events.topic.kernel.now_ns()
         desk = self._desk
-        if not self._last_ns:
-            self._last_ns = self._list_ns = now_ns
-            desk.start(now_ns)
         inputs, more = self._inputs(now_ns)
+        if not self._last_ns:
+            # What woke it says when it begins: the time of the job is another in a replay.
+            self._last_ns = self._list_ns = inputs[0][0] if inputs else now_ns
+            desk.start(self._last_ns)
         for stamp_ns, take in inputs:
             self._last_ns = stamp_ns = max(stamp_ns, self._last_ns)
             self._try(take, stamp_ns)
@@ -145,7 +146,7 @@ class Alarms(Module):
 
     # ---- what comes in -----------------------------------------------------------------------
 
-    def _inputs(self, now_ns: int) -> tuple[Iterable[tuple[int, Callable[[int], None]]], bool]:
+    def _inputs(self, now_ns: int) -> tuple[Sequence[tuple[int, Callable[[int], None]]], bool]:
         """Take some of what came; say whether there is more."""
         found: list[tuple[int, int, Callable[[int], None]]] = []
         more = False
