@@ -29,6 +29,7 @@ _OWN: Final = {
     'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
     'fall_detector': 'rt_robot_os.modules.fall_detector:FallDetection',
     'localization': 'rt_robot_os.modules.localization:Localization',
+    'observer': 'rt_robot_os.modules.observer:Observer',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
     'planner': 'rt_robot_os.modules.planner:Planner',
     'pulse_check': 'rt_robot_os.modules.pulse_check:PulseCheck',

@@ -30,8 +30,12 @@ from typing import Final
 
 from rt_robot_os.devices.camera.camera_info import load_calibration
 from rt_robot_os.devices.camera.camera_info import uncalibrated
+from rt_robot_os.devices.camera.orders import OBSERVATION_SETTINGS
+from rt_robot_os.devices.camera.orders import OBSERVED_BYTES
+from rt_robot_os.devices.camera.orders import OrderDesk
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
+from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.mounted import mounting_settings
 from rt_robot_os.errors import ConfigError
@@ -42,6 +46,8 @@ from rt_robot_os.motion.mounting import OPTICAL
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.schema import TopicSpec
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_S
 
 _CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
@@ -82,7 +88,10 @@ class Camera(CaptureDevice):
         Field('loop', bool, True, 'Begin a file or folder anew at its end.'),
         Field('latency_s', float, 0.0, 'Time from exposure to arrival, taken off the stamp.', 's',
               0.0, 1.0),
+        *OBSERVATION_SETTINGS,
     )
+    observe = Input('', wake=True, message='std_msgs/msg/String')
+    observed = Output('', 'std_msgs/msg/String', tail=OBSERVED_BYTES, depth=8)
     description = 'camera (V4L2), video file, folder of pictures or stream'
     IF_SILENT = ('its process runs and gives no picture: check the cable, and the light if it '
                  'lowers its rate in the dark')
@@ -97,6 +106,10 @@ class Camera(CaptureDevice):
         s = settings
         if not (s['topic'] or s['compressed_topic']):
             raise ConfigError([f'{name}: topic and compressed_topic are both empty: name one'])
+        if bool(s['observe_topic']) != bool(s['observed_topic']):
+            raise ConfigError([f'{name}: observe_topic and observed_topic go together: name both, '
+                               'or none'])
+        self._orders = OrderDesk(name, s)
         self._bytes_per_row = s['width'] * _CHANNELS[s['encoding']]
         self._raw_bytes = s['height'] * self._bytes_per_row if s['topic'] else 0
         self._packed_bytes = (s['height'] * self._bytes_per_row * 51 // 50 + _PACKED_EXTRA
@@ -127,7 +140,14 @@ class Camera(CaptureDevice):
             found.append(TopicSpec(
                 s['info_topic'], 'sensor_msgs/msg/CameraInfo', {**head, **self._info.fixed},
                 s['depth'], s['output_rate_hz']))
+        if self.connected('observed'):
+            found.append(TopicSpec(s['observed_topic'], self.ports()['observed'].message, {}, 8,
+                                   0.0, OBSERVED_BYTES))
         return tuple(found)
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        return bool(self.topic_of(attribute))
 
     @classmethod
     def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
@@ -172,6 +192,31 @@ class Camera(CaptureDevice):
         if not os.access(port, os.R_OK):
             raise DeviceError(f'{port} may not be opened by this user: sudo usermod -aG video '
                               '$USER, then log in again; of a file, check its permissions')
+
+    def read(self, now_ns: int) -> int:
+        """
+        Hand on orders, and publish the pictures that are there; does not block.
+
+        :raises DeviceError: the process has ended, or says what does not work.
+        """
+        if self._orders.ordered:
+            while self.observe.take():
+                told = self._orders.take(str(self.observe.msg.data), self.observe.stamp_ns, now_ns,
+                                         self.order)
+                if told is not None:
+                    self.observe_ended(told, now_ns)
+        return super().read(now_ns)
+
+    def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
+        """Publish what has become of an order."""
+        if self._orders.ordered:
+            self.observed.msg.data = self._orders.answer(told)
+            self.observed.publish(now_ns)
+
+    def statistics(self) -> DeviceStatistics:
+        """Return the counters as they are now; with orders, also what became of them."""
+        found = super().statistics()
+        return replace(found, more={**found.more, **self._orders.statistics()})
 
     def handle(self, frame: CapturedFrame, data: memoryview) -> int:
         """Publish a picture; in the loop, preempted after each 64 KiB."""

@@ -52,11 +52,15 @@ class Picture:
             first = self.pixels.nbytes
             np.frombuffer(slot, np.uint8, first)[:] = self.pixels.reshape(-1)
         if self.maker.compression:
-            packed = self.maker.compressed(self.pixels)
+            packed = self.maker.compressed(self.pixels, self.seq)
             if len(packed) <= len(slot) - first:
                 second = len(packed)
                 slot[first:first + second] = packed
         return first, second
+
+    def jpeg(self) -> bytes:
+        """Return it as a JPEG, the one that was stored if it is one."""
+        return self.maker.jpeg(self.seq, self.pixels)
 
     def levels(self) -> tuple[float, float]:
         """Return nothing: it is silent."""
@@ -77,11 +81,14 @@ class CameraFrames:
         self._encoding = settings['encoding']
         self.raw = bool(settings['topic'])
         self.compression = settings['compression'] if settings['compressed_topic'] else ''
-        if self.compression:
+        self._last: tuple[int, bytes] = (-1, b'')
+        observes = settings.get('observe_topic', '')
+        if self.compression or observes:
             try:
                 from PIL import Image
             except ImportError as error:
-                raise DeviceError(f'{NO_PILLOW}, or set compressed_topic to nothing') from error
+                raise DeviceError(f'{NO_PILLOW}, or set compressed_topic and observe_topic to '
+                                  'nothing') from error
             self._image = Image
 
     def frames(self) -> Iterator[Picture]:
@@ -118,14 +125,42 @@ class CameraFrames:
             pixels = pixels[:, :, ::-1]
         return np.ascontiguousarray(pixels)
 
-    def compressed(self, pixels: Pixels) -> bytes:
-        """Compress a picture."""
+    def compressed(self, pixels: Pixels, seq: int) -> bytes:
+        """Compress a picture for its topic; the last JPEG is remembered for :meth:`jpeg`."""
+        if self.compression == 'jpeg':
+            return self.jpeg(seq, pixels)
         packed = io.BytesIO()
-        rgb = np.ascontiguousarray(pixels[:, :, ::-1]) if self._encoding == 'bgr8' else pixels
-        options = ({'quality': self._settings['quality']} if self.compression == 'jpeg'
-                   else {'compress_level': 1})
-        self._image.fromarray(rgb).save(packed, self.compression.upper(), **options)
+        self._image.fromarray(self._rgb(pixels)).save(packed, 'PNG', compress_level=1)
         return packed.getvalue()
+
+    def jpeg(self, seq: int, pixels: Pixels) -> bytes:
+        """Compress a picture to a JPEG, once."""
+        if self._last[0] != seq:
+            self._last = seq, self.packed(self._rgb(pixels), self._settings['quality'])
+        return self._last[1]
+
+    def _rgb(self, pixels: Pixels) -> Pixels:
+        return np.ascontiguousarray(pixels[:, :, ::-1]) if self._encoding == 'bgr8' else pixels
+
+    def packed(self, pixels: Pixels, quality: int) -> bytes:
+        """Compress red, green, blue, or grey, to a JPEG; any thread may."""
+        packed = io.BytesIO()
+        self._image.fromarray(pixels).save(packed, 'JPEG', quality=quality)
+        return packed.getvalue()
+
+    def still(self) -> tuple[Pixels, int]:
+        """
+        Take a picture at full resolution, between two of the usual ones.
+
+        :return: red, green, blue, or grey; and its moment.
+        :raises DeviceError: it cannot.
+        """
+        settings = self._settings
+        pixels, stamp_ns = self._source.still(settings['still_width'] or settings['width'],
+                                              settings['still_height'] or settings['height'])
+        if self._source.bgr and pixels.ndim == 3:
+            pixels = np.ascontiguousarray(pixels[:, :, ::-1])
+        return pixels, stamp_ns
 
     def close(self) -> None:
         """Close the source."""

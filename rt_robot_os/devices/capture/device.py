@@ -117,6 +117,26 @@ class CaptureDevice(Device):
         :return: number of samples published.
         """
 
+    def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
+        """Take what the process says of an order; in the loop."""
+
+    def order(self, order: dict[str, Any]) -> str:
+        """
+        Hand an order to the process; safe in the loop.
+
+        :return: why it cannot be; empty when it was.
+        """
+        connection = self._connection
+        if connection is None or not self._ready:
+            return 'the camera is not open: look at /diagnostics'
+        try:
+            connection.send(packets.encode_json(Kind.ORDER, order))
+        except BlockingIOError:
+            return 'its process takes no orders: it hangs'
+        except OSError as error:
+            return f'its process has ended: {error.strerror or error}'
+        return ''
+
     def check(self) -> None:
         """
         Look at the port before a process is started for it.
@@ -210,6 +230,12 @@ class CaptureDevice(Device):
             raise DeviceError(f'{self.name}: {bytes(packet[1:]).decode("utf-8", "replace")}')
         if kind == Kind.READY:
             self._ready = True
+            return 0
+        if kind == Kind.OBSERVED:
+            try:
+                self.observe_ended(packets.parse_json(packet), now_ns)
+            except ValueError:
+                self._rejected += 1
             return 0
         frame = packets.parse_frame(packet)
         memory = self._memory

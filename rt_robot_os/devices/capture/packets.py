@@ -18,7 +18,8 @@ The protocol between a device of the core and the process that captures for it.
 A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``:
 what is wanted, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers
 ``READY``, then sends a ``FRAME`` for each slot that it has filled, and gets the slot back in a
-``GIVE_BACK``. A ``PROBLEM`` is its last packet: the reason, as text.
+``GIVE_BACK``. A ``PROBLEM`` is its last packet: the reason, as text. An ``ORDER`` asks for a
+picture or a clip in a file, an ``OBSERVED`` says what has become of one; both are JSON.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ class Kind(IntEnum):
     FRAME = 3
     GIVE_BACK = 4
     PROBLEM = 5
+    ORDER = 6
+    OBSERVED = 7
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
 
 NS_PER_S: Final = 1_000_000_000
+# Pictures until a camera that was switched over shows what it is to.
+_SETTLING: Final = 4
 NO_PILLOW: Final = 'Pillow is not installed: pip install pillow'
 _SUFFIXES: Final = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff')
 _NO_OPENCV: Final = ('OpenCV is not installed: pip install opencv-python-headless, or apt install '
@@ -61,6 +63,13 @@ class PictureSource(Protocol):
 
         :return: it and its moment on CLOCK_MONOTONIC; None after the last one.
         :raises DeviceError: there is none any more, or it cannot be read.
+        """
+
+    def still(self, width: int, height: int) -> tuple[Pixels, int]:
+        """
+        Take one picture of another size, or the nearest that there is, and go on as before.
+
+        :raises DeviceError: there is none.
         """
 
     def rewind(self) -> None:
@@ -103,6 +112,10 @@ class SyntheticPictures:
         moment_ns = self._grid.wait()
         return self._pattern.frame(next(self._numbers)), moment_ns
 
+    def still(self, width: int, height: int) -> tuple[Pixels, int]:
+        """Make the pattern in that size."""
+        return Pattern(width, height).frame(next(self._numbers)), time.monotonic_ns()
+
     def rewind(self) -> None:
         """Go on: it has no end."""
 
@@ -123,6 +136,8 @@ class RoomPictures:
         width, height, url = settings['width'], settings['height'], settings['camera_info']
         calibration = (load_calibration(url, width, height) if url else
                        uncalibrated(width, height))
+        self._make = RoomView
+        self._size, self._k = (width, height), calibration.k
         self._view = RoomView(width, height, calibration.k)
         self._scene = scene
         self._grid = Grid(settings['output_rate_hz'])
@@ -130,10 +145,21 @@ class RoomPictures:
     def grab(self) -> tuple[Pixels, int] | None:
         """Draw what is before the camera at its moment."""
         moment_ns = self._grid.wait()
+        return self._view.picture(self._shown()), moment_ns
+
+    def still(self, width: int, height: int) -> tuple[Pixels, int]:
+        """Draw it in that size, with the same field of view."""
+        across, down = width / self._size[0], height / self._size[1]
+        k = [*self._k]
+        for place, scale in ((0, across), (2, across), (4, down), (5, down)):
+            k[place] *= scale
+        return self._make(width, height, tuple(k)).picture(self._shown()), time.monotonic_ns()
+
+    def _shown(self) -> Mapping[str, Any]:
         scene = self._scene.read()
         if scene is None:
             raise DeviceError('the simulated world has not shown itself: start the robot anew')
-        return self._view.picture(scene), moment_ns
+        return scene
 
     def rewind(self) -> None:
         """Go on: it has no end."""
@@ -171,13 +197,19 @@ class PictureFolder:
             return None
         path = self._paths[self._place]
         self._place += 1
+        return self._read(path), self._grid.wait()
+
+    def still(self, width: int, height: int) -> tuple[Pixels, int]:
+        """Read the last picture once more: it has the size that it has."""
+        return self._read(self._paths[max(0, self._place - 1)]), time.monotonic_ns()
+
+    def _read(self, path: Path) -> Pixels:
         try:
             with self._open(path) as picture:
-                pixels = np.asarray(picture.convert('RGB'))
+                return np.asarray(picture.convert('RGB'))
         except Exception as error:  # a corrupt file raises whatever its reader stumbles over
             raise DeviceError(f'{path} is no picture that can be read ({error}): mend it or take '
                               'it out of the folder') from error
-        return pixels, self._grid.wait()
 
     def rewind(self) -> None:
         """Begin with the first picture."""
@@ -204,6 +236,8 @@ class OpenCvCapture:
         except ImportError as error:
             raise DeviceError(f'{port}: {_NO_OPENCV}') from error
         self._port = port
+        self._settings = settings
+        self._last: Pixels | None = None
         self._live = is_camera(port)
         self._cv2 = cv2
         self._grid = None if self._live or '://' in port else Grid(settings['output_rate_hz'])
@@ -239,7 +273,44 @@ class OpenCvCapture:
         self._any = True
         if self._grid is not None:
             moment_ns = self._grid.wait()
-        return np.asarray(picture, np.uint8), moment_ns
+        self._last = np.asarray(picture, np.uint8)
+        return self._last, moment_ns
+
+    def still(self, width: int, height: int) -> tuple[Pixels, int]:
+        """
+        Take a picture of another size: a camera is switched over for it and back, others are not.
+
+        A camera that cannot gives the size that it can; one that then gives nothing is opened anew
+        by whoever finds that out.
+        """
+        if not self._live or (width, height) == (self._settings['width'],
+                                                 self._settings['height']):
+            if self._last is None:
+                self.grab()
+            if self._last is None:
+                raise DeviceError(f'{self._port} {_why_nothing(self._live)}')
+            return self._last, time.monotonic_ns()
+        self._resize(width, height)
+        try:
+            for _ in range(_SETTLING):  # the first ones are dark, or of the old size
+                good, picture = self._capture.read()
+                moment_ns = time.monotonic_ns()
+            if not good or picture is None:
+                raise DeviceError(f'{self._port} gives no picture of {width}x{height}: set '
+                                  'still_width and still_height to what it can do '
+                                  '(v4l2-ctl --list-formats-ext)')
+            return np.asarray(picture, np.uint8), moment_ns
+        finally:
+            usual = self._settings['width'], self._settings['height']
+            self._resize(*usual)
+            for _ in range(_SETTLING):
+                good, picture = self._capture.read()
+                if good and picture is not None and picture.shape[1::-1] == usual:
+                    break
+
+    def _resize(self, width: int, height: int) -> None:
+        self._capture.set(self._cv2.CAP_PROP_FRAME_WIDTH, width)
+        self._capture.set(self._cv2.CAP_PROP_FRAME_HEIGHT, height)
 
     def rewind(self) -> None:
         """Begin with the first picture of the file."""

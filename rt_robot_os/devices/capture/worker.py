@@ -28,6 +28,7 @@ import select
 import socket
 import sys
 import threading
+import time
 from typing import Any
 from typing import Protocol
 
@@ -84,6 +85,27 @@ class Source(Protocol):
         """Close it."""
 
 
+class Keeper(Protocol):
+    """What keeps pictures in files."""
+
+    def take(self, seen: Any) -> None:
+        """Take a picture."""
+
+    def order(self, order: dict[str, Any], now_ns: int) -> None:
+        """Carry an order out."""
+
+    def close(self) -> None:
+        """End, and finish what was begun."""
+
+
+def keeper_of(kind: str, settings: dict[str, Any], source: Any, answer: Any) -> Keeper | None:
+    """Return what keeps pictures, if it is a camera that is to."""
+    if kind != 'camera' or not settings.get('observe_topic'):
+        return None
+    from rt_robot_os.devices.capture.observations import Observations
+    return Observations(settings, source, answer)
+
+
 def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = None) -> Source:
     """
     Open what the settings ask for.
@@ -126,6 +148,7 @@ class Worker:
         self._memory = MemoryFile.received(fds[0], self.wanted['slots'],
                                            self.wanted['slot_bytes'])
         self._loans = Loans(self.wanted['slots'])
+        self._keeper: Keeper | None = None
         self.dropped = 0
 
     def place(self) -> None:
@@ -138,14 +161,27 @@ class Worker:
 
         :raises DeviceError: the source fails.
         """
-        source = source_of(self.wanted['source'], self.wanted['settings'], self._scene)
+        kind, settings = self.wanted['source'], self.wanted['settings']
+        source = source_of(kind, settings, self._scene)
+        self._keeper = keeper_of(kind, settings, source, self._tell)
         try:
             self._connection.send(packets.encode_json(Kind.READY, {}))
             for captured in source.frames():
                 self._take_back()
                 self._hand_over(captured, source.overruns)
+                if self._keeper is not None:
+                    self._keeper.take(captured)
         finally:
+            if self._keeper is not None:
+                self._keeper.close()
             source.close()
+
+    def _tell(self, observed: dict[str, Any]) -> None:
+        """Say what has become of an order; any thread may."""
+        try:
+            self._connection.send(packets.encode_json(Kind.OBSERVED, observed))
+        except OSError:
+            pass  # the main thread finds that out
 
     def _hand_over(self, captured: Captured, overruns: int) -> None:
         slot = self._loans.take()
@@ -171,6 +207,9 @@ class Worker:
                 return
             if not packet:
                 raise ConnectionResetError('the core closed the connection')
+            if packet[0] == Kind.ORDER and self._keeper is not None:
+                self._keeper.order(packets.parse_json(packet), time.monotonic_ns())
+                continue
             slot = packets.parse_give_back(packet)
             if slot is not None:
                 self._loans.returned(slot)
