@@ -60,7 +60,7 @@ class AgentRig(ModuleBench):
         self.agent = self.add(AgentModule, 'agent', **{
             'people': ['anna'], 'nodes': ['wrist 5 5 1 on anna alarm', 'kitchen 8 1 2 smoke'],
             'voice_topic': 'sound/level', 'answer_topics': ['wsn/wrist/alarm'],
-            'speed_limit_topic': 'speed_limit', **settings})
+            **settings})
         self.watched = {name: self.watch(name) for name in (
             'agent/transitions', 'agent/say', 'agent/state', 'agent/observe', 'alarms/command',
             'alarms/causes', 'speed_limit')}

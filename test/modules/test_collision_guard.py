@@ -55,6 +55,8 @@ class Guarded:
         self.range = self.bench.topic('sonar', 'sensor_msgs/msg/Range', {
             'header.frame_id': 'sonar'})
         self.bumper = self.bench.topic('bumper', 'std_msgs/msg/UInt8')
+        for topic in changes.pop('topics', ()):
+            self.bench.topic(topic, 'std_msgs/msg/Float64')
         self.guard = self.bench.add(CollisionGuard, 'guard', priority=60, **changes)
         self.reasons = self.bench.watch('stop_reason')
         self.points = np.array(points, float).reshape(-1, 2)
@@ -317,6 +319,26 @@ def test_limits_keep_the_arc_and_backwards_it_is_slow_unless_a_sensor_looks_ther
     robot.bench.run(1.0)
     assert (0.063, 0.5, 0.25) in robot.out
     assert robot.out[-1][1:] == pytest.approx((backwards, -backwards / 5))
+
+
+def test_somebody_may_ask_for_a_lower_speed_and_takes_it_back() -> None:
+    robot = Guarded(scan_topics=[], range_topics=['sonar'], linear_max_m_s=0.5, topics=[
+        'speed_limit'], speed_limit_topic='speed_limit')
+    robot.bench.kernel.add_task('sonar', lambda: robot.ping(math.inf), priority=50, rate_hz=20.0)
+    asked = robot.bench.bus.publisher('speed_limit')
+
+    def ask(speed_m_s: float) -> None:
+        asked.msg.data = speed_m_s
+        asked.publish()
+
+    ask(0.3)  # before it begins
+    for at_s, speed_m_s in ((2.0, 0.1), (3.0, math.nan), (4.0, 0.0), (5.0, 9.0)):
+        robot.bench.at(at_s, lambda speed_m_s=speed_m_s: ask(speed_m_s))
+    robot.steer(1.0, 0.5)
+    robot.bench.run(6.0)
+    speeds = {int(at_s): v for at_s, v, w in robot.out if v and w == pytest.approx(v / 2)}
+    assert [speeds[second] for second in range(6)] == pytest.approx(
+        [0.3, 0.3, 0.1, 0.1, 0.5, 0.5])
 
 
 def test_the_guard_runs_within_the_publication_while_something_computes() -> None:

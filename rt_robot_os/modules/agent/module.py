@@ -79,7 +79,7 @@ class AgentModule(Module):
     turn = Output('cmd_vel_agent', 'geometry_msgs/msg/Twist')
     goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP)
     cancel = Output('trajectory_cancel', _BOOL)
-    speed_limit = Output('', _FLOAT)
+    speed_limit = Output('speed_limit', _FLOAT)
     say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16)
     state = Output('agent/state', _TEXT, tail=_TEXT_BYTES)
     transitions = Output('agent/transitions', _TEXT, tail=_TEXT_BYTES, depth=64)

@@ -60,6 +60,7 @@ class CollisionGuard(Module):
 
     command = Input('cmd_vel_mux', wake=True, message=_TWIST)
     bumper = Input('', wake=True, message='std_msgs/msg/UInt8')
+    speed_limit = Input('', initial=True, message='std_msgs/msg/Float64')
     safe = Output('cmd_vel_safe', _TWIST)
     stop_reason = Output('stop_reason', 'std_msgs/msg/String', tail=_REASON_MAXIMUM)
 
@@ -77,6 +78,8 @@ class CollisionGuard(Module):
         self._bumper = Bumper(self._footprint) if settings['bumper_topic'] else None
         self._sensors: list[tuple[Sensor, str]] = []
         self._v = self._w = 0.0  # as commanded
+        self._limits: Subscription | None = None
+        self._asked_m_s = math.inf
         self._stamp_ns = self._deadline_ns = 0
         self._out_v = self._out_w = 0.0  # as published last
         self._driven_m, self._driven_ns = 0.0, 0
@@ -87,7 +90,7 @@ class CollisionGuard(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave the bumper alone when there is none."""
+        """Leave alone what has no topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -114,6 +117,7 @@ class CollisionGuard(Module):
             self._footprint, [sensor for sensor, _ in self._sensors], self._bumper, self.settings)
         self._surroundings.gather()
         self._window_m = self._surroundings.window_m()
+        self._limits = self.speed_limit if self.connected('speed_limit') else None
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def changed(self, name: str) -> None:
@@ -149,6 +153,7 @@ class CollisionGuard(Module):
         return {
             'warning': warning, 'state': state, 'limited_by': verdict.why,
             'share': verdict.share, 'commands': self._commands, 'refused': self._refused,
+            'speed_limit_m_s': min(self.settings['linear_max_m_s'], self._asked_m_s),
             'late_commands': self._late, 'command_timeouts': self._timeouts,
             'stops': self._stops,
             **{f'{sensor.topic}_unusable': sensor.unusable for sensor, _ in self._sensors}}
@@ -213,7 +218,11 @@ class CollisionGuard(Module):
     def _limited(self, v: float, w: float) -> tuple[float, float]:
         """Limit both alike, so that the arc stays the same."""
         s = self.settings
-        fastest = s['linear_max_m_s']
+        if self._limits is not None and self._limits.latest():
+            asked_m_s = float(self._limits.msg.data)
+            if not math.isnan(asked_m_s):
+                self._asked_m_s = asked_m_s if asked_m_s > 0.0 else math.inf
+        fastest = min(s['linear_max_m_s'], self._asked_m_s)
         if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
             fastest = min(fastest, s['backward_max_m_s'])
         share = min(1.0, fastest / abs(v) if v else 1.0,

@@ -36,6 +36,9 @@ SETTINGS: Final = (
           'sensor_msgs/msg/Range'),
     Field('bumper_topic', str, '', 'Bumper, cliff and wheel-drop sensors, a std_msgs/msg/UInt8 '
           'of bits: 1 right, 2 centre, 4 left, 8 cliff, 16 wheel drop; empty: there are none'),
+    Field('speed_limit_topic', str, '', 'A lower largest speed than linear_max_m_s that somebody '
+          'asks for, such as the agent near people: a std_msgs/msg/Float64 in m/s that counts '
+          'until the next; 0: none; empty: nobody does'),
     Field('robot_radius_m', float, 0.2, 'Radius of a round robot', 'm', 0.01, 10.0),
     Field('footprint_m', list, [], 'How far a robot with corners reaches from base_link: to the '
           'front, to the back, to the left, to the right; empty: it is round', 'm', 0.0, 10.0,
