@@ -52,7 +52,7 @@ class ActivityLimits:
     :ivar still: the same by room, such as the bed.
     :ivar stay: in a room.
     :ivar away_ns: unseen after a way out; 0: as long as one likes.
-    :ivar blind_ns: without a word of any sensor, after which nothing is known.
+    :ivar blind_ns: without a word of a sensor that would see it, after which nothing is known.
     :ivar room_ns: in another room, after which that counts.
     """
 
@@ -92,11 +92,11 @@ class Activity:
 
     __slots__ = ('room', 'moved_ns', '_limits', '_heard_ns', '_seen_ns', '_at_exit', '_room_ns',
                  '_next_room', '_next_room_ns', '_placed_ns', '_moving', '_again_ns', '_active',
-                 '_now_ns')
+                 '_now_ns', '_home_ns')
 
     def __init__(self, limits: ActivityLimits) -> None:
         self.room = self._next_room = ''
-        self.moved_ns = self._heard_ns = self._seen_ns = self._room_ns = -1
+        self.moved_ns = self._heard_ns = self._home_ns = self._seen_ns = self._room_ns = -1
         self._next_room_ns = self._placed_ns = self._again_ns = -1
         self._limits = limits
         self._at_exit = False
@@ -106,8 +106,13 @@ class Activity:
 
     # ---- what is seen ------------------------------------------------------------------------
 
+    def home_heard(self, stamp_ns: int) -> None:
+        """Note that some sensor of the home spoke: who left is gone, not the network."""
+        self._home_ns = max(self._home_ns, stamp_ns)
+
     def heard(self, stamp_ns: int) -> None:
-        """Note that a sensor spoke that would see a movement, whatever it said."""
+        """Note that a sensor spoke that would see the person move, whatever it said."""
+        self.home_heard(stamp_ns)
         if self._heard_ns < 0 or stamp_ns - self._heard_ns > self._limits.blind_ns:
             self.moved_ns = stamp_ns  # what was before is not known
         self._heard_ns = max(self._heard_ns, stamp_ns)
@@ -213,7 +218,7 @@ class Activity:
             return math.inf
         due_ns = self._seen_ns + limit_ns
         # The other sensors still speak: it is the person who is gone, not the network.
-        return due_ns if due_ns <= self._heard_ns + self._limits.blind_ns else math.inf
+        return due_ns if due_ns <= self._home_ns + self._limits.blind_ns else math.inf
 
     def _room_due(self) -> float:
         if self._next_room_ns < 0 or self._placed_ns < self._next_room_ns + self._limits.room_ns:

@@ -123,6 +123,7 @@ class WatchedRules:
 
     :param rules: bound ones, by name.
     :param subscribe: subscribes to a topic.
+    :ivar heard_ns: stamp of the newest sample that was taken; -1 before.
     :ivar no_values: samples in which a field was no number, such as NaN: they are passed over.
     """
 
@@ -130,6 +131,7 @@ class WatchedRules:
                  ) -> None:
         self.states = dict(rules)
         self.no_values = 0
+        self.heard_ns = -1
         self._names = {id(state): name for name, state in self.states.items()}
         feeds: dict[str, Feed] = {}
         for state in self.states.values():
@@ -184,7 +186,9 @@ class WatchedRules:
         found: dict[int, list[tuple[RuleState, int, Value | None]]] = {}
         for take, wanted in self._feeds:
             while take.take():
-                changes = found.setdefault(min(take.stamp_ns, now_ns), [])
+                stamp_ns = min(take.stamp_ns, now_ns)
+                self.heard_ns = max(self.heard_ns, stamp_ns)
+                changes = found.setdefault(stamp_ns, [])
                 for state, number, read in wanted:
                     if read is None:
                         changes.append((state, number, None))

@@ -105,19 +105,22 @@ class Whereabouts(Module):
         rooms = rooms_from(name, settings)
         self._rooms = Rooms(rooms)
         self._movement = movement_from(name, settings)
+        self._exits = frozenset(settings['exits'])
         self._activity = Activity(limits_from(name, settings, rooms))
         self._place = PlaceEstimate(round(settings['timeout_s'] * NS_PER_S))
         worn = next((node for node in self._survey if node.person == self._person), None)
         self._nearest_topic = ''
         if worn is not None and 'nearest_node' in worn.quantities:
             self._nearest_topic = f'{settings["prefix"]}/{worn.token}/nearest_node'
+        self._worn_sensor = bool(
+            self._nearest_topic or self._movement or settings['pose_topic'])
         self._senses = Senses(settings, self._place, self._survey, worn.id if worn else -1)
         self._watched: WatchedRules | None = None
         self._reports: CauseReports | None = None
         self._wake_up = WakeUp(None, None)
         self._told: Sighting | None = None
         self._told_ns = -_TOLD_NS
-        self._begun = False
+        self._begun = self._has_network = False
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -175,6 +178,7 @@ class Whereabouts(Module):
         self._reports = CauseReports(self.causes, self.name)
         self._wake_up = WakeUp(self.kernel, self.task)
         self._feeds = self._all_feeds()
+        self._has_network = self.connected('network')
 
     def step(self) -> None:
         """Take what came in the order of its stamps, and let time pass between."""
@@ -220,10 +224,12 @@ class Whereabouts(Module):
                 continue
             sense = senses.nearest if what == 'nearest' else functools.partial(
                 senses.presence, nodes[name])
-            found.append((read, taking(read, 'data'), functools.partial(self._sense, sense)))
+            # Who wears something is watched by that: the rooms say nothing of who is still.
+            found.append((read, taking(read, 'data'), functools.partial(
+                self._sense, sense, what == 'nearest' or not self._worn_sensor)))
         if self.connected('pose'):
             found.append((self.pose, taking(self.pose, 'pose.position'),
-                          functools.partial(self._sense, senses.pose)))
+                          functools.partial(self._sense, senses.pose, True)))
         return found
 
     def _events(self, watched: WatchedRules, now_ns: int) -> list[_Event]:
@@ -232,22 +238,33 @@ class Whereabouts(Module):
             while read.take():
                 found.append((min(read.stamp_ns, now_ns), len(found),
                               functools.partial(handle, values())))
-        if self.connected('network') and self.network.take():
+        if self._has_network and self.network.take():
             rows = list(self.network.msg.data)
             found.append((min(self.network.stamp_ns, now_ns), len(found),
                           functools.partial(self._network, rows)))
-        for name, transition in watched.step(now_ns):
+        heard_ns = watched.heard_ns
+        transitions = list(watched.step(now_ns))
+        if watched.heard_ns > heard_ns:
+            found.append((watched.heard_ns, len(found), self._heard))
+        for name, transition in transitions:
             found.append((transition.time_ns, len(found), functools.partial(
                 self._activity.moving, name, transition.active)))
         found.sort(key=lambda event: event[:2])
         return found
 
     def _sense(self, sense: Callable[[tuple[float, ...], int], tuple[bool, bool]],
-               values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
+               personal: bool, values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
         seen, moved = sense(values, stamp_ns)
-        self._activity.heard(stamp_ns)
+        if personal:
+            self._activity.heard(stamp_ns)
+        else:
+            self._activity.home_heard(stamp_ns)
         found = self._seen(stamp_ns) if seen else []
         return found + self._activity.moved(stamp_ns) if moved else found
+
+    def _heard(self, stamp_ns: int) -> list[Finding]:
+        self._activity.heard(stamp_ns)
+        return []
 
     def _network(self, rows: list[float], stamp_ns: int) -> list[Finding]:
         return self._seen(stamp_ns) if self._senses.network(rows, stamp_ns) else []
@@ -261,7 +278,7 @@ class Whereabouts(Module):
         if best is None:
             return []
         return self._activity.seen(self._rooms.at(best.x, best.y),
-                                   best.node in self.settings['exits'], stamp_ns)
+                                   bool({best.node, self._senses.latest} & self._exits), stamp_ns)
 
     # ---- words -------------------------------------------------------------------------------
 

@@ -56,6 +56,8 @@ class Senses:
         self._worn = worn
         self._others: dict[str, Sighting] = {}
         self._nearest = ''
+        #: The node that the last report of the worn one named, however unsteady that is.
+        self.latest = ''
         self._network_ns = -_NEW_NS
         self._anchor = (math.nan, math.nan)
 
@@ -79,6 +81,7 @@ class Senses:
         heard = self._nodes.get(int(number)) if math.isfinite(number) else None
         if heard is None:
             return False, False
+        self.latest = heard.token
         name = self._place.vote(heard.token, stamp_ns)
         node = next(each for each in self._nodes.values() if each.token == name)
         moved = bool(self._nearest) and name != self._nearest
@@ -96,6 +99,7 @@ class Senses:
                 node.x, node.y, range_m, stamp_ns, self._others.values()):
             return False, False
         self._place.put(Sighting(node.x, node.y, range_m / 2, 'presence', node.token, stamp_ns))
+        self.latest = ''
         return True, True
 
     def other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> None:
