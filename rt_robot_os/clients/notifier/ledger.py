@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable
+from collections.abc import Mapping
 from enum import Enum
 import json
 from typing import Any
@@ -91,14 +92,18 @@ class Ledger:
                 key, str(found.get('channel', '')), done,
                 str(found.get('text', ''))[:TEXT_LETTERS]))
 
-    def take(self, key: str) -> Verdict:
-        """Take a notification that came; one that is new or begun again is under way now."""
+    def take(self, key: str, doubtful: bool = False) -> Verdict:
+        """
+        Take a notification that came; one that is new or begun again is under way now.
+
+        :param doubtful: an earlier life may have told it, and not have been able to keep that.
+        """
         known = self._known.get(key)
         if isinstance(known, Report):
             return Verdict.DONE
         if known is False:
             return Verdict.RUNNING
-        verdict = Verdict.AGAIN if key in self._known else Verdict.NEW
+        verdict = Verdict.AGAIN if doubtful or key in self._known else Verdict.NEW
         self._put(key, False)
         return verdict
 
@@ -131,6 +136,16 @@ class Ledger:
         self._known.move_to_end(key)
         while len(self._known) > self._remembered:
             self._known.popitem(last=False)
+
+
+def is_doubtful(content: Mapping[str, Any], stamp_ns: int, start_ns: int) -> bool:
+    """
+    Return whether an earlier life of the notifier may have told a notification.
+
+    :param stamp_ns: when it was sent.
+    :param start_ns: when this life began, on the same clock.
+    """
+    return stamp_ns < start_ns or content.get('again') is True
 
 
 def _line(found: dict[str, Any]) -> str:

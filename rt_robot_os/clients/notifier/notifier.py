@@ -31,6 +31,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.clients.notifier.courier import Courier
+from rt_robot_os.clients.notifier.ledger import is_doubtful
 from rt_robot_os.clients.notifier.ledger import Ledger
 from rt_robot_os.clients.notifier.ledger import Report
 from rt_robot_os.clients.notifier.ledger import TEXT_LETTERS
@@ -81,6 +82,7 @@ class Notifier:
         self._counters = {'taken': 0, 'again': 0, 'duplicates': 0, 'malformed': 0, 'missed': 0,
                           'unknown_channel': 0}
         self._beat_s = 0.0
+        self._start_ns = time.monotonic_ns()
         self.couriers = {each.name: Courier(each, self._begin, self._end, settings.expires_s)
                          for each in settings.channels}
         self.link = LastingClient(path, 'notifier', self._connect, tell)
@@ -133,7 +135,8 @@ class Notifier:
             return
         self._counters['taken'] += 1
         with self._lock:
-            verdict = self._ledger.take(notification.key)
+            verdict = self._ledger.take(notification.key, is_doubtful(
+                notification.content, stamp_ns, self._start_ns))
             known = self._ledger.report(notification.key)
         if known is not None:
             self._counters['duplicates'] += 1
