@@ -130,6 +130,7 @@ class Delivery:
     :ivar key: tells it from all others; the same when it is sent again after a restart.
     :ivar due_ns: without a report until then it has failed; 0 when that is decided.
     :ivar ok: what was reported; None as long as nothing was.
+    :ivar again: it was sent before a restart, too.
     """
 
     key: str
@@ -137,6 +138,7 @@ class Delivery:
     step: int
     due_ns: int = 0
     ok: bool | None = None
+    again: bool = False
 
 
 @dataclass

@@ -44,6 +44,7 @@ from rt_robot_os.alarms.lasting import Lasting
 from rt_robot_os.alarms.rules import Rules
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
+from rt_robot_os.units import NS_PER_US
 
 #: The subject of what is wrong with the book itself.
 SELF: Final = 'alarms'
@@ -98,6 +99,10 @@ class Book:
         changed, self._changed = self._changed, {}
         return [Change(alarm, tuple(events), tuple(sends))
                 for alarm, events, sends in changed.values()]
+
+    def begin_life(self, t_ns: int) -> None:
+        """Begin to make keys that no life before this one has made."""
+        self._escalation.life = f'{t_ns // NS_PER_US:x}'
 
     def in_order(self) -> list[Alarm]:
         """Return the open alarms: the worst first, then the oldest."""

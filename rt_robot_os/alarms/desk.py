@@ -109,6 +109,7 @@ class Desk:
     def start(self, t_ns: int) -> None:
         """Begin: from now on the journal has its time to give back what it keeps."""
         self._started = True
+        self.book.begin_life(t_ns)
         self._start_until_ns = t_ns + self._wait_ns
 
     def take_cause(self, cause: Cause, t_ns: int) -> None:
@@ -279,7 +280,7 @@ class Desk:
         notification = Notification(
             key, delivery.channel, alarm.id, delivery.step, alarm.level.name.lower(),
             alarm.subject, _words(alarm, delivery.step, steps), alarm.kinds, alarm.node, alarm.x,
-            alarm.y, tuple(alarm.pictures))
+            alarm.y, tuple(alarm.pictures), delivery.again)
         # The robot's voice is heard here and now; nobody hears it twice after a restart.
         if not self._has_journal or self._faulty or delivery.channel == ROBOT:
             self._notifications.append(notification)

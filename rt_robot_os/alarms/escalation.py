@@ -62,6 +62,7 @@ class Notification(NamedTuple):
     What is to be told to whom.
 
     :ivar key: tells it from all others; the same when it is sent again after a restart.
+    :ivar again: it was sent before a restart, too.
     """
 
     key: str
@@ -76,13 +77,14 @@ class Notification(NamedTuple):
     x: float
     y: float
     pictures: tuple[str, ...]
+    again: bool = False
 
     def to_text(self) -> str:
         """Return it as JSON; what is not known is left out."""
         found: dict[str, Any] = {**self._asdict(), 'kinds': list(self.kinds),
                                  'pictures': list(self.pictures)}
         return compact({name: value for name, value in found.items()
-                        if value != '' and value == value and value != []})
+                        if value != '' and value == value and value != [] and value is not False})
 
 
 class Told(Protocol):
@@ -149,6 +151,8 @@ class Escalation:
     :param steps: by level.
     :param told: what becomes of it.
     :ivar floor_ns: nobody was there before: what was missed until then is not made up for.
+    :ivar life: ends all keys that it makes. What was told while the disk was full is not known
+        after a restart, and must not be taken for what is told then.
     """
 
     def __init__(self, steps: Mapping[Level, tuple[Step, ...]], delivery_timeout_ns: int,
@@ -157,6 +161,7 @@ class Escalation:
         self._timeout_ns = delivery_timeout_ns
         self._told = told
         self.floor_ns = 0
+        self.life = ''
 
     def steps_of(self, alarm: Alarm) -> tuple[Step, ...]:
         """Return the steps of an alarm's level."""
@@ -220,7 +225,7 @@ class Escalation:
         """Go on after a restart: what nobody reported of is sent again, under its key."""
         for each in alarm.deliveries.values():
             if each.due_ns:
-                each.due_ns = t_ns + self._timeout_ns
+                each.due_ns, each.again = t_ns + self._timeout_ns, True
                 self._told.send(alarm, each)
         if not 0 <= alarm.step < len(self.steps_of(alarm)):
             self.begin(alarm, t_ns)  # the settings have other steps than before
@@ -261,6 +266,7 @@ class Escalation:
                   for key, each in list(alarm.deliveries.items()) if each.step == step}
         for channel in channels:
             key = f'{alarm.id}.{alarm.round}.{step}.{alarm.sent}.{channel}'
+            key += f'.{self.life}' if self.life else ''
             due_ns = before[channel].due_ns if channel in before else 0
             alarm.deliveries[key] = Delivery(key, channel, step, due_ns or (
                 max(t_ns, self.floor_ns) + self._timeout_ns))

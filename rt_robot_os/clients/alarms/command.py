@@ -64,6 +64,17 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('level', nargs='?', default='technical',
                      choices=('technical', 'warning', 'urgent', 'critical'))
     _add_who(one)
+    one = _add(commands, 'journal', _journal, 'show what the journal of alarms holds',
+               robot=False)
+    one.add_argument('file', nargs='?', default='', metavar='FOLDER',
+                     help='its folder or a file of it (default: alarms in $ROS_HOME or ~/.ros)')
+    one = _add(commands, 'rehearse', _rehearse, 'have thousands of emergencies happen, in '
+               'virtual time and without a robot, while everything that can fail does',
+               robot=False)
+    one.add_argument('--alarms', type=int, default=10_000, metavar='N')
+    one.add_argument('--seed', type=int, default=1, metavar='N')
+    one.add_argument('--scene', type=int, default=0, metavar='N',
+                     help='begin with this one, to look at it again')
     one = _add(commands, 'silence', _silence, "silence the robot's voice for a while")
     one.add_argument('seconds', nargs='?', type=float, default=60.0, metavar='SECONDS')
     _add_who(one)
@@ -71,10 +82,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add(commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str,
-         run_it: object, what: str) -> argparse.ArgumentParser:
+         run_it: object, what: str, robot: bool = True) -> argparse.ArgumentParser:
     one = commands.add_parser(name, help=what, description=what[0].upper() + what[1:] + '.',
                               allow_abbrev=False)
-    add_robot_option(one)
+    if robot:
+        add_robot_option(one)
     one.add_argument('--json', action='store_true', help='print JSON')
     one.set_defaults(run=run_it)
     return one
@@ -139,6 +151,30 @@ def _test(arguments: argparse.Namespace) -> int:
 
 def _silence(arguments: argparse.Namespace) -> int:
     return _ask(arguments, 'silence', f'{arguments.seconds:g}')
+
+
+def _journal(arguments: argparse.Namespace) -> int:
+    from rt_robot_os.clients.alarms import history  # takes long to import: not for the others
+
+    found = history.find(arguments.file)
+    if arguments.json:
+        print(json.dumps(history.as_dict(found), indent=1))
+    else:
+        print(*history.lines(found), sep='\n')
+    return OK
+
+
+def _rehearse(arguments: argparse.Namespace) -> int:
+    from rt_robot_os.clients.alarms.rehearsal import rehearse
+
+    if arguments.alarms < 1:
+        raise ConfigError([f'--alarms {arguments.alarms}: must be at least 1'])
+    result = rehearse(arguments.alarms, arguments.seed, arguments.scene)
+    if arguments.json:
+        print(json.dumps(result.as_dict(), indent=1))
+    else:
+        print(*result.lines(), sep='\n')
+    return OK if result.passed else FAILED
 
 
 def _ask(arguments: argparse.Namespace, verb: str, about: str, why: str = '') -> int:

@@ -29,6 +29,7 @@ from collections import deque
 from dataclasses import asdict
 from dataclasses import dataclass
 from dataclasses import field
+from functools import partial
 import hashlib
 from random import Random
 from typing import Any
@@ -117,9 +118,29 @@ class Result:
     scenes_lost: list[int] = field(default_factory=list)
     digest: str = ''
 
+    @property
+    def passed(self) -> bool:
+        """Return whether nothing was lost and nothing shown twice."""
+        return not (self.lost or self.shown_twice)
+
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
-        return {**asdict(self), 'went_wrong': dict(sorted(self.went_wrong.items()))}
+        return {'passed': self.passed, **asdict(self),
+                'went_wrong': dict(sorted(self.went_wrong.items()))}
+
+    def lines(self) -> list[str]:
+        """Return it for people."""
+        wrong = ', '.join(f'{count} {what.replace("_", " ")}'
+                          for what, count in sorted(self.went_wrong.items()))
+        return [
+            f'{self.alarms} emergencies in {self.virtual_hours:g} hours of virtual time:',
+            f'  {self.acknowledged} acknowledged, {self.top} told up to the top',
+            f'  {self.lost} lost', f'  {self.shown} notifications shown, {self.shown_twice} of '
+            f'them twice; {self.folded} came again and said so',
+            f'  {self.told_anew} alarms begun anew after a crash with a full disk',
+            f'what went wrong: {wrong}',
+            *([f'scenes with losses: {", ".join(map(str, self.scenes_lost))}'] if (
+                self.scenes_lost) else []), f'digest {self.digest}']
 
 
 class Scene:
@@ -153,7 +174,7 @@ class Scene:
         at_ns = 0
         for each in self.all.values():
             at_ns += round(random.expovariate(1 / 40.0) * NS_PER_S)
-            self.timeline.after(at_ns, lambda each=each: self._begin(each))  # type: ignore[misc]
+            self.timeline.after(at_ns, partial(self._begin, each))
         self._last_ns = self.timeline.now_ns + at_ns
         for what in _EVERY_S:
             self._plan(what)
@@ -189,6 +210,10 @@ class Scene:
         if each.active:
             self._publish(each)
             self.timeline.after(_REFRESH_NS, lambda: self._refresh(each))
+
+    def _publish_if_active(self, each: Emergency) -> None:
+        if each.active:
+            self._publish(each)
 
     def _over(self, each: Emergency) -> None:
         each.active = False
@@ -243,7 +268,7 @@ class Scene:
             self._connect(self._notifier)
         for each in self.all.values():
             if each.active:
-                self._after(0.1, 2.0, lambda each=each: each.active and self._publish(each))
+                self._after(0.1, 2.0, partial(self._publish_if_active, each))
         self._settle()
 
     def _open_journal(self) -> None:
@@ -336,7 +361,12 @@ class Scene:
 
     def _connect(self, notifier: NotifierProcess) -> None:
         ring = list(self._ring)
-        self._after(0.05, 0.5, lambda: self._notifier is notifier and notifier.connect(ring))
+
+        def connect() -> None:
+            if self._notifier is notifier:
+                notifier.connect(ring)
+
+        self._after(0.05, 0.5, connect)
 
     # ---- what goes wrong ---------------------------------------------------------------------
 
@@ -406,7 +436,12 @@ class Scene:
             return
         self._desk.take_stored({'fault': 'its process has ended'}, self._core_ns())
         self._settle()
-        self._after(0.3, 3.0, lambda: life == self._life and self._open_journal())
+
+        def reopen() -> None:
+            if self._desk is not None and life == self._life:
+                self._open_journal()
+
+        self._after(0.3, 3.0, reopen)
 
     def _end_notifier(self) -> None:
         if self._notifier is not None:

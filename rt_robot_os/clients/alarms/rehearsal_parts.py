@@ -241,8 +241,7 @@ class NotifierProcess:
         if self._timeline.now_ns - stamp_ns > _EXPIRES_NS:
             self._end(Report(found['key'], channel, False, 'too old'))
             return
-        self._keep(self._ledger.begun(found['key'], channel))
-        if not self.ended:
+        if self._keep(self._ledger.begun(found['key'], channel)):
             self._timeline.after(self._ms(1, 400), lambda: self._show(found, again))
 
     def _show(self, found: dict[str, Any], again: bool) -> None:
@@ -260,15 +259,13 @@ class NotifierProcess:
     def _end(self, report: Report) -> None:
         if self.ended:
             return
-        self._keep(self._ledger.end(report))
-        if self.ended:
-            return
-        self._tell(report)
-        self._busy.discard(report.channel)
-        self._next(report.channel)
+        if self._keep(self._ledger.end(report)):
+            self._tell(report)
+            self._busy.discard(report.channel)
+            self._next(report.channel)
 
-    def _keep(self, line: str) -> None:
-        """Write a line as the real store does: whole and synced, or not at all."""
+    def _keep(self, line: str) -> bool:
+        """Write a line as the real store does, whole or not at all; False when that kills it."""
         store, size = self._store, len(self._store.read(MEMORY))
         try:
             try:
@@ -279,6 +276,7 @@ class NotifierProcess:
         except Killed:
             self.ended = True
             self._timeline.after(0, self._killed)
+        return not self.ended
 
     def _ms(self, least: float, most: float) -> int:
         return round(self._random.uniform(least, most) * NS_PER_MS)
