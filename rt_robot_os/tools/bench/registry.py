@@ -24,6 +24,7 @@ from rt_robot_os.tools.bench.cases import capture
 from rt_robot_os.tools.bench.cases import control
 from rt_robot_os.tools.bench.cases import delay
 from rt_robot_os.tools.bench.cases import devices
+from rt_robot_os.tools.bench.cases import emergency
 from rt_robot_os.tools.bench.cases import frequency
 from rt_robot_os.tools.bench.cases import kernel
 from rt_robot_os.tools.bench.cases import load
@@ -46,6 +47,6 @@ from rt_robot_os.tools.bench.cases import wakeup
 
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
-    serial.CASE, sink.CASE, reaction.CASE, trajectory.CASE, mirror.CASE, capture.CASE, wakeup.CASE,
-    throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
+    serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
+    capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
     control.CASE, devices.CASE, routing.CASE, network.CASE, start.START, start.MEMORY)})

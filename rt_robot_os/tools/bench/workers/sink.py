@@ -127,7 +127,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     interval_ns = arguments['interval_ns']
     if interval_ns:
         for number in range(arguments['count']):
-            _send(master, sleeper, sine(number), begin_ns + number * interval_ns, 1, sent, number)
+            send(master, sleeper, sine(number), begin_ns + number * interval_ns, 1, sent, number)
     else:
         _flood(master, sleeper, begin_ns, begin_ns + arguments['measure_ns'], sent)
     while True:
@@ -136,7 +136,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
 
 def _flood(master: int, sleeper: Sleeper, at_ns: int, end_ns: int, sent: Moments) -> None:
     for content, alarm in mixture():
-        at_ns = _send(master, sleeper, content, at_ns, _PIECE, sent, alarm)
+        at_ns = send(master, sleeper, content, at_ns, _PIECE, sent, alarm)
         if at_ns > end_ns:
             return
 
@@ -154,7 +154,7 @@ def mixture() -> Iterator[tuple[bytes, int]]:
             alarm += 1
 
 
-def _send(master: int, sleeper: Sleeper, content: bytes, at_ns: int, piece: int, sent: Moments,
+def send(master: int, sleeper: Sleeper, content: bytes, at_ns: int, piece: int, sent: Moments,
           number: int) -> int:
     """Send a frame that begins at a moment, piece by piece; return when it is over."""
     for begin in range(0, len(content), piece):
