@@ -110,7 +110,8 @@ def times_of(settings: RobotSettings, wiring: Wiring, typical: Typical) -> Typic
         times_us[device.name] = known.execution_us * max(1.0, polled / known.samples)
         if known.arrival_us:
             times_us[f'{device.name}/arrival'] = known.arrival_us
-            rates_hz[f'{device.name}/arrival'] = known.arrivals * samples_hz
+            # One whose topics come when something happens, such as a journal: as often as polled.
+            rates_hz[f'{device.name}/arrival'] = known.arrivals * (samples_hz or device.rate_hz)
     times_us.update({module.name: typical.modules[module.type] for module in settings.modules
                      if module.type in typical.modules})
     return TypicalTimes({name: round(time_us * NS_PER_US) for name, time_us in times_us.items()},

@@ -42,7 +42,7 @@ class Source:
     """
     A task that publishes a topic.
 
-    :ivar task: its name.
+    :ivar task: its name; empty for the world outside.
     :ivar priority: of the task.
     :ivar task_rate_hz: how often it runs by its timer; 0 without.
     :ivar topic_rate_hz: how often it publishes the topic; 0 when it may in each job.
@@ -201,12 +201,13 @@ class Wiring:
         Return a source as its reader has to count with it.
 
         A coroutine may answer those whose topics it awaits. The answer releases them, but is not
-        answered in turn without end: it comes at most as often as the coroutine has rounds.
+        answered in turn without end: it comes at most as often as the coroutine has rounds, and is
+        counted as what comes from outside, for a circle of releases has no bound.
         """
         rounds_hz = self._own_rounds_hz.get(source.task, 0.0)
         if rounds_hz and any(each.task == reader for topic in self._awaited.get(source.task, ())
                              for each in self._sources.get(topic, ())):
-            return replace(source, topic_rate_hz=rounds_hz)
+            return Source('', source.priority, 0.0, rounds_hz)
         return source
 
 

@@ -77,6 +77,8 @@ _FIFO: Final = 70
 _CHUNK: Final = 4096
 _FROM_S, _TO_S = 0.03, 0.09
 _PATIENCE_S: Final = 3.0
+# Until the program that is measured runs.
+_START_S: Final = 30.0
 _TAIL_NS: Final = NS_PER_S // 5
 # So long the operator looks on before the emergency is resolved.
 _RESOLVE_NS: Final = 30 * NS_PER_MS
@@ -100,6 +102,7 @@ def world(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     linux_realtime.set_fifo(_FIFO)  # where it may: it is the clock of the measurement
     ready()
     motors = _Motors(board)
+    motors.serve(_START_S, lambda: motors.asked)
     motors.serve(arguments['delay_ns'] / NS_PER_S)
     for number in range(arguments['count']):
         motors.serve(_PATIENCE_S, lambda: motors.speeds == _STILL)
@@ -127,11 +130,13 @@ class _Motors:
 
     :ivar speeds: in counts for each round of its loop.
     :ivar at_first: called when they begin to turn.
+    :ivar asked: somebody has begun to talk to it.
     """
 
     def __init__(self, board: int) -> None:
         self.speeds = _STILL
         self.at_first: Callable[[], object] = bool
+        self.asked = False
         self._board = board
         self._held = b''
         self._counts = [0.0, 0.0]
@@ -147,6 +152,7 @@ class _Motors:
                     os.write(self._board, self._answer(each.strip()) + b'\r\n')
 
     def _answer(self, order: bytes) -> bytes:
+        self.asked = True
         self._turn()
         if order == b'e':
             return b'%d %d' % tuple(self._counts)
@@ -335,6 +341,7 @@ def plain(harness: Harness) -> Measured:
 
 
 def _serve(sink: int, board: int, end_ns: int) -> None:
+    os.write(board, wire.BAUD)
     reader, decoder = FrameReader(), PacketDecoder(TINYOS_1.name)
     until_ns = end_ns
     while (now_ns := time.monotonic_ns()) < end_ns:
