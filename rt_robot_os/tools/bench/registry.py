@@ -48,5 +48,5 @@ from rt_robot_os.tools.bench.cases import wakeup
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
-    capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE, localization.CASE,
-    control.CASE, devices.CASE, routing.CASE, network.CASE, start.START, start.MEMORY)})
+    capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE,
+    localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE, start.START, start.MEMORY)})

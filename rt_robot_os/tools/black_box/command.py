@@ -27,6 +27,7 @@ from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.programs import OK
+from rt_robot_os.tools.black_box import chain_text
 from rt_robot_os.tools.black_box import chart_of
 from rt_robot_os.tools.black_box import default_folder
 from rt_robot_os.tools.black_box import DumpFile
@@ -68,6 +69,14 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('--last', type=int, default=40, metavar='N',
                      help='events at the end (default %(default)s)')
+
+    one = commands.add_parser('chain', help='write which jobs released which, from one task to '
+                              'another')
+    one.add_argument('tasks', metavar='FROM,..,TO', help='tasks or devices on the way, such as '
+                     'sink,agent,base')
+    one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
+    one.add_argument('--last', type=int, default=3, metavar='N',
+                     help='chains at the end, besides the longest (default %(default)s)')
 
     one = commands.add_parser('export', help='convert it for other programs')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
@@ -126,6 +135,15 @@ def _show(arguments: argparse.Namespace) -> None:
     sys.stdout.write(show(history, arguments.last, found.facts))
 
 
+def _chain(arguments: argparse.Namespace) -> None:
+    names = [name.strip() for name in arguments.tasks.split(',')]
+    if len(names) < 2 or not all(names) or arguments.last < 0:
+        raise BlackBoxError(f'{arguments.tasks} --last {arguments.last}: name two tasks or more '
+                            'with commas between, such as sink,base, and 0 chains or more')
+    _, history = _read(arguments)
+    sys.stdout.write(chain_text(history, names, arguments.last))
+
+
 def _export(arguments: argparse.Namespace) -> None:
     found, history = _read(arguments)
     document = perfetto_document(history, str(found.facts.get('robot', 'robot')), found.facts)
@@ -169,7 +187,8 @@ def _moment(time_s: float, option: str, history: History) -> int:
     return history.to_ns + round(time_s * NS_PER_S)
 
 
-_COMMANDS = {'dump': _dump, 'list': _list, 'show': _show, 'export': _export, 'plot': _plot}
+_COMMANDS = {'dump': _dump, 'list': _list, 'show': _show, 'chain': _chain, 'export': _export,
+             'plot': _plot}
 
 
 def run(argv: Sequence[str]) -> int:

@@ -25,6 +25,9 @@ from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import dumps
 from rt_robot_os.dumps.folder import file_name
 from rt_robot_os.dumps.folder import newest
+from rt_robot_os.tools.black_box.chains import Chain
+from rt_robot_os.tools.black_box.chains import chain_text
+from rt_robot_os.tools.black_box.chains import find_chains
 from rt_robot_os.tools.black_box.chart import Chart
 from rt_robot_os.tools.black_box.chart import chart_of
 from rt_robot_os.tools.black_box.chart import window
@@ -37,7 +40,7 @@ from rt_robot_os.tools.black_box.perfetto import perfetto_document
 from rt_robot_os.tools.black_box.text_report import show
 
 __all__ = [
-    'Chart', 'chart_of', 'default_folder', 'DumpFile', 'dumps', 'file_name', 'History', 'Job',
-    'join', 'newest', 'Outcome', 'parts', 'perfetto_document', 'read_dump', 'save_chart', 'show',
-    'understand', 'window', 'write_parts',
+    'Chain', 'chain_text', 'Chart', 'chart_of', 'default_folder', 'DumpFile', 'dumps', 'file_name',
+    'find_chains', 'History', 'Job', 'join', 'newest', 'Outcome', 'parts', 'perfetto_document',
+    'read_dump', 'save_chart', 'show', 'understand', 'window', 'write_parts',
 ]

@@ -49,8 +49,9 @@ class _Here(Harness):
 
 def test_every_alarm_on_the_wire_turns_the_wheels_on_theirs(tmp_path: Path) -> None:
     pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
-    measured = emergency.realtime(_Here({'busy': 1, 'alone': False, 'count': 3, 'start_ns': 300 * MS,
-                                         'measure_ns': 400 * MS}, UNPINNED, 0, tmp_path))
+    measured = emergency.realtime(_Here({
+        'busy': 1, 'alone': False, 'count': 3, 'start_ns': 300 * MS, 'measure_ns': 400 * MS},
+        UNPINNED, 0, tmp_path))
     assert len(measured.samples['delay_ns']) > 0
     assert (measured.samples['delay_ns'] > 0).all()
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The case `emergency`: from an alarm frame on the sink's wire to a command on the motors' wire."""
+"""The case `emergency`: from an alarm on the sink's wire to a command on the motors' wire."""
 
 from __future__ import annotations
 
@@ -53,18 +53,18 @@ _COLUMNS = (
     Column('answered', 'of sent', '%', 'turned'))
 _NOTES = (
     'A process that plays the world is the sink mote of a sensor network on one pty and a motor',
-    'board (Arduino) on another. While the robot stands a smoke detector tells of smoke, byte by',
-    'byte at 57,600 bps; the time counts from its last byte until the board is told to turn.',
-    'rt_robot_os: a core with the modules that ship with it. The sink sorts the packet, a reading',
-    'comes of it, a rule finds it to be smoke, the alarm is raised, the agent turns towards the',
-    'place, multiplexer and collision guard let it pass, the driver of the board sends it; eight',
-    'tasks with priorities of their own. The journal writes the alarm to the disk beside it, and',
-    'somebody resolves it 30 ms later. Threads: one thread reads the sink and turns the wheels',
-    'itself, without any of that; nothing can be shorter. "Computing": so many tasks of the lowest',
-    'priority, or threads, compute 4 ms of every 97 ms each; 20 ask for 80 % of a CPU. Linux hands',
-    'serial bytes on by threads of its work queues, twice on this way; they wait behind what',
-    'computes on their CPU, so they are kept off it, as the program doctor advises. "Queues here":',
-    'they are not.')
+    'board (Arduino) on another. While the robot stands a smoke detector tells of smoke, byte',
+    'by byte at 57,600 bps; the time counts from its last byte until the board is told to turn.',
+    'rt_robot_os: a core with the modules that ship with it. The sink sorts the packet, a',
+    'reading comes of it, a rule finds it to be smoke, the alarm is raised, the agent turns',
+    'towards the place, multiplexer and collision guard let it pass, the driver of the board',
+    'sends it; eight tasks with priorities of their own. The journal writes the alarm to the',
+    'disk beside it, and somebody resolves it 30 ms later. Threads: one thread reads the sink',
+    'and turns the wheels itself, without any of that; nothing can be shorter. "Computing": so',
+    'many tasks of the lowest priority, or threads, compute 4 ms of every 97 ms each; 20 ask',
+    'for 80 % of a CPU. Linux hands serial bytes on by threads of its work queues, twice on',
+    'this way; they wait behind what computes on their CPU, so they are kept off it, as the',
+    'program doctor advises. "Queues here": they are not.')
 _WORKERS = 'rt_robot_os.tools.bench.workers.emergency'
 _RT = ('rt', 'rt_robot_os', 'realtime', FIFO_PRIORITY)
 _PLAIN = ('plain', 'threads', 'plain', 0)

@@ -178,7 +178,8 @@ class _Motors:
 class Pose(Module):
     """Knows that the robot is where it was, as localization does."""
 
-    pose = Output('pose', 'geometry_msgs/msg/PoseWithCovarianceStamped', {'header.frame_id': 'map'})
+    pose = Output('pose', 'geometry_msgs/msg/PoseWithCovarianceStamped',
+                  {'header.frame_id': 'map'})
 
     def step(self) -> None:
         """Publish where it is, and how well that is known."""

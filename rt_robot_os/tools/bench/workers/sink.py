@@ -155,7 +155,7 @@ def mixture() -> Iterator[tuple[bytes, int]]:
 
 
 def send(master: int, sleeper: Sleeper, content: bytes, at_ns: int, piece: int, sent: Moments,
-          number: int) -> int:
+         number: int) -> int:
     """Send a frame that begins at a moment, piece by piece; return when it is over."""
     for begin in range(0, len(content), piece):
         end = min(begin + piece, len(content))
