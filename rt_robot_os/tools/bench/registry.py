@@ -49,4 +49,5 @@ CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
     capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE,
-    localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE, start.START, start.MEMORY)})
+    localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE, start.START,
+    start.MEMORY)})
