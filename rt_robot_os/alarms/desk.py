@@ -64,7 +64,6 @@ class Held(NamedTuple):
 
     seq: int
     until_ns: int
-    round: int  # noqa: A003
     notification: Notification
 
 
@@ -90,7 +89,7 @@ class Desk:
         # Whether it need not be waited for any more, and whether it has given back what it keeps.
         self._restored = not journal
         self._has_read = False
-        self._start_until_ns = 0
+        self._start_until_ns = self._began_ns = 0
         self._started = False
         self._waiting: deque[tuple[int, Callable[[int], None]]] = deque()
         self._found: dict[str, dict[str, Any]] = {}
@@ -287,7 +286,8 @@ class Desk:
             return
         if len(self._held) >= _HELD_MOST:
             self._notifications.append(self._held.popleft().notification)
-        self._held.append(Held(self._seq, t_ns + self._wait_ns, alarm.round, notification))
+        until_ns = max(t_ns, self._began_ns) + self._wait_ns
+        self._held.append(Held(self._seq, until_ns, notification))
 
     def _release(self, held: Held) -> None:
         """Let a notification go, if it is not out of date by now."""
@@ -351,6 +351,7 @@ class Desk:
             late, self._restored = self._restored, True
             self.book.unsaved = False
             self._renumber()
+            self._began_ns = t_ns
             self.book.restore(self._read_alarms(t_ns), t_ns)
             self._settle(t_ns)
             self.advance(t_ns)
