@@ -51,7 +51,7 @@ class Robot:
         given = {'critical_steps': STEPS, **given}
         if not journal:
             given['stored_topic'] = ''
-        self.module = self.bench.add(Alarms, rate_hz=1.0, priority=41, **given)
+        self.module = self.bench.add(Alarms, rate_hz=10.0, priority=41, **given)
         self.outputs = {name: self.bench.watch(name) for name in (
             'alarms/events', 'alarms/notify', 'alarms/answer', 'alarms/list', 'agent/say',
             *(('alarms/journal',) if journal else ()))}

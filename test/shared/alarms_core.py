@@ -71,7 +71,8 @@ class Core:
         self.process = start_core(self.folder)
         self.client = wait_until(self._connect, 'the core')
         self._channels = {f'alarms/{name}': self.client.advertise(f'alarms/{name}')
-                          for name in TOPICS}
+                          for name in (*TOPICS, 'causes')
+                          if f'alarms/{name}' in self.client.topics}
         for topic in ('alarms/command', 'alarms/report', 'notifier/heartbeat', *topics):
             self._hear(self.client, topic)
         self._stopping = False

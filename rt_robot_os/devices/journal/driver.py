@@ -79,7 +79,7 @@ class Journal(Device):
         self._connection: socket.socket | None = None
         self._stop: Callable[[], object] | None = None
         self._ready = False
-        self._pinged_ns = 0
+        self._pinged_ns = self._stamp_ns = 0
         self._lost = 0
         self._bytes = self._frames = self._samples = self._rejected = self._last_ns = 0
         self._told: dict[str, int] = {'records': 0, 'records_not_ready': 0, 'resends': 0}
@@ -219,8 +219,10 @@ class Journal(Device):
         raise DeviceError(f'{self.name}: {text}')
 
     def _publish(self, text: str, now_ns: int) -> None:
+        # Each stamp behind the one before, as recordings keep them.
+        self._stamp_ns = max(now_ns, self._stamp_ns + 1)
         self.stored.msg.data = text
-        self.stored.publish(now_ns)
+        self.stored.publish(self._stamp_ns)
 
     def _send(self, data: bytes) -> None:
         if self._connection is None:

@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from collections.abc import Iterable
 from collections.abc import Mapping
-from collections.abc import Sequence
 from functools import partial
 import json
 from typing import Any
@@ -39,27 +39,27 @@ from rt_robot_os.alarms.desk import parse_report
 from rt_robot_os.alarms.desk import RECORD_BYTES
 from rt_robot_os.alarms.escalation import Notification
 from rt_robot_os.alarms.escalation import ROBOT
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.alarms.listing import LIST_BYTES
 from rt_robot_os.modules.alarms.listing import list_text
 from rt_robot_os.modules.alarms.settings import rules_of
 from rt_robot_os.modules.alarms.settings import SETTINGS
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.wake_up import WakeUp
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _TEXT: Final = CAUSES_MESSAGE
 _EVENT_BYTES: Final = 6000
 _ANSWER_BYTES: Final = 2000
 _SAY_BYTES: Final = 1000
-# Inputs of one topic that one job takes, and records that it sends; the rest follows at once.
-_A_JOB: Final = 8
+# Inputs of one topic that one job takes, and records that it sends; the next takes the others.
+_A_JOB: Final = 16
 _RECORDS_A_JOB: Final = 16
-_SOON_NS: Final = NS_PER_MS
 _LIST_PERIOD_NS: Final = 5 * NS_PER_S
 # What happened that long ago needs no warning any more; the counters keep it.
 _TOLD_NS: Final = 60 * NS_PER_S
@@ -96,9 +96,20 @@ class Alarms(Module):
         self._last_ns = self._list_ns = 0
         self._refused = ''
         self._refused_ns = 0
-        self._wake_up: WakeUp | None = None
 
     # ---- life --------------------------------------------------------------------------------
+
+    def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
+        """
+        Declare the outputs.
+
+        :raises ConfigError: it has no rate.
+        """
+        if not rate_hz:
+            # Not timers of its own: jobs at a rate are released in a replay as they were.
+            raise ConfigError([f'{self.name}.rate_hz is missing: it looks so often whether the '
+                               'time of something has come; write rate_hz: 10.0'])
+        super().declare(bus, rate_hz, max_subscribers)
 
     def connected(self, attribute: str) -> bool:
         """Leave alone what has no topic; without answers of a journal there is none."""
@@ -106,31 +117,24 @@ class Alarms(Module):
             return False
         return bool(self.topic_of(attribute))
 
-    def activate(self) -> None:
-        """Prepare to be woken at deadlines; the journal's time begins with the first job."""
-        self._wake_up = WakeUp(self.kernel, self.task)
-
     def step(self) -> None:
         """Take what came in the order in which it was said, do what is due, tell of it."""
         now_ns = self.events.topic.kernel.now_ns()
         desk = self._desk
-        inputs, more = self._inputs(now_ns)
         if not self._last_ns:
-            # What woke it says when it begins: the time of the job is another in a replay.
-            self._last_ns = self._list_ns = inputs[0][0] if inputs else now_ns
+            # A whole second: the same in a replay, whose job looks at the clock a little sooner.
+            self._last_ns = self._list_ns = now_ns - now_ns % NS_PER_S
             desk.start(self._last_ns)
-        for stamp_ns, take in inputs:
-            self._last_ns = stamp_ns = max(stamp_ns, self._last_ns)
-            self._try(take, stamp_ns)
-            self._tell(stamp_ns)
-        while (due_ns := desk.next_ns) and due_ns <= now_ns:
-            self._last_ns = max(due_ns, self._last_ns)
-            desk.advance(due_ns)
-            self._tell(self._last_ns)
-        self._publish_records(self._last_ns)
+        for stamp_ns, take in self._inputs(now_ns):
+            self._pass(stamp_ns)
+            self._last_ns = max(stamp_ns, self._last_ns)
+            self._try(take, self._last_ns)
+            self._tell()
+        self._pass(now_ns)
+        self._publish_records()
         if now_ns >= self._list_ns:
-            self._publish_list(max(self._list_ns, self._last_ns))
-        self._sleep(now_ns, more)
+            self._last_ns = max(self._list_ns, self._last_ns)
+            self._publish_list()
 
     def statistics(self) -> Mapping[str, Any]:
         """Tell how many alarms there are, what came and went, and what is wrong."""
@@ -146,10 +150,16 @@ class Alarms(Module):
 
     # ---- what comes in -----------------------------------------------------------------------
 
-    def _inputs(self, now_ns: int) -> tuple[Sequence[tuple[int, Callable[[int], None]]], bool]:
-        """Take some of what came; say whether there is more."""
+    def _pass(self, until_ns: int) -> None:
+        """Do what was due, each thing at its own time and told by itself."""
+        while (due_ns := self._desk.next_ns) and due_ns <= until_ns:
+            self._last_ns = max(due_ns, self._last_ns)
+            self._desk.advance(due_ns)
+            self._tell()
+
+    def _inputs(self, now_ns: int) -> Iterable[tuple[int, Callable[[int], None]]]:
+        """Take some of what came, in the order in which it was said."""
         found: list[tuple[int, int, Callable[[int], None]]] = []
-        more = False
         takers: tuple[tuple[str, Callable[[str, int], None]], ...] = (
             ('stored', self._take_stored), ('causes', self._take_cause),
             ('command', self._desk.take_command), ('report', self._take_report),
@@ -158,14 +168,14 @@ class Alarms(Module):
             if not self.connected(attribute):
                 continue
             said: Subscription = getattr(self, attribute)
-            for _ in range(_A_JOB):
+            # What is there at the beginning: to ask where nothing is lets time pass in a replay.
+            for _ in range(min(_A_JOB, said.unread)):
                 if not said.take():
                     break
                 found.append((min(said.stamp_ns, now_ns), len(found),
                               partial(take, str(said.msg.data))))
-            more = more or said.unread > 0
         return [(stamp_ns, take) for stamp_ns, _, take in sorted(
-            found, key=lambda each: each[:2])], more
+            found, key=lambda each: each[:2])]
 
     def _try(self, take: Callable[[int], None], stamp_ns: int) -> None:
         try:
@@ -192,9 +202,9 @@ class Alarms(Module):
 
     # ---- what goes out -----------------------------------------------------------------------
 
-    def _tell(self, stamp_ns: int) -> None:
+    def _tell(self) -> None:
         """Publish what has come of one input or deadline."""
-        desk = self._desk
+        desk, stamp_ns = self._desk, self._last_ns
         self._records += desk.take_records()
         events = desk.take_events()
         for event in events:
@@ -203,41 +213,35 @@ class Alarms(Module):
             self._publish(self.answer, answer.to_text(), stamp_ns)
         for each in desk.take_notifications():
             if each.channel == ROBOT:
-                self._speak(each, stamp_ns)
+                self._speak(each)
             else:
                 self._publish(self.notify, each.to_text(), stamp_ns)
         if events:
-            self._publish_list(stamp_ns)
+            self._publish_list()
 
-    def _speak(self, each: Notification, stamp_ns: int) -> None:
+    def _speak(self, each: Notification) -> None:
+        stamp_ns = self._last_ns
         silent = stamp_ns < self._desk.book.silent_until_ns
         if not silent:
             self._publish(self.say, each.text, stamp_ns)
         self._desk.take_report(each.key, True, 'silenced' if silent else '', stamp_ns)
-        self._tell(stamp_ns)
+        self._tell()
 
-    def _publish_records(self, stamp_ns: int) -> None:
+    def _publish_records(self) -> None:
         if not self._records:
             return
         some, self._records = self._records[:_RECORDS_A_JOB], self._records[_RECORDS_A_JOB:]
         for text in some:
-            self._publish(self.journal, text, stamp_ns)
+            self._publish(self.journal, text, self._last_ns)
 
-    def _publish_list(self, stamp_ns: int) -> None:
+    def _publish_list(self) -> None:
+        stamp_ns = self._last_ns
         self._publish(self.list, list_text(self._desk.book.in_order(), stamp_ns), stamp_ns)
         self._list_ns = stamp_ns + _LIST_PERIOD_NS
 
     def _publish(self, output: Publisher, text: str, stamp_ns: int) -> None:
         output.msg.data = text
         output.publish(stamp_ns)
-
-    def _sleep(self, now_ns: int, more: bool) -> None:
-        wake_up = self._wake_up
-        if wake_up is None:
-            return
-        if more or self._records:
-            wake_up.no_later_than(now_ns + _SOON_NS)
-        wake_up.no_later_than(min(self._desk.next_ns or self._list_ns, self._list_ns))
 
 
 def _object(text: str) -> dict[str, Any]:
