@@ -197,8 +197,9 @@ class Replay:
                 task.coroutine.by_schedule = True
             if task.name in modules and (task.period_ns or task.coroutine is not None):
                 found[task.name] = task
-                # Also the jobs that a publication released were recorded.
-                self.core.bus.release_no_more(task)
+                if task.coroutine is None:
+                    # Also the jobs that a publication released were recorded.
+                    self.core.bus.release_no_more(task)
             if task.name.partition('/')[0] not in modules or task.name in modules:
                 task.period_ns = 0
         return found

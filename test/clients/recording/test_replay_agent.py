@@ -35,7 +35,7 @@ robot:
     core: {record_bytes: true}
     devices: []
     modules: [alarms, agent]
-    alarms: {type: alarms, rate_hz: 0.0, priority: 41, stored_topic: '', confirm_s: 60.0}
+    alarms: {type: alarms, rate_hz: 10.0, priority: 41, stored_topic: '', confirm_s: 60.0}
     agent:
       {type: agent, priority: 40, nodes: [wrist 3.0 4.0 1.0], confirm_s: 1.0, places: 1,
        answer_s: 0.5, retries: 0, give_up_s: 0.3, battery_topic: '', answer_topic: '',
