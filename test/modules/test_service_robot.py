@@ -57,6 +57,11 @@ def two_rooms(folder: Path, doors: int) -> tuple[str, GridMap]:
 class Robot:
     """The modules of a service robot, and a robot that does what comes out."""
 
+    SOURCES = {'trajectory': 40, 'ros': 20}
+    GUARD: dict[str, Any] = {}
+    TRAJECTORY: dict[str, Any] = {}
+    SWITCHES = ('estop', 'estop_release')
+
     def __init__(self, folder: Path, doors: int = 2, **planner: Any) -> None:
         self.bench = bench = ModuleBench()
         path, grid = two_rooms(folder, doors)
@@ -73,18 +78,21 @@ class Robot:
         self.scan = bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
             'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0}, rate_hz=10.0)
         bench.topic('cmd_vel', 'geometry_msgs/msg/Twist')
-        self.estop, self.release = (bench.topic(name, 'std_msgs/msg/Bool')
-                                    for name in ('estop', 'estop_release'))
+        self.estop, self.release, *_ = (bench.topic(name, 'std_msgs/msg/Bool')
+                                        for name in self.SWITCHES)
         # Each of the two reads what the other writes.
         bench.bus.declare('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3000)
         bench.add(Trajectory, 'trajectory', rate_hz=50.0, priority=45, goal_topic='',
-                  plan_topic='plan')
+                  plan_topic='plan', **self.TRAJECTORY)
         bench.add(Planner, 'planner', rate_hz=10.0, priority=5, map=path, scan_topics=['scan'],
                   robot_radius_m=RADIUS_M, **planner)
-        bench.add(VelocityMux, 'mux', priority=65, sources=['trajectory', 'ros'],
-                  source_topics=['cmd_vel_trajectory', 'cmd_vel'], source_priorities=[40, 20],
-                  source_timeouts_s=[0.5, 0.5], dead_man_sources=[])
-        self.guard = bench.add(CollisionGuard, 'guard', priority=66, robot_radius_m=RADIUS_M)
+        self.add_more(path)
+        bench.add(VelocityMux, 'mux', priority=65, sources=list(self.SOURCES), source_topics=[
+                      'cmd_vel' if name == 'ros' else f'cmd_vel_{name}' for name in self.SOURCES],
+                  source_priorities=list(self.SOURCES.values()),
+                  source_timeouts_s=[0.5] * len(self.SOURCES), dead_man_sources=[])
+        self.guard = bench.add(CollisionGuard, 'guard', priority=66, robot_radius_m=RADIUS_M,
+                               **self.GUARD)
         self.safe = bench.watch('cmd_vel_safe')
         self.told = {name: bench.watch(name) for name in (
             'planner/state', 'trajectory/state', 'stop_reason', 'steering')}
@@ -93,6 +101,9 @@ class Robot:
         self.nearest_m = self.nearest_person_m = math.inf
         self._ticks = 0
         bench.kernel.add_task('plant', self._live, priority=90, rate_hz=1 / STEP_S)
+
+    def add_more(self, path: str) -> None:
+        """Add modules that steer; for robots that have more."""
 
     def _live(self) -> None:
         if self.safe.latest():
