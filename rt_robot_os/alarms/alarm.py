@@ -151,6 +151,7 @@ class Alarm:
     :ivar state_ns: since when it is in its state.
     :ivar confirm_ns: when a suspicion is raised.
     :ivar by: who acknowledged it.
+    :ivar remark: what somebody noted, for whoever is told of it.
     :ivar over_ns: since when all causes are over; 0 while one lasts.
     :ivar round: how often its escalation began.
     :ivar step: of the escalation; -1 before the first.
@@ -175,6 +176,7 @@ class Alarm:
     y: float = math.nan
     by: str = ''
     why: str = ''
+    remark: str = ''
     over_ns: int = 0
     remind_ns: int = 0
     round: int = 0  # noqa: A003

@@ -273,6 +273,12 @@ class Book:
         self.note(alarm, 'confirmed', t_ns, by=by, why=why)
         self._raise(alarm, t_ns, 'raised', by=by, why=why)
 
+    def remark(self, alarm: Alarm, by: str, text: str, t_ns: int) -> None:
+        """Keep what somebody found, such as the robot beside a person; the newest counts."""
+        if text != alarm.remark:
+            alarm.remark = text
+            self.note(alarm, 'noted', t_ns, by=by, why=text)
+
     def test(self, level: Level, by: str, why: str, t_ns: int) -> Alarm | None:
         """Open an alarm that is a test; None when there is no room for it."""
         if not self._make_room(level, t_ns):

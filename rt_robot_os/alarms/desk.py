@@ -388,7 +388,8 @@ def _words(alarm: Alarm, step: int, steps: int) -> str:
     kinds = ', '.join(alarm.kinds)
     about = f'{kinds}: {alarm.text}' if alarm.text else kinds
     again = f' (again: {alarm.why})' if alarm.round > 1 and alarm.why else ''
-    return f'{alarm.level.name} alarm {alarm.id}, {alarm.subject}: {about}{again}'[:400]
+    remark = f'; {alarm.remark}' if alarm.remark else ''
+    return f'{alarm.level.name} alarm {alarm.id}, {alarm.subject}: {about}{again}{remark}'[:400]
 
 
 def parse_report(text: str) -> tuple[str, bool, str]:

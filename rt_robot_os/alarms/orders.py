@@ -91,6 +91,11 @@ def _one(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
                              f'can be cancelled; write "resolve {alarm.id} by {by}"')
         book.close(alarm, State.CANCELLED, t_ns, by=by, why=why)
         return 'is cancelled'
+    if command.verb == commands.NOTE:
+        if not why:
+            raise ValueError(f'there is nothing to note: write "note {alarm.id} by {by} TEXT"')
+        book.remark(alarm, by, why, t_ns)
+        return 'has a note, which goes with what is told from now on'
     if not suspected:
         raise ValueError(f'alarm {alarm.id} is {alarm.state.value} already')
     book.confirm(alarm, by, why, t_ns)

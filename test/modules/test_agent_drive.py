@@ -57,7 +57,8 @@ class Helper(Robot):
         self.agent = bench.add(
             AgentModule, 'agent', priority=40, people=['anna'], map=path,
             robot_radius_m=RADIUS_M, report_s=0.5, observe=[], home=[1.0, 1.25, 0.0],
-            **self.AGENT, **{f'{name}_topic': '' for name in ('battery', 'answer', 'observed', 'command')})
+            **self.AGENT, **{f'{name}_topic': '' for name in (
+                'battery', 'answer', 'observed', 'command')})
         self.said_in = bench.watch('agent/transitions')
 
     def _tell_place(self) -> None:

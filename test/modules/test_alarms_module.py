@@ -140,6 +140,22 @@ def test_help_is_raised_at_once_and_an_acknowledgement_ends_the_telling() -> Non
         2, 'acknowledged', 'mary')
 
 
+def test_a_note_goes_with_what_is_told_from_then_on() -> None:
+    robot = Robot()
+    robot.cause(HELP, 1.0)
+    robot.say('alarms/command', 'note anna by robot', 4.0)
+    robot.say('alarms/command', 'note anna by robot robot is 1.0 m from anna', 5.0)
+    robot.say('alarms/command', 'note anna by robot robot is 1.0 m from anna', 6.0)
+    robot.run(35.0)
+    assert robot.events('noted') == [('noted', 5.0)]
+    texts = [each['text'] for each in robot.kept['alarms/notify']]
+    assert [text.endswith('; robot is 1.0 m from anna') for text in texts] == [
+        False, True, True, True]
+    assert [each['ok'] for each in robot.kept['alarms/answer']] == [False, True, True]
+    # It is kept with the alarm.
+    assert '"remark":"robot is 1.0 m from anna"' in robot.kept_records[-1]
+
+
 def test_nothing_is_told_outside_before_the_journal_has_it() -> None:
     robot = Robot(journal_wait_s=3.0)
     robot.stores = False
