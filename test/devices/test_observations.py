@@ -399,6 +399,21 @@ def test_a_camera_saves_a_still_and_a_clip_while_it_goes_on(tmp_path: Path) -> N
     assert sorted(path.suffix for path in tmp_path.iterdir()) == ['.avi', '.jpg']
 
 
+def test_a_still_that_holds_the_pictures_up_is_no_silence(tmp_path: Path) -> None:
+    camera = Camera(tmp_path, still_width=3200, still_height=2400)
+    try:
+        camera.pictures(2)
+        assert camera.device.quiet_s() == 0.0
+        camera.order(order='picture', id=1)
+        camera.device.read(time.monotonic_ns())
+        assert camera.device.quiet_s() > 5.0
+        assert camera.answers(1)[0]['width'] == 3200
+        camera.pictures(2)  # they come again: from now on silence is silence
+        assert camera.device.quiet_s() == 0.0
+    finally:
+        camera.device.close()
+
+
 def test_a_camera_that_is_not_open_says_so(tmp_path: Path) -> None:
     camera = Camera(tmp_path)
     camera.device._ready = False

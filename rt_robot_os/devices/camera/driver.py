@@ -33,6 +33,7 @@ from rt_robot_os.devices.camera.camera_info import uncalibrated
 from rt_robot_os.devices.camera.orders import OBSERVATION_SETTINGS
 from rt_robot_os.devices.camera.orders import OBSERVED_BYTES
 from rt_robot_os.devices.camera.orders import OrderDesk
+from rt_robot_os.devices.camera.orders import PICTURE
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.device import DeviceStatistics
@@ -53,6 +54,8 @@ from rt_robot_os.units import NS_PER_S
 _CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
 # PNG of noise is a little longer than its pixels.
 _PACKED_EXTRA: Final = 8192
+# A camera is switched over for a still, and back: it is given so long before it counts as silent.
+_STILL_S: Final = 8.0
 
 
 class Camera(CaptureDevice):
@@ -110,6 +113,8 @@ class Camera(CaptureDevice):
             raise ConfigError([f'{name}: observe_topic and observed_topic go together: name both, '
                                'or none'])
         self._orders = OrderDesk(name, s)
+        # Stills that were ordered and not answered; and whether no picture has come since.
+        self._stills, self._held_up = 0, False
         self._bytes_per_row = s['width'] * _CHANNELS[s['encoding']]
         self._raw_bytes = s['height'] * self._bytes_per_row if s['topic'] else 0
         self._packed_bytes = (s['height'] * self._bytes_per_row * 51 // 50 + _PACKED_EXTRA
@@ -207,8 +212,35 @@ class Camera(CaptureDevice):
                     self.observe_ended(told, now_ns)
         return super().read(now_ns)
 
+    def open(self) -> None:  # noqa: A003
+        """
+        Have a process capture; what it finds comes later, with :meth:`read`.
+
+        :raises DeviceError: the process cannot be started.
+        """
+        self._stills, self._held_up = 0, False
+        super().open()
+
+    def quiet_s(self) -> float:
+        """Return how long it may be silent: a still holds its pictures up."""
+        return _STILL_S if self._held_up else 0.0
+
+    def order(self, order: dict[str, Any]) -> str:
+        """
+        Hand an order to the process; safe in the loop.
+
+        :return: why it cannot be; empty when it was.
+        """
+        problem = super().order(order)
+        if not problem and order['order'] == PICTURE:
+            self._stills += 1
+            self._held_up = True
+        return problem
+
     def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
         """Publish what has become of an order."""
+        if told.get('kind') == PICTURE:
+            self._stills = max(0, self._stills - 1)
         if self._orders.ordered:
             self.observed.msg.data = self._orders.answer(told)
             self.observed.publish(now_ns)
@@ -220,6 +252,8 @@ class Camera(CaptureDevice):
 
     def handle(self, frame: CapturedFrame, data: memoryview) -> int:
         """Publish a picture; in the loop, preempted after each 64 KiB."""
+        if not self._stills:
+            self._held_up = False
         stamp_ns = frame.stamp_ns - self._latency_ns
         samples = 0
         if self._raw is not None and frame.first == self._raw_bytes:

@@ -35,7 +35,8 @@ from rt_robot_os.units import NS_PER_S
 #: The longest answer, in bytes.
 OBSERVED_BYTES: Final = 2000
 #: What a camera is asked for.
-ORDERS: Final = ('picture', 'clip')
+PICTURE: Final = 'picture'
+ORDERS: Final = (PICTURE, 'clip')
 
 _AFTER_MOST_S: Final = 60.0
 # Who asked waits no longer: the robot may have gone.

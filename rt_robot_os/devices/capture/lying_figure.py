@@ -33,8 +33,12 @@ from rt_robot_os.devices.capture.pattern import Pixels
 Floats = npt.NDArray[np.floating[Any]]
 Colour = tuple[int, int, int]
 
-# A body that lies is some 0.25 m high; slices much farther apart one would see as such.
-_SLICES_M: Final = tuple(0.01 + 0.018 * index for index in range(14))
+# A body that lies is some 0.25 m high; slices that are much farther apart than the rows of the
+# picture one would see as such.
+_LOWEST_M: Final = 0.01
+_HIGHEST_M: Final = 0.244
+_SLICES_LEAST: Final = 14
+_ROWS_OF_A_SLICE: Final = 17
 _MIDDLE_M: Final = 0.12
 _NEAREST_M: Final = 0.15
 _HALF_M: Final = 0.9
@@ -81,7 +85,8 @@ def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up
     cosine, sine = math.cos(lying.heading_rad), math.sin(lying.heading_rad)
     colours = np.array([[round(shade * value) for value in colour] for colour in (
         _NOTHING, *clothes)], np.uint8)
-    for slice_m in _SLICES_M:
+    slices = max(_SLICES_LEAST, picture.shape[0] // _ROWS_OF_A_SLICE)
+    for slice_m in np.linspace(_LOWEST_M, _HIGHEST_M, slices).tolist():
         with np.errstate(divide='ignore'):
             away = (lying.floor_m + slice_m) / up
         rows = np.nonzero((away > _NEAREST_M) & (np.abs(away - lying.ahead_m) < _HALF_M))[0]
