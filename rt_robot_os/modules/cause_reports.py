@@ -112,9 +112,11 @@ class CauseReports:
         """Tell again what has not been told for ten seconds; call it in every step."""
         for key, due_ns in list(self._due_ns.items()):
             if due_ns <= now_ns:
-                # On the grid of its first report, whenever the module comes to run.
-                self._due_ns[key] = now_ns + REFRESH_NS - (now_ns - due_ns) % REFRESH_NS
-                self._publish(self._active[key], now_ns)
+                # On the grid of its first report, whenever the module comes to run: so the stamps
+                # are the same in a replay.
+                stamp_ns = now_ns - (now_ns - due_ns) % REFRESH_NS
+                self._due_ns[key] = stamp_ns + REFRESH_NS
+                self._publish(self._active[key], stamp_ns)
 
     @property
     def due_ns(self) -> float:

@@ -90,6 +90,12 @@ class Worn:
             found.append((self._causes.stamp_ns / NS_PER_S, cause_of(self._causes.msg.data)))
         return found
 
+    def state_stamps(self) -> list[float]:
+        found = []
+        while self._state.take():
+            found.append(round(self._state.stamp_ns / NS_PER_S, 6))
+        return found
+
     def states(self) -> list[dict[str, Any]]:
         found = []
         while self._state.take():
@@ -155,8 +161,11 @@ def test_samples_that_come_in_bursts_give_the_same_stamps() -> None:
     for late_s in (0.0, 0.3):
         worn = Worn()
         worn.moves([*UPRIGHT, ('fall', 5.0), ('rise', 4.0), ('walk', 6.0)], together_s=late_s)
-        stamps.append([at_s for at_s, _ in worn.causes(worn.end_s + 1.0)])
-    assert len(stamps[0]) == 2 and stamps[0] == stamps[1]
+        causes = [at_s for at_s, _ in worn.causes(worn.end_s + 11.0)]
+        stamps.append((causes, worn.state_stamps()))
+    assert len(stamps[0][0]) == 2 and stamps[0][0] == stamps[1][0]
+    # How many states there are depends on the bursts; each has the stamp of a sample or a deadline.
+    assert set(stamps[1][1]) <= {round(0.02 * number, 2) for number in range(1100)}
 
 
 def test_a_node_that_reports_peaks_only_gives_a_weak_suspicion() -> None:

@@ -114,6 +114,8 @@ class FallDetection(Module):
             settings['peak_blow_g'], settings['peak_moves_g'], settings['peak_quiet_s']))
         self._silent = True
         self._step_ns = 0.0
+        # Of the newest sample, or of a deadline that has passed: what is told has that stamp.
+        self._time_ns = 0
         self._told: tuple[Any, ...] = ()
         self._told_ns = 0
 
@@ -146,7 +148,7 @@ class FallDetection(Module):
         if self.connected('peaks'):
             self._take_peaks(now_ns)
         self._reports.refresh(now_ns)
-        self._tell_state(now_ns)
+        self._tell_state(self._time_ns)
         self._wake_up.no_later_than(self._reports.due_ns)
 
     def statistics(self) -> Mapping[str, Any]:
@@ -186,6 +188,7 @@ class FallDetection(Module):
                 z / STANDARD_GRAVITY_M_S2, math.degrees(math.sqrt(a * a + b * b + c * c)))
             if happened is not None:
                 self._report(happened)
+        self._time_ns = max(self._time_ns, detector.last_ns)
         silent_at_ns = detector.last_ns + self._silent_ns
         if self._silent or detector.last_ns < 0:
             return
@@ -193,6 +196,7 @@ class FallDetection(Module):
             self._wake_up.no_later_than(silent_at_ns)
             return
         self._silent = True
+        self._time_ns = max(self._time_ns, silent_at_ns)
         happened = detector.finish()
         if happened is not None:
             self._report(happened._replace(stamp_ns=silent_at_ns))
@@ -211,6 +215,7 @@ class FallDetection(Module):
     def _take_peaks(self, now_ns: int) -> None:
         peaks, watch = self.peaks, self._watch
         while peaks.take():
+            self._time_ns = max(self._time_ns, peaks.stamp_ns)
             self._pass_time(peaks.stamp_ns)
             peak_g = float(peaks.msg.data)
             if not math.isfinite(peak_g):
@@ -230,6 +235,7 @@ class FallDetection(Module):
         due_ns = watch.due_ns
         if due_ns is None or not watch.pass_time(now_ns):
             return
+        self._time_ns = max(self._time_ns, due_ns)
         self._falls += 1
         self._begin(
             Level.URGENT, f'{self._person} was struck with {watch.blow_g:.1f} g and has not moved '
@@ -243,14 +249,14 @@ class FallDetection(Module):
 
     # ---- state -------------------------------------------------------------------------------
 
-    def _tell_state(self, now_ns: int) -> None:
+    def _tell_state(self, stamp_ns: int) -> None:
         detector = self._detector
         told = (detector.state, detector.evidence, self._silent, self._watch.fallen)
-        if told == self._told and now_ns - self._told_ns < _STATE_EVERY_NS:
+        if told == self._told and stamp_ns - self._told_ns < _STATE_EVERY_NS:
             return
-        self._told, self._told_ns = told, now_ns
+        self._told, self._told_ns = told, stamp_ns
         self.state.msg.data = json.dumps({'status': [self._status()]}, separators=(',', ':'))
-        self.state.publish(now_ns)
+        self.state.publish(stamp_ns)
 
     def _status(self) -> dict[str, Any]:
         detector = self._detector
