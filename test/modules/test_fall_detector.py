@@ -164,7 +164,7 @@ def test_samples_that_come_in_bursts_give_the_same_stamps() -> None:
         causes = [at_s for at_s, _ in worn.causes(worn.end_s + 11.0)]
         stamps.append((causes, worn.state_stamps()))
     assert len(stamps[0][0]) == 2 and stamps[0][0] == stamps[1][0]
-    # How many states there are depends on the bursts; each has the stamp of a sample or a deadline.
+    # Their number depends on the bursts; each has the stamp of a sample or a deadline.
     assert set(stamps[1][1]) <= {round(0.02 * number, 2) for number in range(1100)}
 
 
