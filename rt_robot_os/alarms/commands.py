@@ -19,7 +19,7 @@ Commands about alarms, in plain words.
 
     acknowledge ID by NAME [why]       acknowledge all by NAME
     resolve ID by NAME [reason]
-    cancel ID by NAME [why]            only what is suspected
+    cancel ID by NAME [why]            cancel all by NAME    only what is suspected
     confirm ID by NAME [why]
     note ID by NAME text               goes with the notifications that follow
     test [LEVEL] by NAME
@@ -89,7 +89,7 @@ def parse_command(text: str) -> Command:
     if not about:
         raise ValueError(f'{text[:60]!r} does not say which alarm: write "{verb} ID by {by}"')
     target = ' '.join(about).removeprefix('#')
-    if target == ALL and verb != ACKNOWLEDGE:
+    if target == ALL and verb not in (ACKNOWLEDGE, CANCEL):
         raise ValueError(f'{verb} takes one alarm at a time: write "{verb} ID by {by}"')
     return Command(verb, target, by, why[:_LONGEST_WHY])
 

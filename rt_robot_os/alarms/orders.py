@@ -65,6 +65,8 @@ def _do(book: Book, command: Command, t_ns: int) -> tuple[str, str]:
         seconds = book.silence(command.seconds, t_ns)
         return (f'the robot says nothing for {seconds:g} s, or until there is a new alarm' if (
             seconds) else 'the robot speaks again'), ''
+    if (command.verb, command.target) == (commands.CANCEL, commands.ALL):
+        return _cancel_all(book, command, t_ns), ''
     if command.target == commands.ALL:
         waiting = [each for each in book.in_order() if each.state is not State.ACKNOWLEDGED]
         for each in waiting:
@@ -72,6 +74,16 @@ def _do(book: Book, command: Command, t_ns: int) -> tuple[str, str]:
         return f'{len(waiting)} acknowledged', ''
     alarm = find(book, command.target)
     return f'{alarm.id} ({alarm.subject}) {_one(book, alarm, command, t_ns)}', alarm.id
+
+
+def _cancel_all(book: Book, command: Command, t_ns: int) -> str:
+    """Cancel what is suspected; what is raised stays."""
+    suspected = [each for each in book.in_order() if each.state is State.SUSPECTED]
+    if not suspected:
+        raise ValueError('nothing is suspected: what is raised is acknowledged and resolved')
+    for each in suspected:
+        book.close(each, State.CANCELLED, t_ns, by=command.by, why=command.why)
+    return f'{", ".join(f"{each.id} ({each.subject})" for each in suspected[:_NAMED])} cancelled'
 
 
 def _one(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:

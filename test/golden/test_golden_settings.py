@@ -51,7 +51,10 @@ NO_ROBOT = {'README.md 1', 'config/diagnostics_aggregator.yaml',
 NO_ROBOTS = ('config/scenarios/', 'docs/network_simulator.md ')
 HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.
-UNDER = {'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
+UNDER = {'docs/alarms.md 2': HEAD + '    devices: []\n    topics: [command, answer]\n'
+         '    command: {topic: alarms/command, message: std_msgs/msg/String, tail: 400}\n'
+         '    answer: {topic: alarms/answer, message: std_msgs/msg/String, tail: 400}\n',
+         'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
          'docs/attitude.md 1': HEAD + '    devices: [imu]\n'
          '    imu: {type: witmotion, port: sim, frame_id: imu_link}\n',
          'docs/configuration.md 2': HEAD + '    devices: []\n',

@@ -189,6 +189,22 @@ def test_a_restart_goes_on_where_it_was_and_sends_under_the_same_key() -> None:
     assert ('escalated', 10.0) in second.events('escalated')
 
 
+def test_what_is_suspected_of_anybody_can_be_cancelled_and_what_is_raised_cannot() -> None:
+    robot = Robot()
+    for name in ('anna', 'bob'):
+        robot.cause(FALL._replace(subject=name), 1.0)
+    robot.cause(HELP._replace(subject='carl'), 1.0)
+    robot.run(2.0)
+    for _ in range(2):
+        robot.say('alarms/command', 'cancel all by ROS', 2.0)
+    robot.run(3.0)
+    first, second = robot.kept['alarms/answer']
+    assert first['ok'] and first['text'] == '1 (anna), 2 (bob) cancelled'
+    assert not second['ok'] and 'nothing is suspected' in second['text']
+    assert [each['values']['subject'] for each in robot.kept['alarms/list'][-1]['status']] == [
+        'carl']
+
+
 def test_without_answer_of_the_journal_it_begins_with_numbers_nobody_had() -> None:
     robot = Robot(journal=False)
     robot.cause(HELP, 1.0)
