@@ -167,7 +167,8 @@ class Scene:
         self._journal: JournalProcess | None = None
         self._ring: deque[tuple[int, str]] = deque(maxlen=_RING)
         self._network_down = False
-        self._end_ns = 0
+        # What ends when something is in the middle of a write, on the disk and on the other one.
+        self._aimed = {True: 'journal', False: 'notifier'}
         self._notifier: NotifierProcess | None = None
         self._start_core()
         self._start_notifier()
@@ -282,7 +283,7 @@ class Scene:
             self._settle()
 
         self._journal = JournalProcess(self.timeline, self.random, self._disk, tell,
-                                       lambda: self._crash('journal'))
+                                       lambda: self._hit(True))
 
     def _settle(self) -> None:
         """Hand on what the desk has to say, and come back when it has more to do."""
@@ -356,7 +357,7 @@ class Scene:
             return
         self._notifier = made = NotifierProcess(
             self.timeline, self.random, self._memory, self.people, self._report, self._see,
-            lambda: self._crash('notifier'))
+            lambda: self._hit(False))
         self._connect(made)
 
     def _connect(self, notifier: NotifierProcess) -> None:
@@ -405,12 +406,18 @@ class Scene:
 
     def _strike(self, what: str) -> None:
         """End a process: now, or in the middle of one of its next writes."""
-        store = self._memory if what == 'notifier' else self._disk
-        if self.random.random() < 0.5:
-            store.kill_at = store.calls + self.random.randint(1, 12)
-            self.went_wrong['armed'] += 1
+        if self.random.random() < 0.3:
+            self._crash(what)
             return
-        self._crash(what)
+        on_disk = what != 'notifier' and (what != 'power' or self.random.random() < 0.5)
+        store = self._disk if on_disk else self._memory
+        store.kill_at = store.calls + self.random.randint(1, 12)
+        self._aimed[on_disk] = what
+
+    def _hit(self, on_disk: bool) -> None:
+        """End what was to end in the middle of a write."""
+        self.went_wrong['in_a_write'] += 1
+        self._crash(self._aimed[on_disk])
 
     def _crash(self, what: str) -> None:
         self.went_wrong[f'{what}_killed'] += 1

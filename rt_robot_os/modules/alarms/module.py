@@ -76,7 +76,7 @@ class Alarms(Module):
     events = Output('alarms/events', _TEXT, tail=_EVENT_BYTES, depth=64)
     list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2)  # noqa: A003
     notify = Output('alarms/notify', _TEXT, tail=_EVENT_BYTES, depth=64)
-    answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=16)
+    answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=64)
     journal = Output('alarms/journal', _TEXT, tail=RECORD_BYTES, depth=32)
     say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16)
 
