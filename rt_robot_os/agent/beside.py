@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 from typing import Final
 
@@ -25,10 +26,11 @@ from rt_robot_os.motion.terrain import Terrain
 Point = tuple[float, float]
 
 _DIRECTIONS: Final = 16
-# Who lies in a bed lies in what the map has as occupied.
-_FURNITURE_M: Final = 0.7
+# Who lies in a bed lies in what the map has as occupied: so far at most from its edge.
+_FURNITURE_M: Final = 1.0
 # Where there is no room at the distance that is wanted: further away.
 _FARTHER: Final = (1.5, 2.0)
+_APART_M: Final = 0.5
 
 
 class Beside:
@@ -45,46 +47,58 @@ class Beside:
         self.standoff_m = standoff_m
         self.spread_m = spread_m
 
-    def places(self, place: Point, robot: Point) -> list[Pose]:
+    def places(self, place: Point, robot: Point, most: int) -> list[Pose]:
         """
         Return poses beside a place that look at it, the one to try first in front.
 
         Those from which there is nothing but free ground towards the place come first, so that
-        none is on the other side of a wall; of these the nearest to the robot.
+        none is on the other side of a wall; of these the nearest to the robot. None is beside one
+        before it: where one place is blocked its neighbours are.
 
         :param place: where somebody is, in m.
         :param robot: where the robot is, in m.
+        :param most: how many.
         """
-        near, standoff_m, spread_m = [], self.standoff_m, self.spread_m
-        for radius_m in (standoff_m, standoff_m + spread_m, standoff_m - spread_m):
-            near += self._ring(place, robot, radius_m, abs(radius_m - standoff_m))
-        if any(not hidden for hidden, _, _ in near):
-            return self._ordered(near)
-        for share in _FARTHER:
-            near += self._ring(place, robot, share * standoff_m, share * standoff_m)
-        return self._ordered(near)
+        standoff_m, spread_m = self.standoff_m, self.spread_m
+        near = self._around(place, robot, (standoff_m, standoff_m + spread_m,
+                                           standoff_m - spread_m))
+        found = self._chosen(near, place, most, hidden=False)
+        if found:
+            return found
+        far = self._around(place, robot, [share * standoff_m for share in _FARTHER])
+        found = self._chosen(far, place, most, hidden=False)
+        return found or self._chosen([*near, *far], place, most, hidden=True)
+
+    def _around(self, place: Point, robot: Point, radii_m: Sequence[float]) -> list[Pose]:
+        """Return all poses at some distances from a place, the nearest to the robot first."""
+        found = []
+        towards = math.atan2(robot[1] - place[1], robot[0] - place[0])
+        for radius_m in radii_m:
+            penalty_m = 2.0 * abs(radius_m - self.standoff_m)
+            for number in range(_DIRECTIONS):
+                angle = towards + math.tau * number / _DIRECTIONS
+                x = place[0] + radius_m * math.cos(angle)
+                y = place[1] + radius_m * math.sin(angle)
+                found.append((math.dist((x, y), robot) + penalty_m,
+                              (x, y, math.remainder(angle + math.pi, math.tau))))
+        return [pose for _, pose in sorted(found)]
+
+    def _chosen(self, poses: Sequence[Pose], place: Point, most: int, *, hidden: bool
+                ) -> list[Pose]:
+        """Return the first that are free and apart; looks at no more of them than it has to."""
+        found: list[Pose] = []
+        for pose in poses:
+            x, y, _ = pose
+            if len(found) == most:
+                break
+            if all(math.dist((x, y), other[:2]) >= _APART_M for other in found) and (
+                    self._is_free(x, y) and (hidden or not self._is_hidden(x, y, place))):
+                found.append(pose)
+        return found
 
     def sees(self, robot: Point, place: Point) -> bool:
         """Return whether no wall of the map is between a robot and a place."""
         return not self._is_hidden(*robot, place)
-
-    @staticmethod
-    def _ordered(found: list[tuple[bool, float, Pose]]) -> list[Pose]:
-        return [pose for _, _, pose in sorted(found)]
-
-    def _ring(self, place: Point, robot: Point, radius_m: float, penalty_m: float
-              ) -> list[tuple[bool, float, Pose]]:
-        """Return of each free place: whether a wall hides it, how dear it is, and the pose."""
-        found = []
-        towards = math.atan2(robot[1] - place[1], robot[0] - place[0])
-        for number in range(_DIRECTIONS):
-            angle = towards + math.tau * number / _DIRECTIONS
-            x, y = place[0] + radius_m * math.cos(angle), place[1] + radius_m * math.sin(angle)
-            if self._is_free(x, y):
-                pose = x, y, math.remainder(angle + math.pi, math.tau)
-                found.append((self._is_hidden(x, y, place),
-                              math.dist((x, y), robot) + 2.0 * penalty_m, pose))
-        return found
 
     def _is_free(self, x: float, y: float) -> bool:
         terrain = self._terrain
@@ -94,15 +108,17 @@ class Beside:
         return cell >= 0 and math.isfinite(terrain.static.item(cell))
 
     def _is_hidden(self, x: float, y: float, place: Point) -> bool:
+        """Return whether something is between, but for the furniture that somebody lies on."""
         if self._terrain is None:
             return False
         grid = self._terrain.grid
-        length_m = math.dist((x, y), place) - _FURNITURE_M
+        length_m = math.dist((x, y), place)
         steps = max(1, int(length_m / grid.resolution_m))
-        direction = math.atan2(place[1] - y, place[0] - x)
+        dx, dy = (x - place[0]) / steps, (y - place[1]) / steps
+        on_furniture = grid.occupied(*place)
         for number in range(1, steps + 1):
-            away = length_m * number / steps
-            if away > 0.0 and grid.occupied(x + away * math.cos(direction),
-                                            y + away * math.sin(direction)):
+            if not grid.occupied(place[0] + number * dx, place[1] + number * dy):
+                on_furniture = False
+            elif not on_furniture or length_m * number / steps > _FURNITURE_M:
                 return True
         return False

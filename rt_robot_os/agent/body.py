@@ -120,7 +120,7 @@ class Body:
         else:
             pose = self.senses.pose
             self.drive.begin(self._beside.places(
-                place.point, pose[:2] if pose else place.point), t_ns)
+                place.point, pose[:2] if pose else place.point, self.tuning.places), t_ns)
 
     def go_to(self, pose: Pose, t_ns: int) -> None:
         """Drive to a pose; one where the robot is already is reached."""
@@ -156,9 +156,9 @@ class Body:
     def is_beside(self, place: Place) -> bool:
         """Return whether the robot stands there, at its distance."""
         pose, t = self.senses.pose, self.tuning
-        return pose is not None and self._beside.sees(pose[:2], place.point) and (
+        return pose is not None and (
             t.standoff_m - t.spread_m <= math.dist(pose[:2], place.point)
-            <= t.standoff_m + t.spread_m)
+            <= t.standoff_m + t.spread_m) and self._beside.sees(pose[:2], place.point)
 
     def _off(self, place: Place, pose: Pose) -> float:
         bearing = math.atan2(place.y - pose[1], place.x - pose[0]) - self.tuning.camera_rad

@@ -67,10 +67,10 @@ class Drive:
         """
         Drive to the first of some poses, or to the next when that cannot be.
 
-        :param poses: in the order in which they are tried; of those beside each other one.
+        :param poses: in the order in which they are tried.
         """
         self.stop()
-        self._left = _apart(poses)[:self.tries]
+        self._left = list(poses[:self.tries])
         self._next_ns = t_ns
         if not self._left:
             self.problem = 'no place to stand beside it'
@@ -119,12 +119,3 @@ class Drive:
             self._next_ns = t_ns + self.pause_ns
         else:
             self.problem = why if self._tried == 1 else f'{why} ({self._tried} places tried)'
-
-
-def _apart(poses: Sequence[Pose], least_m: float = 0.5) -> list[Pose]:
-    """Return the poses without those near one before: a place that cannot be has neighbours."""
-    found: list[Pose] = []
-    for pose in poses:
-        if all(math.dist(pose[:2], other[:2]) >= least_m for other in found):
-            found.append(pose)
-    return found

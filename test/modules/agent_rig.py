@@ -151,7 +151,8 @@ class AgentRig(ModuleBench):
         """Answer orders to look and listen."""
         for kind in kinds or ('picture', 'clip', 'sound'):
             self.say('agent/observed', json.dumps({
-                'alarm': alarm, 'kind': kind, 'file': f'{kind}.jpg', 'problem': ''}))
+                'alarm': alarm, 'kind': kind, 'file': f'{kind}.jpg', 'level_db': -31.6,
+                **({'problem': 'no room'} if kind == 'clip' else {})}))
 
     def press(self, code: float) -> None:
         """Press anna's button now."""

@@ -18,12 +18,14 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 from agent_rig import AgentRig
 import pytest
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
+ROOT = Path(__file__).resolve().parents[2]
 S, MS = 1_000_000_000, 1_000_000
 
 
@@ -67,8 +69,8 @@ def test_it_asks_while_it_drives_and_silence_is_help() -> None:
     assert said[:3] == ['Are you all right, anna? Please answer, or press your button.'] * 3
     confirm, note = rig.told('alarms/command')
     assert confirm == 'confirm 1 by robot silence: after 20 s'
-    assert note == ('note 1 by robot robot is 1.0 m from anna, picture: picture.jpg, '
-                    'clip: clip.jpg, sound: sound.jpg')
+    assert note == (
+        'note 1 by robot robot is 1.0 m from anna, picture, clip: no room, sound: -32 dB')
     assert [json.loads(text)['order'] for text in rig.told('agent/observe')] == [
         'picture', 'clip', 'sound']
     first = rig.transitions()[0]
@@ -339,6 +341,14 @@ def test_after_a_failure_it_goes_on_with_what_is_open() -> None:
     rig.in_order((1.0, lambda: rig.alarm('raised')), (2.0, fail))
     rig.run(9.0)
     assert rig.path() == ['approach', 'approach', 'observe']
+
+
+def test_a_place_that_cannot_be_is_given_up_within_a_job() -> None:
+    rig = AgentRig(retries=0, map=str(ROOT / 'config' / 'maps' / 'flat.yaml'))
+    rig.in_order((1.0, lambda: rig.alarm('raised', subject='bob', x=9e5, y=-9e5)))
+    rig.run(3.0)
+    assert rig.path() == ['approach', 'give_up']
+    assert rig.transitions()[-1]['cause'] == 'blocked: no place to stand beside it'
 
 
 def test_what_is_no_event_is_counted() -> None:

@@ -253,9 +253,10 @@ class AgentModule(Module):
     def _take_observed(self, agent: Agent, text: str) -> None:
         try:
             told = json.loads(text)
-            kind, problem = str(told['kind']), told.get('problem')
-            agent.observed(str(told['alarm']), kind,
-                           str(problem or told.get('file') or told.get('text') or ''))
+            kind, text = str(told['kind']), str(told.get('problem') or '')
+            if kind == 'sound' and not text and isinstance(told.get('level_db'), float):
+                text = f'{told["level_db"]:.0f} dB'
+            agent.observed(str(told['alarm']), kind, text)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             self._unreadable += 1
 
