@@ -173,8 +173,12 @@ class SensorSource:
         return self._nothing_ns < 0 and self.is_usable(now_ns)
 
     def is_usable(self, now_ns: int) -> bool:
-        """Return whether it has a value that is not too old, of a sensor that is worn."""
-        return (not self.trouble and self.stamp_ns >= 0
+        """
+        Return whether it has a value that is not too old, of a sensor that did not say it is off.
+
+        One that has fallen silent measured what it said last.
+        """
+        return (self.trouble in ('', SILENT) and self.stamp_ns >= 0
                 and now_ns - self.stamp_ns <= self.times.stale_ns)
 
     def _says_nothing(self, kind: str, stamp_ns: int) -> None:
@@ -195,7 +199,8 @@ class SensorSource:
         return stamp_ns - self._jump_ns < _JUMP_NS
 
     def _silence_ns(self) -> int:
-        limit_ns = self.times.stale_ns
-        if len(self._periods) == _SILENT_PERIODS:
-            limit_ns = max(limit_ns, _SILENT_PERIODS * min(self._periods))
-        return min(limit_ns, max(_LONGEST_SILENCE_NS, self.times.stale_ns))
+        """Return how long it may say nothing: it depends on how often it speaks."""
+        if len(self._periods) < _SILENT_PERIODS:
+            return self.times.stale_ns
+        limit_ns = max(self.times.off_ns, _SILENT_PERIODS * min(self._periods))
+        return min(limit_ns, max(_LONGEST_SILENCE_NS, self.times.off_ns))

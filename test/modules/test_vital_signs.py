@@ -122,9 +122,9 @@ def test_silence_makes_a_value_old_and_is_told() -> None:
         anna.says(1.0, 'wsn/wrist/body_temperature', 36.5)
         bench.run(200.0)
         assert [(time_s, cause.kind, cause.text) for time_s, cause in anna.told()] == [
-            (130.0, 'sensor_off', 'wrist of anna measures nothing: pulse silent')]
+            (70.0, 'sensor_off', 'wrist of anna measures nothing: pulse silent')]
         assert [state[:2] for state in anna.qualities('pulse_per_min')] == [
-            (0.0, 'missing'), (1.0, 'good'), (130.0, 'stale')]
+            (0.0, 'missing'), (1.0, 'good'), (131.0, 'stale')]
     with ModuleBench() as bench:
         anna = Person(bench, 'wsn/wrist/body_temperature',
                       stale_limits=['body_temperature 30 min'])

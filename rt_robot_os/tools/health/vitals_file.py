@@ -28,12 +28,14 @@ import csv
 from dataclasses import dataclass
 from dataclasses import field
 from datetime import datetime
+import gzip
 import io
 import math
 from pathlib import Path
 import re
 from statistics import median
 from typing import Final
+import zlib
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.health.signs import Consciousness
@@ -75,6 +77,7 @@ _WORDS: Final = {'air': 0.0, 'no': 0.0, 'false': 0.0, 'yes': 1.0, 'true': 1.0, '
 _FAHRENHEIT_FROM: Final = 70.0
 # Of times in s: a rate in a header is not always what a clock shows.
 _DIGITS: Final = 6
+_GZIP: Final = b'\x1f\x8b'
 _MOST_BYTES: Final = 1 << 30
 
 
@@ -123,10 +126,19 @@ def read_recording(path: Path) -> Recording:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise ConfigError([f'{str(path)!r} has more than 1 GiB'])
-        text = path.read_text(encoding='utf-8-sig', errors='replace')
-    except OSError as error:
+        text = _read(path)
+    except (OSError, EOFError, zlib.error) as error:
         raise ConfigError([f'{str(path)!r} cannot be read: {error}']) from error
     return _of_text(text, str(path))
+
+
+def _read(path: Path) -> str:
+    with path.open('rb') as file:
+        data = file.read()
+    if data.startswith(_GZIP):
+        with gzip.open(path) as packed:
+            data = packed.read(_MOST_BYTES)
+    return data.decode('utf-8-sig', errors='replace')
 
 
 def _of_record(path: Path) -> Recording:
@@ -144,7 +156,9 @@ def _of_text(text: str, name: str) -> Recording:
     delimiter = max(',;\t', key=head.count)
     rows = list(csv.reader(io.StringIO('\n'.join(lines)), delimiter=delimiter, quotechar='"'))
     titles = [title.strip(' \'"') for title in rows[0]] if rows else []
-    at = next((place for place, title in enumerate(titles) if _time_unit(title)), None)
+    # Of several, such as a date and a time, the one that tells most moments apart.
+    at = max((place for place, title in enumerate(titles) if _time_unit(title)), default=None,
+             key=lambda place: len({row[place] for row in rows[1:] if place < len(row)}))
     if at is None:
         raise ConfigError([f'{name!r} has no column of time: call one minute, time_s, '
                            'timestamp, ...; its columns are ' + ', '.join(titles)[:200]])
@@ -233,7 +247,7 @@ def _cell(text: str) -> float:
     """Return a number; NaN for what is none."""
     text = text.strip(' \'"').lower()
     try:
-        return float(text)
+        return float(text.removesuffix('%'))
     except ValueError:
         return _MINDS.get(text, _WORDS.get(text, math.nan))
 

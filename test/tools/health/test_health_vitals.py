@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 import struct
@@ -120,6 +121,8 @@ ROWS = [(0, 70.0, 97.0), (1, 71.0, 96.0), (2, 72.0, 96.0), (3, 70.0, 97.0)]
         f'2020-01-01T08:{t:02}:00Z,{p},{s},fine' for t, p, s in ROWS),
     "'Time (min)','HR','SpO2','Resp'\n" + '\n'.join(
         f"{t},{p},{s},{('-', '', 'NaN', 'nan')[t]}" for t, p, s in ROWS),
+    'date,time,hr,spo2\n' + '\n'.join(
+        f'2020-01-01,08:{t:02}:00,{p},{s:g}%' for t, p, s in ROWS),
     '# of a monitor\n\nt_ms,hr,spo2\n' + '\n'.join(
         f'{60_000 * t},{p},{s / 100}' for t, p, s in reversed(ROWS))])
 def test_files_as_others_write_them(text: str) -> None:
@@ -128,6 +131,15 @@ def test_files_as_others_write_them(text: str) -> None:
     assert samples == {'pulse_per_min': [(60.0 * t, p) for t, p, _ in ROWS],
                        'spo2_percent': [(60.0 * t, pytest.approx(s)) for t, _, s in ROWS]}
     assert (recording.period_s, recording.length_s) == (60.0, 240.0)
+
+
+def test_a_gzipped_file_and_one_that_is_cut_short(tmp_path: Path, vitals: Any) -> None:
+    path = tmp_path / 'night.csv.gz'
+    path.write_bytes(gzip.compress(minutes(HR=[70] * 5).encode()))
+    code, found = vitals(str(path))
+    assert code == 0 and found['files'][0]['rows'] == 5
+    path.write_bytes(path.read_bytes()[:-12])
+    assert vitals(str(path))[0] == 2
 
 
 def test_temperatures_in_fahrenheit_and_the_consciousness_of_a_chart() -> None:
