@@ -47,6 +47,9 @@ from rt_robot_os.devices.capture.observation_folder import ObservationFolder
 from rt_robot_os.devices.capture.observations import ClipRing
 from rt_robot_os.devices.capture.observations import Observations
 from rt_robot_os.devices.capture.pattern import number_of
+from rt_robot_os.devices.capture.pictures import RoomPictures
+from rt_robot_os.devices.capture.room_view import RoomView
+from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
@@ -58,6 +61,7 @@ from rt_robot_os.units import NS_PER_S
 
 Image = pytest.importorskip('PIL.Image', reason='Pillow is not installed')
 STRING = 'std_msgs/msg/String'
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -315,6 +319,30 @@ def test_what_cannot_be_is_answered_with_its_problem(tmp_path: Path) -> None:
     problems = ' '.join(answer['problem'] for answer in told)
     for part in ('observations_mb', "'dance'", '4 clips', 'it is dark', 'no picture has come'):
         assert part in problems
+
+
+def test_the_still_of_a_simulated_room_shows_the_same_in_more_pixels() -> None:
+    scene = {'map': str(ROOT / 'config' / 'maps' / 'flat.yaml'), 'ceiling': 2.5, 'lux': 400.0,
+             'camera': (2.45, 4.9, 0.6, 1.2, 0.0), 'people': [(2.6, 6.9, 0.3, 0.0, 1.0, 1.2)]}
+    memory = SceneMemory.create()
+    try:
+        memory.write(scene)
+        source = RoomPictures({'width': 160, 'height': 120, 'camera_info': '',
+                               'output_rate_hz': 1000.0}, memory)
+        grabbed = source.grab()
+        assert grabbed is not None
+        still, _ = source.still(640, 480)
+    finally:
+        memory.close()
+    small = still.reshape(120, 4, 160, 4, 3).mean(axis=(1, 3))
+    assert np.abs(small - grabbed[0]).mean() < 4.0
+
+    def edges(picture: Any) -> int:
+        shirt = (picture[:, :, 0] > 120) & (picture[:, :, 1] < 60)
+        return int((shirt[1:] != shirt[:-1]).sum())
+
+    # Who lies there has no gaps between slices, which the pictures of every day do have.
+    assert 0 < edges(still) < 0.8 * edges(RoomView(640, 480).picture(scene))
 
 
 # ---- a camera with its process ---------------------------------------------------------------

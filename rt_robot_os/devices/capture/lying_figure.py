@@ -37,8 +37,8 @@ Colour = tuple[int, int, int]
 # picture one would see as such.
 _LOWEST_M: Final = 0.01
 _HIGHEST_M: Final = 0.244
-_SLICES_LEAST: Final = 14
-_ROWS_OF_A_SLICE: Final = 17
+_SLICES: Final = 14
+_ROWS_OF_A_SLICE: Final = 12
 _MIDDLE_M: Final = 0.12
 _NEAREST_M: Final = 0.15
 _HALF_M: Final = 0.9
@@ -73,7 +73,7 @@ class Clothes(NamedTuple):
 
 
 def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up: Floats,
-               walls: Floats, shade: float) -> None:
+               walls: Floats, shade: float, fine: bool = False) -> None:
     """
     Draw somebody over a picture, where no wall is before them.
 
@@ -81,11 +81,12 @@ def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up
     :param up: of each row, upwards for one m ahead.
     :param walls: how far ahead the wall of each column is, in m.
     :param shade: what the light leaves of a colour.
+    :param fine: with as many slices as the picture deserves, which takes its time.
     """
     cosine, sine = math.cos(lying.heading_rad), math.sin(lying.heading_rad)
     colours = np.array([[round(shade * value) for value in colour] for colour in (
         _NOTHING, *clothes)], np.uint8)
-    slices = max(_SLICES_LEAST, picture.shape[0] // _ROWS_OF_A_SLICE)
+    slices = max(_SLICES, picture.shape[0] // _ROWS_OF_A_SLICE) if fine else _SLICES
     for slice_m in np.linspace(_LOWEST_M, _HIGHEST_M, slices).tolist():
         with np.errstate(divide='ignore'):
             away = (lying.floor_m + slice_m) / up

@@ -153,7 +153,8 @@ class RoomPictures:
         k = [*self._k]
         for place, scale in ((0, across), (2, across), (4, down), (5, down)):
             k[place] *= scale
-        return self._make(width, height, tuple(k)).picture(self._shown()), time.monotonic_ns()
+        view = self._make(width, height, tuple(k), fine=True)
+        return view.picture(self._shown()), time.monotonic_ns()
 
     def _shown(self) -> Mapping[str, Any]:
         scene = self._scene.read()

@@ -70,9 +70,12 @@ class RoomView:
     :param width: in pixels.
     :param height: in pixels.
     :param k: the 9 numbers of the calibration; all 0 for a camera that is not calibrated.
+    :param fine: draw with care: for a still, at several times the cost.
     """
 
-    def __init__(self, width: int, height: int, k: tuple[float, ...] = (0.0,) * 9) -> None:
+    def __init__(self, width: int, height: int, k: tuple[float, ...] = (0.0,) * 9,
+                 fine: bool = False) -> None:
+        self._fine = fine
         self.width, self.height = width, height
         usual = width / 2 / math.tan(FIELD_OF_VIEW_RAD / 2)
         self._focal_x, self._focal_y = (k[0], k[4]) if k[0] else (usual, usual)
@@ -106,7 +109,7 @@ class RoomView:
             if lies:
                 draw_lying(picture, Lying(away, left, heading - yaw, base_m - height_m),
                            _clothes(index), self._left, up, ahead,
-                           light / (1.0 + max(away, 0.0) / _DIM_M))
+                           light / (1.0 + max(away, 0.0) / _DIM_M), self._fine)
             elif away > 2 * _NEAREST_M:
                 self._person(picture, away, left, index, up, height_m, ahead, light,
                              top_m / _HEIGHT_M)

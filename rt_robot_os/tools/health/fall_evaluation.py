@@ -36,7 +36,7 @@ from rt_robot_os.units import NS_PER_MS
 #: A detection later than that after the impact is none.
 WITHIN_S: Final = 5.0
 #: Movements that are lying down on purpose, to be told apart: by name, and those of SisFall.
-LYING: Final = r'lying|lie_?down|^D1[234]$'
+LYING: Final = r'lying|lie_?down|^D1[234](?!\d)'
 #: What a cross-validation chooses among: coarse, so that no recording decides it.
 GRID: Final[Mapping[str, tuple[float, ...]]] = {
     'evidence': (1.2, 1.4, 1.6, 1.8), 'posture_least_deg': (40.0, 50.0),
