@@ -35,6 +35,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 from typing import ClassVar
+from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import TopicError
@@ -47,7 +48,11 @@ from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics.ports import PortOwner
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import period_from_rate
+
+
+_JOB_GRID_NS: Final = 10 * NS_PER_MS
 
 
 class Module(PortOwner):
@@ -168,6 +173,17 @@ class Module(PortOwner):
         Of the same value in a replay, where the recording and no rate releases the module.
         """
         return period_from_rate(self._rate_hz) if self._rate_hz else 0
+
+    @property
+    def job_ns(self) -> int:
+        """
+        Return when the present job began, rounded down to 10 ms; 0 outside of one.
+
+        For what has to begin "now": in a replay jobs begin some us earlier or later, and
+        ``now_ns()`` is another one; this is the same but for once in a thousand times.
+        """
+        start_ns = self.task.start_ns if self.task is not None else 0
+        return max(0, start_ns - start_ns % _JOB_GRID_NS)
 
     @classmethod
     def is_coroutine(cls) -> bool:

@@ -179,3 +179,16 @@ def test_a_reader_that_keeps_what_it_hears_knows_what_is_active(
               if (found := kept.active(kind, subject))}
     assert heard == active
     assert len(heard) <= most
+
+
+def test_what_is_told_again_has_the_stamp_at_which_it_was_due_however_late_the_task_is() -> None:
+    with ModuleBench() as bench:
+        module = bench.add(Reporter, rate_hz=1.0)
+        read = bench.watch(CAUSES_TOPIC)
+        bench.run(0.5)
+        module.reports.report(FALL, 3 * NS_PER_S)
+        module.reports.refresh(13 * NS_PER_S + 123_456)
+        module.reports.refresh(23 * NS_PER_S - 1)
+        module.reports.refresh(44 * NS_PER_S)
+        assert [stamp_s for stamp_s, _ in said(read)] == [3.0, 13.0, 43.0]
+        assert module.reports.due_ns == 53 * NS_PER_S

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import functools
 import math
 from pathlib import Path
 from typing import Any
@@ -278,3 +279,17 @@ def test_a_star_must_stand_for_the_same_in_all_of_a_rule() -> None:
         with pytest.raises(ConfigError, match='nothing that .* could stand for in all of'):
             bench.add(Rule, when='wsn/*/temperature.temperature > 45 and wsn/*/smoke.data > 0.5',
                       kind='fire', subject='*')
+
+
+def test_silence_counts_from_a_moment_that_a_replay_has_as_well() -> None:
+    stamps = []
+    for late_ns in (0, 9_999_000):
+        with ModuleBench() as bench:
+            bench.topic('door', FLOAT)
+            rule = bench.add(Rule, when='door silent for 5 s', kind='sensor_off', subject='door')
+            read = bench.watch('alarms/causes')
+            assert rule.task is not None
+            bench.at(1.0 + late_ns / S, functools.partial(bench.kernel.release, rule.task))
+            bench.run(8.0)
+            stamps += [stamp for stamp, _ in causes(read)]
+    assert stamps == [6.0, 6.0]

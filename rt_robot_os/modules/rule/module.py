@@ -153,7 +153,7 @@ class Rule(Module):
         now_ns = self.causes.topic.kernel.now_ns()
         if not self._begun:
             self._begun = True
-            watched.begin(now_ns)
+            watched.begin(self.job_ns)
         for name, transition in watched.step(now_ns):
             self._tell(name, transition, reports, watched)
         reports.refresh(now_ns)

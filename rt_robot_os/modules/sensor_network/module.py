@@ -125,7 +125,6 @@ class SensorNetwork(Module):
         model, watch = self._model, self._watch
         if model is None or watch is None:
             return
-        now_ns = self.nodes.topic.kernel.now_ns()
         if self.connected('pose') and self.pose.latest():
             x, y, _ = self._position(self.pose.buffer)
             if math.isfinite(x) and math.isfinite(y):
@@ -137,6 +136,8 @@ class SensorNetwork(Module):
         for reader in self._readers:
             while (data := reader.take()) is not None:
                 take(decode(data), reader.stamp_ns)
+        # Not the time that it is: so that a replay gives the same.
+        now_ns = max(self.job_ns, *(reader.stamp_ns for reader in self._readers))
         if now_ns >= self._next_ns:
             watch.look(now_ns)
             self._tell(watch)

@@ -188,7 +188,7 @@ class Whereabouts(Module):
         now_ns = self.causes.topic.kernel.now_ns()
         if not self._begun:
             self._begun = True
-            watched.begin(now_ns)
+            watched.begin(self.job_ns)
         for stamp_ns, _, take in self._events(watched, now_ns):
             self._report(self._activity.pass_time(stamp_ns), reports)
             self._report(take(stamp_ns), reports)
