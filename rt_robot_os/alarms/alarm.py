@@ -121,6 +121,26 @@ class Reason:
         return cls(cause.kind, cause.level, True, 1, t_ns, t_ns, 0, cause.text[:REASON_TEXT],
                    cause.source)
 
+    def hear(self, cause: Cause, t_ns: int, again_ns: int) -> tuple[bool, bool | None]:
+        """
+        Take a cause of its kind once more.
+
+        :param again_ns: what comes back or rises sooner is flapping.
+        :return: whether it has begun anew; and whether it has begun or risen so that it is news,
+            False when that is flapping, None when it only lasts.
+        """
+        # Told by a person, without a module behind, it has begun each time.
+        began = not self.active or not cause.source
+        rises = cause.level > self.level
+        since_ns = self.over_ns or (self.since_ns if rises else self.heard_ns)
+        if began:
+            self.count += 1
+        if began or cause.level != self.level:
+            self.since_ns, self.active, self.over_ns = t_ns, True, 0
+        self.heard_ns, self.text = t_ns, cause.text[:REASON_TEXT] or self.text
+        self.level, self.source = cause.level, cause.source
+        return began, t_ns - since_ns >= again_ns if began or rises else None
+
 
 @dataclass
 class Delivery:
@@ -259,6 +279,20 @@ class Alarm:
         if not made.reasons:
             raise ValueError(f'alarm {made.id} has no cause')
         return made
+
+
+class Change(NamedTuple):
+    """
+    What happened to one alarm, to be kept before anybody is told.
+
+    :ivar alarm: as it is now.
+    :ivar events: what happened, in order; may be none.
+    :ivar sends: notifications to be made of it.
+    """
+
+    alarm: Alarm
+    events: tuple[Event, ...]
+    sends: tuple[Delivery, ...]
 
 
 def compact(found: object) -> str:

@@ -26,15 +26,14 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 from typing import Final
-from typing import NamedTuple
 
 from rt_robot_os.alarms.alarm import Alarm
+from rt_robot_os.alarms.alarm import Change
 from rt_robot_os.alarms.alarm import Delivery
 from rt_robot_os.alarms.alarm import Event
 from rt_robot_os.alarms.alarm import KINDS_MOST
 from rt_robot_os.alarms.alarm import PICTURES_MOST
 from rt_robot_os.alarms.alarm import Reason
-from rt_robot_os.alarms.alarm import REASON_TEXT
 from rt_robot_os.alarms.alarm import State
 from rt_robot_os.alarms.alarm import TEST
 from rt_robot_os.alarms.cause import Cause
@@ -51,20 +50,6 @@ SELF: Final = 'alarms'
 OVERFLOW: Final = Cause('alarm_overflow', SELF, Level.TECHNICAL, True,
                         'more alarms than the book holds: causes were turned away', SELF)
 _TECHNICAL: Final = (False, True)
-
-
-class Change(NamedTuple):
-    """
-    What happened to one alarm, to be kept before anybody is told.
-
-    :ivar alarm: as it is now.
-    :ivar events: what happened, in order; may be none.
-    :ivar sends: notifications to be made of it.
-    """
-
-    alarm: Alarm
-    events: tuple[Event, ...]
-    sends: tuple[Delivery, ...]
 
 
 class Book:
@@ -187,23 +172,15 @@ class Book:
             alarm.over_ns = 0
             self._news(alarm, cause, worse, t_ns)
             return
-        began = not reason.active or not cause.source
-        rises = cause.level > reason.level
-        flaps = t_ns - (reason.over_ns or (
-            reason.since_ns if rises else reason.heard_ns)) < self.rules.again_ns
         if not reason.active:
             alarm.over_ns = 0
             self._change(alarm)
+        began, news = reason.hear(cause, t_ns, self.rules.again_ns)
         if began:
-            reason.count += 1
             self.counters['folded'] += 1
-        if began or cause.level != reason.level:
-            reason.since_ns, reason.active, reason.over_ns = t_ns, True, 0
-        reason.heard_ns, reason.text = t_ns, cause.text[:REASON_TEXT] or reason.text
-        reason.level, reason.source = cause.level, cause.source
-        if worse or ((began or rises) and not flaps):
+        if worse or news is True:
             self._news(alarm, cause, worse, t_ns)
-        elif began or rises:
+        elif news is False:
             self.counters['flapped'] += 1
 
     def _news(self, alarm: Alarm, cause: Cause, worse: bool, t_ns: int) -> None:

@@ -37,10 +37,10 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.alarms.alarm import Alarm
+from rt_robot_os.alarms.alarm import Change
 from rt_robot_os.alarms.alarm import compact
 from rt_robot_os.alarms.alarm import Event
 from rt_robot_os.alarms.book import Book
-from rt_robot_os.alarms.book import Change
 from rt_robot_os.alarms.cause import Cause
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.alarms.escalation import Notification
@@ -348,6 +348,7 @@ class Desk:
         """Go on with what was read; what the journal does not have yet is sent once more."""
         if not self._has_read:
             self._has_read = True
+            self.book.begin_life(t_ns)
             late, self._restored = self._restored, True
             self.book.unsaved = False
             self._renumber()
