@@ -43,8 +43,9 @@ from rt_robot_os.alarms.alarm import Event
 from rt_robot_os.alarms.book import Book
 from rt_robot_os.alarms.cause import Cause
 from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.escalation import Notification
 from rt_robot_os.alarms.escalation import ROBOT
+from rt_robot_os.alarms.notification import Notification
+from rt_robot_os.alarms.notification import words_of
 from rt_robot_os.alarms.orders import Answer
 from rt_robot_os.alarms.orders import carry_out
 from rt_robot_os.alarms.rules import Rules
@@ -275,11 +276,10 @@ class Desk:
         delivery = alarm.deliveries.get(key)
         if delivery is None:
             return
-        steps = len(self.book.rules.steps.get(alarm.level, ()))
         notification = Notification(
             key, delivery.channel, alarm.id, delivery.step, alarm.level.name.lower(),
-            alarm.subject, _words(alarm, delivery.step, steps), alarm.kinds, alarm.node, alarm.x,
-            alarm.y, tuple(alarm.pictures), delivery.again)
+            alarm.subject, words_of(alarm), alarm.kinds, alarm.node, alarm.x, alarm.y,
+            tuple(alarm.pictures), delivery.again)
         # The robot's voice is heard here and now; nobody hears it twice after a restart.
         if not self._has_journal or self._faulty or delivery.channel == ROBOT:
             self._notifications.append(notification)
@@ -382,30 +382,3 @@ class Desk:
             self._seq += 1
             self._unstored[place] = self._seq, alarm, compact({
                 **json.loads(text), 'seq': self._seq})
-
-
-def _words(alarm: Alarm, step: int, steps: int) -> str:
-    """Say in a sentence what is the matter."""
-    kinds = ', '.join(alarm.kinds)
-    about = f'{kinds}: {alarm.text}' if alarm.text else kinds
-    again = f' (again: {alarm.why})' if alarm.round > 1 and alarm.why else ''
-    remark = f'; {alarm.remark}' if alarm.remark else ''
-    return f'{alarm.level.name} alarm {alarm.id}, {alarm.subject}: {about}{again}{remark}'[:400]
-
-
-def parse_report(text: str) -> tuple[str, bool, str]:
-    """
-    Read a delivery report.
-
-    :return: the key of the notification, whether it was delivered, a word about it.
-    :raises ValueError: it is none.
-    """
-    try:
-        found = json.loads(text)
-        key, ok = found['key'], found['ok']
-        if not isinstance(key, str) or not isinstance(ok, bool):
-            raise ValueError
-        return key, ok, str(found.get('text', ''))[:80]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise ValueError(f'{text[:60]!r} is no report: write {{"key": "7.1.0.0.operator", '
-                         '"channel": "operator", "ok": true}') from None

@@ -23,13 +23,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from collections.abc import Mapping
 import re
-from typing import Any
 from typing import Final
 from typing import NamedTuple
 from typing import Protocol
 
 from rt_robot_os.alarms.alarm import Alarm
-from rt_robot_os.alarms.alarm import compact
 from rt_robot_os.alarms.alarm import Delivery
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.units import NS_PER_S
@@ -55,36 +53,6 @@ class Step(NamedTuple):
     channels: tuple[str, ...]
     wait_ns: int
     repeat_ns: int = 0
-
-
-class Notification(NamedTuple):
-    """
-    What is to be told to whom.
-
-    :ivar key: tells it from all others; the same when it is sent again after a restart.
-    :ivar again: it was sent before a restart, too.
-    """
-
-    key: str
-    channel: str
-    alarm: str
-    step: int
-    level: str
-    subject: str
-    text: str
-    kinds: tuple[str, ...]
-    node: str
-    x: float
-    y: float
-    pictures: tuple[str, ...]
-    again: bool = False
-
-    def to_text(self) -> str:
-        """Return it as JSON; what is not known is left out."""
-        found: dict[str, Any] = {**self._asdict(), 'kinds': list(self.kinds),
-                                 'pictures': list(self.pictures)}
-        return compact({name: value for name, value in found.items()
-                        if value != '' and value == value and value != [] and value is not False})
 
 
 class Told(Protocol):

@@ -247,3 +247,56 @@ def test_a_flood_of_causes_is_bounded_and_the_worst_gets_through() -> None:
 def test_settings_that_would_tell_nobody_are_refused(given: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         Alarms('alarms', settings_of(Alarms, **given))
+
+
+def test_a_test_says_so_goes_the_whole_way_and_ends_at_its_top() -> None:
+    robot = Robot()
+    robot.say('alarms/command', 'test critical by mary', 1.0)
+    robot.run(120.0)
+    assert robot.told() == [('operator', 1)] * 3 + [('family', 2)]
+    assert all(each['text'].startswith('TEST') for each in robot.kept['alarms/notify'])
+    assert robot.events('resolved') == [('resolved', 91.0)]
+
+
+def test_a_channel_that_fails_is_skipped_and_tried_again_at_the_top() -> None:
+    robot = Robot(critical_steps=['operator 30', 'family 60'])
+    robot.delivers = False
+    robot.cause(HELP, 1.0)
+    robot.run(80.0)
+    # Nobody reports: after 10 s the next; and at the top again after a minute, both.
+    assert robot.events('failed', 'escalated', 'repeated') == [
+        ('failed', 11.0), ('escalated', 11.0), ('failed', 21.0), ('repeated', 71.0)]
+    assert robot.told() == [('operator', 0), ('family', 1), ('family', 1), ('operator', 1)]
+
+
+def test_what_is_acknowledged_comes_again_and_what_is_over_does_not() -> None:
+    robot = Robot(remind_s=60.0)
+    robot.cause(HELP, 1.0)
+    robot.say('alarms/command', 'acknowledge 1 by mary', 10.0)
+    robot.say('alarms/command', 'acknowledge 1 by mary', 100.0)
+    robot.cause(HELP._replace(active=False), 110.0)
+    robot.run(400.0)
+    assert robot.events('raised', 'unacknowledged', 'acknowledged', 'resolved') == [
+        ('raised', 1.0), ('acknowledged', 10.0), ('unacknowledged', 70.0),
+        ('acknowledged', 100.0), ('unacknowledged', 160.0)]
+
+
+def test_a_person_who_publishes_the_same_again_after_it_was_resolved_means_it() -> None:
+    robot = Robot()
+    by_hand = HELP._replace(source='')
+    for at_s, cause in ((1.0, by_hand), (20.0, by_hand), (60.0, HELP), (80.0, HELP)):
+        robot.cause(cause, at_s)
+        robot.say('alarms/command', 'resolve anna by mary', at_s + 5)
+    robot.run(90.0)
+    # The module's report at 80 s is that of a cause that lasts, and is held back.
+    assert robot.events('raised') == [('raised', 1.0), ('raised', 20.0), ('raised', 60.0)]
+
+
+def test_the_robot_is_silent_for_a_while_and_speaks_when_there_is_a_new_alarm() -> None:
+    robot = Robot(critical_steps=['robot 10 repeat 10'])
+    robot.cause(HELP, 1.0)
+    robot.say('alarms/command', 'silence 60 by mary', 5.0)
+    robot.cause(HELP._replace(subject='bert'), 35.0)
+    robot.run(45.0)
+    assert [text.split(':')[0] for text in robot.kept['agent/say']] == [
+        'CRITICAL alarm 1, anna', 'CRITICAL alarm 2, bert', 'CRITICAL alarm 1, anna']

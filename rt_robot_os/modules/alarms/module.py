@@ -35,10 +35,10 @@ from rt_robot_os.alarms.cause import cause_of
 from rt_robot_os.alarms.cause import CAUSES_MESSAGE
 from rt_robot_os.alarms.cause import CAUSES_TOPIC
 from rt_robot_os.alarms.desk import Desk
-from rt_robot_os.alarms.desk import parse_report
 from rt_robot_os.alarms.desk import RECORD_BYTES
-from rt_robot_os.alarms.escalation import Notification
 from rt_robot_os.alarms.escalation import ROBOT
+from rt_robot_os.alarms.notification import Notification
+from rt_robot_os.alarms.notification import parse_report
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.alarms.listing import LIST_BYTES
 from rt_robot_os.modules.alarms.listing import list_text
