@@ -61,7 +61,8 @@ def words_of(alarm: Alarm) -> str:
     again = f' (again: {alarm.why})' if alarm.round > 1 and alarm.why else ''
     remark = f'; {alarm.remark}' if alarm.remark else ''
     test = 'TEST, nothing has happened: ' if alarm.is_test else ''
-    return f'{test}{alarm.level.name} alarm {alarm.id}, {alarm.subject}: {about}{again}{remark}'[:400]
+    text = f'{test}{alarm.level.name} alarm {alarm.id}, {alarm.subject}: {about}{again}{remark}'
+    return text[:400]
 
 
 def parse_report(text: str) -> tuple[str, bool, str]:
