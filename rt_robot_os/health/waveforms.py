@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Recorded waveforms of monitors: WFDB records as PhysioNet has them, in signal format 16.
+Recorded waveforms of monitors: WFDB records as PhysioNet has them, of one segment.
 
-A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16 is pairs of
-bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first, which is how
-MATLAB files of version 4 (``NAME.mat``) are read. The header has a checksum of each signal, so a
-file that is cut short or damaged is not taken for a patient.
+A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16, the usual
+one, is pairs of bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first,
+which is how MATLAB files of version 4 (``NAME.mat``) are read. The header has a checksum of each
+signal, so a file that is cut short or damaged is not taken for a patient.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.health.wfdb_formats import FORMATS
+from rt_robot_os.health.wfdb_formats import Integers
 
 Floats = npt.NDArray[np.float64]
 
-#: A sample that a monitor did not have.
-MISSING: Final = -32768
 DEFAULT_RATE_HZ: Final = 250.0
 DEFAULT_GAIN: Final = 200.0
 
-_FORMAT: Final = re.compile(r'(\d+)(?:x\d+)?(?::\d+)?(?:\+(\d+))?').fullmatch
+_FORMAT: Final = re.compile(r'(\d+)(?:x(\d+))?(?::\d+)?(?:\+(\d+))?').fullmatch
 _GAIN: Final = re.compile(r'([-+.\deE]+)(?:\((-?\d+)\))?(?:/(\S+))?').fullmatch
 _MOST_SIGNALS: Final = 64
 
@@ -83,6 +83,7 @@ class _Line(NamedTuple):
     """What a header says of one signal."""
 
     file: str
+    form: str
     offset: int
     gain: float
     baseline: int
@@ -143,9 +144,10 @@ def _signal_line(line: str) -> _Line:
     form = _FORMAT(words[1]) if len(words) > 1 else None
     if form is None:
         raise ValueError(f'{line[:60]!r} describes no signal')
-    if form[1] != '16':
-        raise ValueError(f'{words[0]} has signal format {words[1][:20]}: only format 16 is read '
-                         'here; convert it (xform of the WFDB software)')
+    if form[1] not in FORMATS or int(form[2] or 1) > 1:
+        raise ValueError(f'{words[0]} has signal format {words[1][:20]}: only '
+                         f'{", ".join(FORMATS)} with one sample a frame are read here; convert '
+                         'it (xform of the WFDB software)')
     gain, baseline, unit = DEFAULT_GAIN, None, 'mV'
     if len(words) > 2 and (told := _GAIN(words[2])):
         gain = float(told[1]) or DEFAULT_GAIN
@@ -153,7 +155,8 @@ def _signal_line(line: str) -> _Line:
         unit = told[3] or unit
     numbers = [int(word) for word in words[3:8] if re.fullmatch(r'-?\d+', word)]
     zero = numbers[1] if len(numbers) > 1 else 0
-    return _Line(words[0], int(form[2] or 0), gain, zero if baseline is None else baseline, unit,
+    return _Line(words[0], form[1], int(form[3] or 0), gain,
+                 zero if baseline is None else baseline, unit,
                  numbers[3] if len(numbers) > 3 else None, words[8] if len(words) > 8 else '')
 
 
@@ -163,10 +166,13 @@ def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Si
         inside = [each for each in signals if each.file == file]
         place = header.parent / Path(file).name
         try:
-            data = np.fromfile(place, dtype='<i2', offset=inside[0].offset)
+            octets = np.fromfile(place, dtype=np.uint8, offset=inside[0].offset)
         except OSError as error:
             raise ConfigError([f'{place}: {error.strerror}: the samples of {header.name} belong '
                                'beside it']) from error
+        if len({each.form for each in inside}) > 1:
+            raise ConfigError([f'{header}: signals in {file} have several formats'])
+        data = FORMATS[inside[0].form].decode(octets)
         frames = data.size // len(inside)
         if length is not None and frames < length:
             raise ConfigError([f'{place} holds {frames} samples of each signal and {header.name} '
@@ -180,11 +186,11 @@ def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Si
                  for each in signals if each in order)
 
 
-def _checked(line: _Line, raw: npt.NDArray[np.int16], place: Path) -> Floats:
-    total = int(raw.astype(np.int64).sum()) & 0xFFFF
+def _checked(line: _Line, raw: Integers, place: Path) -> Floats:
+    total = int(raw.sum()) & 0xFFFF
     if line.checksum is not None and total != line.checksum & 0xFFFF:
         raise ConfigError([f'{place}: signal {line.name or "?"} has the checksum {total} and its '
                            f'header says {line.checksum & 0xFFFF}: it is damaged'])
     samples: Floats = (raw.astype(np.float64) - line.baseline) / line.gain
-    samples[raw == MISSING] = np.nan
+    samples[raw == FORMATS[line.form].missing] = np.nan
     return samples

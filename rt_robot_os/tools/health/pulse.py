@@ -39,7 +39,7 @@ def add_to(commands: Any) -> None:
         f'exit code is 1 when one differs by more than {MOST_PER_MIN:g}/min, or a file cannot be '
         'read.')
     parser.add_argument('files', nargs='+', metavar='FILE', type=Path,
-                        help='header of a WFDB record in format 16, NAME.hea, with its samples '
+                        help='header of a WFDB record, NAME.hea, with its samples '
                         'beside it')
     parser.add_argument('--signal', default='', metavar='NAME',
                         help='waveform to measure; without it PLETH or PPG, else ABP or ART')

@@ -121,7 +121,8 @@ def read_recording(path: Path) -> Recording:
 
     :raises ConfigError: it cannot be read, or has no time or no sign.
     """
-    if path.suffix.lower() in ('.hea', '.dat'):
+    if path.suffix.lower() in ('.hea', '.dat', '.mat') or (
+            not path.is_file() and path.with_suffix('.hea').is_file()):
         return _of_record(path)
     try:
         if path.stat().st_size > _MOST_BYTES:
