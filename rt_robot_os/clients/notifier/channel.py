@@ -32,6 +32,8 @@ from rt_robot_os.schema import Field
 
 #: A value of a channel's settings that begins so names a variable of the environment.
 VARIABLE: Final = '$'
+#: A single read or write may take so much longer than the whole: the deadline is to come first.
+GRACE_S: Final = 0.5
 
 
 class DeliveryError(Exception):

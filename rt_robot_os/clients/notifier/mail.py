@@ -29,6 +29,7 @@ from typing import Final
 from rt_robot_os.clients.notifier.channel import Deadline
 from rt_robot_os.clients.notifier.channel import DeliveryError
 from rt_robot_os.clients.notifier.channel import environment_value
+from rt_robot_os.clients.notifier.channel import GRACE_S
 from rt_robot_os.clients.notifier.channel import is_own_machine
 from rt_robot_os.clients.notifier.channel import VARIABLE
 from rt_robot_os.clients.notifier.notification import Notification
@@ -133,9 +134,10 @@ class Mail:
 
     def _connect(self, deadline: Deadline) -> smtplib.SMTP:
         server, port = self._values['server'], self._values['port']
+        longest_s = self._timeout_s + GRACE_S
         if self._values['security'] == 'tls':
-            return _TlsServer(deadline, server, port, timeout=self._timeout_s, context=self._tls)
-        return _Server(deadline, server, port, timeout=self._timeout_s)
+            return _TlsServer(deadline, server, port, timeout=longest_s, context=self._tls)
+        return _Server(deadline, server, port, timeout=longest_s)
 
     def _message(self, notification: Notification, again: bool) -> EmailMessage:
         message = EmailMessage()

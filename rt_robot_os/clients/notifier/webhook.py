@@ -29,6 +29,7 @@ from urllib.parse import urlsplit
 from rt_robot_os.clients.notifier.channel import Deadline
 from rt_robot_os.clients.notifier.channel import DeliveryError
 from rt_robot_os.clients.notifier.channel import environment_value
+from rt_robot_os.clients.notifier.channel import GRACE_S
 from rt_robot_os.clients.notifier.channel import is_own_machine
 from rt_robot_os.clients.notifier.channel import VARIABLE
 from rt_robot_os.clients.notifier.notification import Notification
@@ -104,7 +105,7 @@ class Webhook:
         """Post it; who gets it knows by the header Idempotency-Key what came before."""
         kind = HTTPConnection if self._tls is None else HTTPSConnection
         options: dict[str, Any] = {} if self._tls is None else {'context': self._tls}
-        connection = kind(self._host, self._port, timeout=self._timeout_s, **options)
+        connection = kind(self._host, self._port, timeout=self._timeout_s + GRACE_S, **options)
         deadline = Deadline(self._timeout_s)
         try:
             with deadline.watch():

@@ -20,6 +20,9 @@ from collections.abc import Iterator
 from email import message_from_string
 import json
 from pathlib import Path
+import shutil
+import ssl
+import subprocess
 import sys
 from typing import Any
 
@@ -220,6 +223,32 @@ def test_a_mail_that_is_refused_says_why_without_the_password(post: Post, tmp_pa
     with pytest.raises(DeliveryError, match='STARTTLS'):
         post.greet = True
         mail(tmp_path, post, security='starttls').deliver(fall(), False)
+
+
+def test_who_has_no_good_certificate_is_told_nothing(tmp_path: Path, web: Web, post: Post) -> None:
+    openssl = shutil.which('openssl')
+    if openssl is None:
+        pytest.skip('openssl is not installed')
+    key, certificate = str(tmp_path / 'key.pem'), str(tmp_path / 'certificate.pem')
+    subprocess.run([openssl, 'req', '-x509', '-newkey', 'ec', '-pkeyopt',
+                    'ec_paramgen_curve:prime256v1', '-nodes', '-keyout', key, '-out', certificate,
+                    '-subj', '/CN=localhost', '-addext', 'subjectAltName=DNS:localhost'],
+                   check=True, capture_output=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    for server in (web, post):
+        server.socket = context.wrap_socket(server.socket, server_side=True)
+    url = f'https://localhost:{web.server_address[1]}/'
+    for more in ({}, {'ca_file': certificate}):
+        made = (channel(tmp_path, 'webhook', url=url, **more),
+                mail(tmp_path, post, server='localhost', security='tls', **more))
+        for each in made:
+            if more:
+                each.deliver(fall(), False)
+            else:
+                with pytest.raises(DeliveryError, match='CERTIFICATE_VERIFY_FAILED'):
+                    each.deliver(fall(), False)
+    assert len(web.posts) == len(post.mails) == 1
 
 
 # ---- settings --------------------------------------------------------------------------------
