@@ -76,11 +76,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.server.wait.wait(60.0)
         if self.server.drip is not None:
             with suppress(OSError):
-                while True:
+                while self.server.drip is not None:
                     self.wfile.write(self.server.drip())
                     self.wfile.flush()
-                    if self.server.wait.wait(0.01) and not self.server.drip:
-                        return
+                    threading.Event().wait(0.01)  # slowly: so much at once would be a long line
+            return
         with suppress(OSError):
             self.send_response(self.server.status, self.server.reason)
             for name, value in self.server.headers.items():
