@@ -53,7 +53,7 @@ class FallLimits(NamedTuple):
     after_s: float = 1.0
     decide_within_s: float = 4.5
     restless_g: float = 0.2
-    turning_deg: float = 25.0
+    turning_deg: float = 30.0
     recovery_deg: float = 35.0
     recovery_s: float = 3.0
     block_s: float = 0.02
