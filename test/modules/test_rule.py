@@ -292,4 +292,5 @@ def test_silence_counts_from_a_moment_that_a_replay_has_as_well() -> None:
             bench.at(1.0 + late_ns / S, functools.partial(bench.kernel.release, rule.task))
             bench.run(8.0)
             stamps += [stamp for stamp, _ in causes(read)]
+            assert 'leave rate_hz out' in rule.statistics()['warning']
     assert stamps == [6.0, 6.0]

@@ -33,7 +33,9 @@ from rt_robot_os.alarms.cause import LEVELS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.health.rule_state import RuleState
 from rt_robot_os.health.rule_state import Transition
+from rt_robot_os.health.rule_terms import conditions_of
 from rt_robot_os.health.rule_terms import refs_of
+from rt_robot_os.health.rule_terms import Silent
 from rt_robot_os.health.rule_text import read_rule
 from rt_robot_os.health.rule_text import RuleError
 from rt_robot_os.kernel import Task
@@ -57,6 +59,7 @@ _LINES: Final = 16
 _MOST_RULES: Final = 256
 _LONGEST_S: Final = 31 * 86_400.0
 _LONGEST_SUBJECT: Final = 64
+_BLIND: Final = 'rate_hz is 0: silence is noticed only after something came; leave rate_hz out'
 
 
 class Rule(Module):
@@ -171,9 +174,11 @@ class Rule(Module):
             key = f'state_{name}' if name else 'state'
             lines[key] = ': '.join(filter(None, (_word(state), values)))
         active = [name for name, state in watched.states.items() if state.active]
-        return {'rule': str(self._rule), 'active': len(active), 'began': self._began,
-                'no_values': watched.no_values, 'samples_lost': watched.lost,
-                **reports.statistics(), **lines}
+        blind = not self.period_ns and any(
+            isinstance(each, Silent) for each in conditions_of(self._rule))
+        return {'warning': _BLIND if blind else '', 'rule': str(self._rule),
+                'active': len(active), 'began': self._began, 'no_values': watched.no_values,
+                'samples_lost': watched.lost, **reports.statistics(), **lines}
 
     # ---- work --------------------------------------------------------------------------------
 
