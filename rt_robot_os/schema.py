@@ -159,6 +159,8 @@ class TopicSpec:
     :ivar depth: samples kept, a power of two.
     :ivar rate_hz: samples a second that are expected; 0 when that is not known.
     :ivar tail: most elements of a last field of variable length; None without.
+    :ivar most_hz: it is written that often at most, in the long run; 0: perhaps in each job. What
+        is written seldom and has no ``rate_hz`` says it, so that ``plan`` can count with it.
     """
 
     topic: str
@@ -167,6 +169,7 @@ class TopicSpec:
     depth: int = 16
     rate_hz: float = 0.0
     tail: int | None = None
+    most_hz: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from rt_robot_os.units import NS_PER_S
 
 #: The output of a module that reports causes: ``causes = CAUSES_OUTPUT`` in its class.
 CAUSES_OUTPUT: Final = Output(
-    CAUSES_TOPIC, CAUSES_MESSAGE, tail=CAUSE_BYTES, depth=CAUSES_DEPTH)
+    CAUSES_TOPIC, CAUSES_MESSAGE, tail=CAUSE_BYTES, depth=CAUSES_DEPTH, most_hz=1.0)
 #: After it a cause that lasts is told again, for a reader that was not there.
 REFRESH_NS: Final = 10 * NS_PER_S
 

@@ -158,7 +158,7 @@ class PortOwner(LiveSettings):
         """Return the topics that are written: one for each output that is used."""
         return tuple(
             TopicSpec(self.topic_of(attribute), port.message, port.fixed, port.depth,
-                      port.rate_hz or self.output_rate_hz(), port.tail)
+                      port.rate_hz or self.output_rate_hz(), port.tail, port.most_hz)
             for attribute, port in self.used(Output).items())
 
     def reads(self) -> tuple[TopicRead, ...]:

@@ -71,7 +71,7 @@ class Journal(Device):
     OPENING_S: ClassVar[float] = 10.0
     IF_SILENT = 'its process hangs: look whether the disk does'
     records = Input('alarms/journal', wake=True, message=CAUSES_MESSAGE)
-    stored = Output('alarms/stored', CAUSES_MESSAGE, tail=PACKET_BYTES, depth=32)
+    stored = Output('alarms/stored', CAUSES_MESSAGE, tail=PACKET_BYTES, depth=32, most_hz=5.0)
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """Keep the settings; nothing is opened."""

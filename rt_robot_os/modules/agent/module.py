@@ -23,6 +23,7 @@ which the job came to run: that is another in a replay.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import json
 from typing import Any
 from typing import Final
@@ -47,6 +48,7 @@ from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.sensor_packets import survey_from
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.schema import made
+from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import period_from_rate
@@ -77,14 +79,14 @@ class AgentModule(Module):
     voice = Input('', message='std_msgs/msg/Float32')
     goals = Input('goal_pose', message='geometry_msgs/msg/PoseStamped')
     turn = Output('cmd_vel_agent', 'geometry_msgs/msg/Twist')
-    goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP)
-    cancel = Output('trajectory_cancel', _BOOL)
-    speed_limit = Output('speed_limit', _FLOAT)
-    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16)
-    state = Output('agent/state', _TEXT, tail=_TEXT_BYTES)
-    transitions = Output('agent/transitions', _TEXT, tail=_TEXT_BYTES, depth=64)
-    order = Output('agent/observe', _TEXT, tail=_TEXT_BYTES)
-    alarm_command = Output('alarms/command', _TEXT, tail=_COMMAND_BYTES)
+    goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP, most_hz=1.0)
+    cancel = Output('trajectory_cancel', _BOOL, most_hz=1.0)
+    speed_limit = Output('speed_limit', _FLOAT, most_hz=1.0)
+    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16, most_hz=1.0)
+    state = Output('agent/state', _TEXT, tail=_TEXT_BYTES, most_hz=2.0)
+    transitions = Output('agent/transitions', _TEXT, tail=_TEXT_BYTES, depth=64, most_hz=2.0)
+    order = Output('agent/observe', _TEXT, tail=_TEXT_BYTES, most_hz=1.0)
+    alarm_command = Output('alarms/command', _TEXT, tail=_COMMAND_BYTES, most_hz=1.0)
     causes = CAUSES_OUTPUT
 
     SETTINGS = SETTINGS
@@ -118,6 +120,12 @@ class AgentModule(Module):
     def own_rounds_hz(self) -> float:
         """Return the rate of its decisions."""
         return float(self.settings['decision_rate_hz'])
+
+    def publications(self) -> tuple[TopicSpec, ...]:
+        """Return the topics; it turns once a round at most, whatever wakes it."""
+        turn = self.topic_of('turn')
+        return tuple(replace(each, most_hz=self.own_rounds_hz()) if each.topic == turn else each
+                     for each in super().publications())
 
     def listed_inputs(self) -> Mapping[str, Input]:
         """Return an input for the place of each person, and for each button."""

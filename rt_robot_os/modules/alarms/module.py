@@ -73,12 +73,12 @@ class Alarms(Module):
     report = Input('alarms/report', wake=True, message=_TEXT)
     stored = Input('alarms/stored', wake=True, message=_TEXT)
     observed = Input('', wake=True, message=_TEXT)
-    events = Output('alarms/events', _TEXT, tail=_EVENT_BYTES, depth=64)
-    list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2)  # noqa: A003
-    notify = Output('alarms/notify', _TEXT, tail=_EVENT_BYTES, depth=64)
-    answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=64)
-    journal = Output('alarms/journal', _TEXT, tail=RECORD_BYTES, depth=32)
-    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16)
+    events = Output('alarms/events', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=5.0)
+    list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2, most_hz=1.0)  # noqa: A003
+    notify = Output('alarms/notify', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=2.0)
+    answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=64, most_hz=1.0)
+    journal = Output('alarms/journal', _TEXT, tail=RECORD_BYTES, depth=32, most_hz=5.0)
+    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16, most_hz=1.0)
 
     SETTINGS = SETTINGS
 

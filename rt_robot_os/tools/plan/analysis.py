@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Mapping
 from collections.abc import Sequence
 from fractions import Fraction
@@ -61,6 +62,11 @@ def judge(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Anal
     return _Analyser(tasks, overhead, needed=True).run()
 
 
+def fits(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> bool:
+    """Return whether nothing fails in what :func:`judge` finds; the first failure is enough."""
+    return not _Analyser(tasks, overhead, needed=True, first=True).run().failed
+
+
 def busy_until_ns(tasks: Sequence[PlannedTask], overhead: Overhead, task: PlannedTask) -> int:
     """
     Bound the time for which tasks of a priority and above are busy without a pause.
@@ -77,7 +83,7 @@ class _Analyser:
     """One set of tasks, and the loads that it makes at each priority."""
 
     def __init__(self, tasks: Sequence[PlannedTask], overhead: Overhead,
-                 needed: bool = False) -> None:
+                 needed: bool = False, first: bool = False) -> None:
         self._tasks = sorted(tasks, key=lambda task: -task.priority)
         self._overhead = overhead
         table = StreamTable(tasks)
@@ -88,13 +94,16 @@ class _Analyser:
         self._boundless: set[str] = set()
         self._releasing = {parent for s in self._all for parent in s.parents}
         self._needed = needed
+        self._first = first
         self._found: dict[str, TaskResult] = {}
 
     def run(self) -> Analysis:
         """Iterate until no chain changes any more: jitters only ever grow."""
         before: list[int] = []
         for _ in range(PASSES_MAXIMUM):
-            self._found = {task.name: self._judge(task) for task in self._tasks}
+            self._found = self._judge_all()
+            if len(self._found) < len(self._tasks):
+                break
             boundless = {r.task.name for r in self._found.values() if r.response_ns is None}
             after = [s.chain_ns for s in self._all if s.parents or s in self._releasing]
             if after == before and boundless == self._boundless or not after:
@@ -113,15 +122,18 @@ class _Analyser:
     def busy_ns(self, task: PlannedTask) -> int:
         """Return the longest busy period of a priority, once the chains are known."""
         p = task.priority
-        return busy_period_ns(blocking_of(task, self._tasks).length_ns, self._tick_loads() + [
-            self._load(s, p) for s in self._all if s.task.priority >= p])
+        return busy_period_ns(
+            blocking_of(task, self._tasks).length_ns, self._tick_loads() + self._loads(
+                (s for s in self._all if s.task.priority >= p), p))
 
     # ---- loads -------------------------------------------------------------------------------
 
-    def _load(self, stream: Stream, level: int) -> Load:
-        execution_ns = stream.task.execution_ns or 0
-        return (stream.period_ns, stream.jitter_at(level),
-                execution_ns + self._overhead.job_ns)
+    def _loads(self, streams: Iterable[Stream], level: int) -> list[Load]:
+        """Return the loads of streams as a level sees them, with the chains as they are now."""
+        known: dict[Stream, int] = {}
+        job_ns = self._overhead.job_ns
+        return [(s.period_ns, s.jitter_at(level, known), (s.task.execution_ns or 0) + job_ns)
+                for s in streams]
 
     def _tick_loads(self) -> list[Load]:
         cost_ns = self._overhead.tick_ns
@@ -135,6 +147,15 @@ class _Analyser:
         if task.name in self._problems:
             return self._problems[task.name]
         return '' if task.execution_ns else 'its execution time is not known'
+
+    def _judge_all(self) -> dict[str, TaskResult]:
+        """Judge all tasks, or up to the first that fails: later passes only make it later."""
+        found: dict[str, TaskResult] = {}
+        for task in self._tasks:
+            found[task.name] = self._judge(task)
+            if self._first and found[task.name].verdict.bad and task.judged:
+                break
+        return found
 
     # ---- a task ------------------------------------------------------------------------------
 
@@ -181,7 +202,7 @@ class _Analyser:
     def _level(self, task: PlannedTask) -> float:
         """Return the part of the processor of all of a priority and above; exact about 1."""
         streams = [s for s in self._all if s.task.priority >= task.priority]
-        costs = [self._load(s, task.priority) for s in streams] + self._tick_loads()
+        costs = self._loads(streams, task.priority) + self._tick_loads()
         level = math.fsum(cost / period for period, _, cost in costs)
         if abs(level - 1) < _NEAR:
             exact = sum((Fraction(cost, period) for period, _, cost in costs), Fraction(0))
@@ -192,14 +213,14 @@ class _Analyser:
     def _bounds(self, task: PlannedTask, blocking_ns: int) -> tuple[int, int, int]:
         """Bound a response from the release, from the timer's alone, and of the whole chain."""
         p = task.priority
-        higher = merged(self._tick_loads() + [
-            self._load(s, p) for s in self._all if s.task.priority > p])
+        higher = merged(self._tick_loads() + self._loads(
+            (s for s in self._all if s.task.priority > p), p))
         level = [s for s in self._all if s.task.priority == p]
-        busy_ns = busy_period_ns(blocking_ns, higher + [self._load(s, p) for s in level])
+        busy_ns = busy_period_ns(blocking_ns, higher + self._loads(level, p))
         response = timed = chain = 0
         for own in self._streams[task.name]:
-            load = self._load(own, p)
-            equal = [self._load(s, p) for s in level if s is not own]
+            load, = self._loads((own,), p)
+            equal = self._loads((s for s in level if s is not own), p)
             if own.timer:
                 longest = response_ns(blocking_ns, load, equal, higher, busy_ns)
                 if task.backlog and equal and longest > task.period_ns:

@@ -163,7 +163,8 @@ class _Builder:
                 commands.append(Event('', period_from_rate(rate_hz)))
             elif COMMANDS not in self._given.rates_hz:
                 unknown = (f'how often ROS publishes {topic!r} is not known: set rate_hz in the '
-                           f'section of that topic, or --rate {COMMANDS}=HZ')
+                           f'section of that topic (or max_rate_hz in that of the mirror), or '
+                           f'--rate {COMMANDS}=HZ')
         if COMMANDS in self._given.rates_hz:
             commands.append(Event('', period_from_rate(self._given.rates_hz[COMMANDS])))
         self._add(COMMANDS, 'core', core.command_priority, 0.0, _NO_TASK, tuple(commands),

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 
+from rt_robot_os.tools.plan.analysis import fits
 from rt_robot_os.tools.plan.analysis import judge
 from rt_robot_os.tools.plan.result import Analysis
 from rt_robot_os.tools.plan.task import check
@@ -81,11 +82,11 @@ def _stretched(task: PlannedTask, execution_ns: int) -> PlannedTask:
     return replace(task, execution_ns=execution_ns, sections=sections)
 
 
-def largest(low: float, high: float, fits: Callable[[float], bool]) -> float:
+def largest(low: float, high: float, fit: Callable[[float], bool]) -> float:
     """Find the largest number that fits, between one that does and one that does not."""
     while high - low > high / RESOLUTION:
         middle = (low + high) / 2
-        low, high = (middle, high) if fits(middle) else (low, middle)
+        low, high = (middle, high) if fit(middle) else (low, middle)
     return low
 
 
@@ -102,48 +103,48 @@ def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) 
     def all_times(factor: float) -> Analysis:
         return judge([scaled(task, factor) for task in tasks], overhead)
 
-    factor = largest_factor(lambda f: not all_times(f).failed)
+    factor = largest_factor(lambda f: fits([scaled(task, f) for task in tasks], overhead))
     breaks = _first(all_times(factor * (1 + 2 / RESOLUTION)))
     growth = tuple(_growth(tasks, index, overhead) for index, task in enumerate(tasks)
                    if task.execution_ns) if factor >= 1 else ()
     return Sensitivity(factor, breaks, growth)
 
 
-def largest_factor(fits: Callable[[float], bool]) -> float:
+def largest_factor(fit: Callable[[float], bool]) -> float:
     """Find the largest factor that fits, from 1 / ``FACTOR_MAXIMUM``; 0 when none does."""
-    if fits(1.0):
+    if fit(1.0):
         low, high = 1.0, 2.0
-        while fits(high):
+        while fit(high):
             low, high = high, high * 2
             if high > FACTOR_MAXIMUM:
                 return FACTOR_MAXIMUM
     else:
         low, high = 0.5, 1.0
-        while not fits(low):
+        while not fit(low):
             low, high = low / 2, low
             if low < 1 / FACTOR_MAXIMUM:
                 return 0.0
-    return largest(low, high, fits)
+    return largest(low, high, fit)
 
 
 def _growth(tasks: Sequence[PlannedTask], index: int, overhead: Overhead) -> Growth:
     task = tasks[index]
 
-    def with_time(execution_ns: float) -> Analysis:
+    def with_time(execution_ns: float) -> list[PlannedTask]:
         changed = list(tasks)
         changed[index] = _stretched(task, round(execution_ns))
-        return judge(changed, overhead)
+        return changed
 
     low = high = float(task.execution_ns or 1)
     # Nothing may compute longer than the longest time that anybody is given.
     limit = max((t.limit_ns or t.period_ns for t in tasks), default=0)
-    while not with_time(high := min(2 * high, 2.0 * limit)).failed:
+    while fits(with_time(high := min(2 * high, 2.0 * limit)), overhead):
         low = high
         if high >= 2 * limit:
             return Growth(task.name, None, '')
-    longest = largest(low, high, lambda ns: not with_time(ns).failed)
-    return Growth(task.name, round(longest), _first(with_time(high)) if longest == low
-                  else _first(with_time(longest * (1 + 2 / RESOLUTION))))
+    longest = largest(low, high, lambda ns: fits(with_time(ns), overhead))
+    return Growth(task.name, round(longest), _first(judge(with_time(
+        high if longest == low else longest * (1 + 2 / RESOLUTION)), overhead)))
 
 
 def _first(analysis: Analysis) -> str:

@@ -76,18 +76,23 @@ class Stream:
             p.task.priority >= level and not p.task.logical and p.inside(level)
             for p in self.parents)
 
-    def jitter_at(self, level: int) -> int:
+    def jitter_at(self, level: int, known: dict[Stream, int]) -> int:
         """
         Return how late releases may come, seen from a busy period of a level.
+
+        :param known: what was found of others, at this level and with these chains.
 
         A task of that level or above that waits when the period begins would have begun it: so
         its jobs of the period, and with them what they release, were all released in it.
         """
         if not self.parents:
             return self.jitter_ns
-        return self.jitter_ns + max((
-            p.jitter_at(level) if p.task.priority >= level and not p.task.logical else p.chain_ns
-            for p in self.parents), default=0)
+        found = known.get(self)
+        if found is None:
+            found = known[self] = self.jitter_ns + max(
+                p.jitter_at(level, known) if p.task.priority >= level and not p.task.logical
+                else p.chain_ns for p in self.parents)
+        return found
 
 
 class StreamTable:
@@ -131,6 +136,11 @@ class StreamTable:
     def _event(self, task: PlannedTask, event: Event, path: tuple[str, ...]) -> list[Stream]:
         if not event.source:
             return [Stream(task, event.period_ns, event.jitter_ns)]
+        if event.promised:
+            # Whatever makes its source run, it comes no oftener; two may come together.
+            stream = Stream(task, event.period_ns, event.jitter_ns + event.period_ns)
+            stream.ticks = False
+            return [stream]
         parents = self._of(self._tasks[event.source], path)
         if event.source in self.problems and task.name not in self.problems:
             self.problems[task.name] = (f'{event.source} releases it, and '

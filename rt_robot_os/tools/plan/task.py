@@ -43,6 +43,7 @@ class Event:
         itself is late.
     :ivar every: only every n-th job of the source makes one; without a ``period_ns``.
     :ivar waits: others have to publish as well before it comes: up to two periods later.
+    :ivar promised: the period is what the source promises, whatever makes it run.
     """
 
     source: str = ''
@@ -50,6 +51,7 @@ class Event:
     jitter_ns: int = 0
     every: int = 1
     waits: bool = False
+    promised: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,12 +46,14 @@ class Source:
     :ivar priority: of the task.
     :ivar task_rate_hz: how often it runs by its timer; 0 without.
     :ivar topic_rate_hz: how often it publishes the topic; 0 when it may in each job.
+    :ivar promised: that is what it promises in the long run, not what its timer makes.
     """
 
     task: str
     priority: int
     task_rate_hz: float
     topic_rate_hz: float
+    promised: bool = False
 
 
 class Wiring:
@@ -77,7 +79,8 @@ class Wiring:
         self.inputs: dict[str, float] = {}
         for mirror in settings.mirrors:
             if mirror.direction == 'in':
-                self.inputs[mirror.topic] = rates.get(mirror.topic, 0.0)
+                # A topic that modules write as well has no section of its own.
+                self.inputs[mirror.topic] = rates.get(mirror.topic) or mirror.max_rate_hz
         for wakes in self._wakes.values():
             for pattern in [topic for topic in wakes if STAR in topic]:
                 wake = wakes.pop(pattern)
@@ -93,7 +96,7 @@ class Wiring:
         made = DRIVERS.load(device.type)(device.name, dict(device.settings))
         for each in made.publications():
             self._add(each.topic, Source(device.name, device.priority, device.rate_hz,
-                                         each.rate_hz))
+                                         each.rate_hz or each.most_hz))
         if made.is_released:
             self._wakes[device.name] = _wakes_of(made)
             self._own_rounds_hz[device.name] = made.own_rounds_hz()
@@ -101,7 +104,8 @@ class Wiring:
     def _add_module(self, entry: ModuleSettings) -> None:
         module = module_class(entry.type)(entry.name, entry.settings)
         for each in module.publications():
-            self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz, 0.0))
+            self._add(each.topic, Source(entry.name, entry.priority, entry.rate_hz,
+                                         each.most_hz, promised=bool(each.most_hz)))
         self._wakes[entry.name] = _wakes_of(module)
         if module.is_coroutine():
             awaited = {module.topic_of(each): True for each in module.awaits()}
@@ -184,6 +188,9 @@ class Wiring:
         for name, sources in by_task.items():
             rates = [source.topic_rate_hz / every for source, every in sources]
             first = sources[0][0]
+            if all(source.promised for source, _ in sources):
+                found += (Event(name, period_from_rate(rate), promised=True) for rate in rates)
+                continue
             above = priority > first.priority
             seldom = all(rates) and (not first.task_rate_hz or sum(rates) < first.task_rate_hz)
             if seldom or (all(rates) and above):
@@ -205,8 +212,9 @@ class Wiring:
         counted as what comes from outside, for a circle of releases has no bound.
         """
         rounds_hz = self._own_rounds_hz.get(source.task, 0.0)
-        if rounds_hz and any(each.task == reader for topic in self._awaited.get(source.task, ())
-                             for each in self._sources.get(topic, ())):
+        if rounds_hz and not source.promised and any(
+                each.task == reader for topic in self._awaited.get(source.task, ())
+                for each in self._sources.get(topic, ())):
             return Source('', source.priority, 0.0, rounds_hz)
         return source
 

@@ -40,7 +40,7 @@ pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not in
 ROBOT = str(Path(__file__).with_name('plan_robot.yaml'))
 CONFIG = Path(__file__).parents[3] / 'config'
 ROBOTS = [CONFIG / f'{name}.yaml' for name in ('all_devices', 'camera', 'robot', 'serial',
-                                               'service_robot', 'assisted_living')]
+                                               'service_robot')]
 TIMES = [f'--execution={name}={us}' for name, us in (
     ('imu', 300), ('gps', 400), ('guard', 100), ('link/commands', 150))]
 
@@ -101,6 +101,13 @@ def test_json_says_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert found['hyper_period_ns'] == 100_000_000
     assert plan('--json', '--no-typical') == 3
     assert json.loads(capsys.readouterr().out)['schedulable'] is None
+
+
+def test_the_robot_of_the_assisted_flat_is_schedulable() -> None:
+    made = robot_tasks(load([CONFIG / 'assisted_living.yaml']), None, Given(typical=shipped()))
+    found = analyse(made.tasks, made.overhead)
+    assert not found.failed and not found.unjudged
+    assert found.utilisation < 0.65
 
 
 @pytest.mark.parametrize('path', ROBOTS, ids=lambda path: path.stem)
