@@ -74,7 +74,8 @@ class Alarms(Module):
     stored = Input('alarms/stored', wake=True, message=_TEXT)
     observed = Input('', wake=True, message=_TEXT)
     events = Output('alarms/events', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=5.0)
-    list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2, most_hz=1.0)  # noqa: A003
+    list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2,  # noqa: A003
+                  most_hz=1.0)
     notify = Output('alarms/notify', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=2.0)
     answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=64, most_hz=1.0)
     journal = Output('alarms/journal', _TEXT, tail=RECORD_BYTES, depth=32, most_hz=5.0)
