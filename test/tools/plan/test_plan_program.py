@@ -24,6 +24,7 @@ import pytest
 
 from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
+from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.command import run
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.measured import Measured
