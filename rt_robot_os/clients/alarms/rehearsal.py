@@ -26,9 +26,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections import deque
-from dataclasses import asdict
-from dataclasses import dataclass
-from dataclasses import field
 from functools import partial
 import hashlib
 from random import Random
@@ -37,7 +34,6 @@ from typing import Final
 
 from rt_robot_os.alarms.alarm import Event
 from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
 from rt_robot_os.alarms.desk import Desk
 from rt_robot_os.alarms.escalation import ROBOT
 from rt_robot_os.alarms.rules import Rules
@@ -46,101 +42,24 @@ from rt_robot_os.clients.alarms.rehearsal_parts import JournalProcess
 from rt_robot_os.clients.alarms.rehearsal_parts import NotifierProcess
 from rt_robot_os.clients.alarms.rehearsal_parts import Person
 from rt_robot_os.clients.alarms.rehearsal_parts import Timeline
+from rt_robot_os.clients.alarms.rehearsal_result import Emergency
+from rt_robot_os.clients.alarms.rehearsal_result import emergency_by_chance
+from rt_robot_os.clients.alarms.rehearsal_result import PEOPLE
+from rt_robot_os.clients.alarms.rehearsal_result import Result
 from rt_robot_os.clients.notifier.ledger import Report
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 #: Emergencies of one robot; then another one begins, with a seed of its own.
 A_SCENE: Final = 40
-_PEOPLE: Final = ('operator', 'family', 'emergency')
 _RULES: Final = Rules(remind_ns=240 * NS_PER_S, resolve_after_ns=60 * NS_PER_S)
 _REFRESH_NS: Final = 10 * NS_PER_S
 _RING: Final = 64
-_KINDS: Final = (('fall', Level.CRITICAL), ('help', Level.CRITICAL), ('smoke', Level.CRITICAL),
-                 ('news2', Level.URGENT), ('no_movement', Level.URGENT),
-                 ('pulse_low', Level.CRITICAL))
 # A scene that has not ended so long after its last emergency will not.
 _PATIENCE_NS: Final = 3 * 3600 * NS_PER_S
 # What goes wrong, and how often, in seconds on average.
 _EVERY_S: Final = {'core': 90.0, 'power': 300.0, 'journal': 150.0, 'notifier': 120.0,
                    'disk': 240.0, 'outage': 100.0, 'network': 200.0}
-
-
-@dataclass
-class Emergency:
-    """
-    Something that happens to somebody.
-
-    :ivar helper: whose answer it gets; empty: nobody's.
-    :ivar seen: somebody has been shown it.
-    """
-
-    subject: str
-    kind: str
-    level: Level
-    lasts_ns: int
-    helper: str
-    active: bool = False
-    seen: bool = False
-    acknowledged: bool = False
-    top: bool = False
-    begun: int = 0
-    ids: set[str] = field(default_factory=set)
-
-    @property
-    def ended(self) -> bool:
-        """Return whether it is with somebody, or has been told as far as there are people."""
-        return self.acknowledged or (self.top and self.seen)
-
-
-@dataclass
-class Result:
-    """
-    What became of all emergencies.
-
-    :ivar lost: neither acknowledged nor told up to the top; their scenes in ``scenes_lost``.
-    :ivar shown_twice: notifications that somebody was shown a second time as if they were new.
-    :ivar folded: that came a second time and said so, after a crash in the middle of a delivery.
-    :ivar told_anew: emergencies that are another alarm since a crash with a full disk.
-    :ivar digest: of all events; the same for the same seed.
-    """
-
-    alarms: int = 0
-    acknowledged: int = 0
-    top: int = 0
-    lost: int = 0
-    shown: int = 0
-    shown_twice: int = 0
-    folded: int = 0
-    told_anew: int = 0
-    virtual_hours: float = 0.0
-    went_wrong: Counter[str] = field(default_factory=Counter)
-    scenes_lost: list[int] = field(default_factory=list)
-    digest: str = ''
-
-    @property
-    def passed(self) -> bool:
-        """Return whether nothing was lost and nothing shown twice."""
-        return not (self.lost or self.shown_twice)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {'passed': self.passed, **asdict(self),
-                'went_wrong': dict(sorted(self.went_wrong.items()))}
-
-    def lines(self) -> list[str]:
-        """Return it for people."""
-        wrong = ', '.join(f'{count} {what.replace("_", " ")}'
-                          for what, count in sorted(self.went_wrong.items()))
-        return [
-            f'{self.alarms} emergencies in {self.virtual_hours:g} hours of virtual time:',
-            f'  {self.acknowledged} acknowledged, {self.top} told up to the top',
-            f'  {self.lost} lost', f'  {self.shown} notifications shown, {self.shown_twice} of '
-            f'them twice; {self.folded} came again and said so',
-            f'  {self.told_anew} alarms begun anew after a crash with a full disk',
-            f'what went wrong: {wrong}',
-            *([f'scenes with losses: {", ".join(map(str, self.scenes_lost))}'] if (
-                self.scenes_lost) else []), f'digest {self.digest}']
 
 
 class Scene:
@@ -156,8 +75,9 @@ class Scene:
         self.timeline.now_ns = 1_000 * NS_PER_S
         self.went_wrong: Counter[str] = Counter()
         self.digest = hashlib.sha256()
-        self.people = {name: Person(name) for name in _PEOPLE}
-        self.all = {each.subject: each for each in map(self._emergency, range(emergencies))}
+        self.people = {name: Person(name) for name in PEOPLE}
+        self.all = {each.subject: each for each in (
+            emergency_by_chance(random, number) for number in range(emergencies))}
         self.told_anew = 0
         self._disk, self._memory = MemoryStore(), MemoryStore()
         self._desk: Desk | None = None
@@ -179,15 +99,6 @@ class Scene:
         self._last_ns = self.timeline.now_ns + at_ns
         for what in _EVERY_S:
             self._plan(what)
-
-    def _emergency(self, number: int) -> Emergency:
-        random = self.random
-        kind, level = random.choice(_KINDS)
-        helper = random.choice((*_PEOPLE, ''))
-        if level is Level.URGENT and helper == 'emergency':
-            helper = 'family'  # the last who are told of what is urgent
-        return Emergency(f'p{number}', kind, level, round(random.uniform(90, 400) * NS_PER_S),
-                         helper)
 
     def run(self) -> bool:
         """Let it happen; return whether all emergencies have ended."""
@@ -386,7 +297,7 @@ class Scene:
             self._after(1.0, 60.0, self._free_disk)
         elif what == 'outage':
             self.went_wrong['outages'] += 1
-            person = self.people[self.random.choice(_PEOPLE)]
+            person = self.people[self.random.choice(PEOPLE)]
             person.down, person.hangs = self.random.choice(
                 ((True, False), (False, True), (True, True)))
             self._after(2.0, 90.0, lambda: self._mend(person))
