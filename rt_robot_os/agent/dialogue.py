@@ -54,11 +54,13 @@ class Dialogue:
         self.heard = 0
         self._say = say
         self._person = ''
+        self._is_unclear = False
         self._asked_ns = self._again_ns = self._quiet_ns = -1
 
     def begin(self, person: str, t_ns: int) -> None:
         """Ask for the first time."""
         self._person, self.heard, self._asked_ns = person, 0, t_ns
+        self._is_unclear = False
         self.speak(self.tuning.question, t_ns)
 
     def speak(self, text: str, t_ns: int, person: str = '') -> None:
@@ -70,11 +72,18 @@ class Dialogue:
             self._say(Say(text.replace('{person}', person or self._person)))
 
     def tick(self, voice_db: float, t_ns: int) -> None:
-        """Ask again when it is time, and when something was heard; a NaN was not."""
+        """
+        Ask again when it is time, and at once when something was heard; a NaN was not.
+
+        Noise that goes on is answered no more often than the question is asked.
+        """
         if t_ns >= self._quiet_ns and voice_db >= self.tuning.voice_db:
             self.heard += 1
-            self.speak(self.tuning.unclear, t_ns)
+            if not self._is_unclear or t_ns >= self._again_ns:
+                self._is_unclear = True
+                self.speak(self.tuning.unclear, t_ns)
         elif t_ns >= self._again_ns:
+            self._is_unclear = False
             self.speak(self.tuning.question, t_ns)
 
     def counts(self, stamp_ns: int) -> bool:

@@ -77,7 +77,7 @@ def test_it_asks_while_it_drives_and_silence_is_help() -> None:
     assert first == {'from': 'idle', 'to': 'confirm', 'cause': 'suspected: anna: fall',
                      'alarm': '1', 't_ns': S}
     assert rig.transitions()[1]['t_ns'] == 21 * S  # its deadline
-    assert rig.told('agent/state')[0] == 'confirm anna: fall'
+    assert rig.told('agent/state')[:2] == ['idle', 'confirm anna: fall']
 
 
 @pytest.mark.parametrize('answer', ['text', 'button'])
@@ -124,8 +124,9 @@ def test_a_voice_that_nobody_understands_is_asked_again() -> None:
 
     rig.in_order((1.0, lambda: rig.alarm('suspected')),
                  (2.0, lambda: hear(-10.0)),  # that was the robot itself
-                 (5.0, lambda: hear(-60.0)), (6.0, lambda: hear(-10.0)))
-    rig.run(8.0)
+                 (5.0, lambda: hear(-60.0)), (6.0, lambda: hear(-10.0)),
+                 *((9.5 + 0.1 * each, lambda: hear(-10.0)) for each in range(20)))
+    rig.run(11.0)
     assert [text.split(',')[0] for text in rig.told('agent/say')] == [
         'Are you all right', 'I heard you']
     assert rig.path() == ['confirm']
@@ -341,6 +342,16 @@ def test_after_a_failure_it_goes_on_with_what_is_open() -> None:
     rig.in_order((1.0, lambda: rig.alarm('raised')), (2.0, fail))
     rig.run(9.0)
     assert rig.path() == ['approach', 'approach', 'observe']
+
+
+@pytest.mark.parametrize('state, path', [
+    ('raised', ['approach', 'observe']), ('suspected', ['confirm']), ('acknowledged', [])])
+def test_after_a_restart_of_the_core_it_goes_on_with_what_is_open(
+        state: str, path: list[str]) -> None:
+    rig = rig_of()
+    rig.in_order((1.0, lambda: rig.alarm(state, restored=True)))
+    rig.run(9.0)
+    assert rig.path() == path
 
 
 def test_a_place_that_cannot_be_is_given_up_within_a_job() -> None:

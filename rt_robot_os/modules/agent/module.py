@@ -194,6 +194,8 @@ class AgentModule(Module):
             return
         if self._restarted:
             self._remember(agent)
+        # Whoever comes late hears it; of a moment that is the same in a replay.
+        self._orders.tell(agent.text, self._stamp_ns or self.kernel.start_ns)
         tick_ns = 0
         while True:
             waits: list[Wait] = [self.events.next(), self.command.next()] if (
