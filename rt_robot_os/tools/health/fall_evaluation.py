@@ -52,7 +52,8 @@ class Decision(NamedTuple):
     :ivar detected: whether one was found, in time.
     :ivar lying: it is lying down on purpose.
     :ivar impact_ms: when the detector says that it was; None without a detection, as the others.
-    :ivar after_impact_s: the detection, after that.
+    :ivar detected_ms: when it was detected, in the time of the recording.
+    :ivar after_impact_s: the detection, after the impact.
     :ivar after_peak_s: the detection, after the largest peak of the recording.
     """
 
@@ -64,6 +65,7 @@ class Decision(NamedTuple):
     detected: bool
     recovered: bool
     impact_ms: float | None
+    detected_ms: float | None
     after_impact_s: float | None
     after_peak_s: float | None
     peak_g: float | None
@@ -98,6 +100,7 @@ def decide(recording: Recording, limits: FallLimits, lying: str = LYING) -> Deci
         recording.name, recording.movement, recording.subject, recording.fall,
         not recording.fall and bool(re.search(lying, recording.movement, re.IGNORECASE)),
         first is not None, any(one.what is What.RECOVERED for one in found), impact_ms,
+        first.stamp_ns / NS_PER_MS if first else None,
         (first.stamp_ns - first.evidence.impact_ns) / NS_PER_MS / 1000 if first else None,
         (first.stamp_ns / NS_PER_MS - recording.peak_ms) / 1000 if first else None,
         first.evidence.peak_g if first else None, first.evidence.turned_deg if first else None,

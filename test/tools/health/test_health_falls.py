@@ -80,6 +80,7 @@ def test_metres_per_second_squared_gyroscopes_and_other_sensors_are_read(falls: 
     assert one['subject'] == '7' and one['movement'] == 'soft'
     assert 4.0 < one['impact_ms'] / 1000 < 5.5 and 0 < one['after_impact_s'] < 5
     assert abs(one['after_peak_s'] - one['after_impact_s']) < 0.3
+    assert one['detected_ms'] - one['impact_ms'] == pytest.approx(1000 * one['after_impact_s'])
 
 
 def test_what_is_counted_is_what_the_files_say(falls: Any) -> None:
