@@ -22,6 +22,7 @@ found like one with a hard impact that ends half upright, and no limit is a knif
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 from typing import Final
 from typing import NamedTuple
@@ -126,6 +127,6 @@ def problem_of(limits: FallLimits) -> str:
     return ''
 
 
-def limits_of(settings: dict[str, Any]) -> FallLimits:
+def limits_of(settings: Mapping[str, Any]) -> FallLimits:
     """Take the limits out of the settings of a module."""
     return FallLimits(**{name: settings[name] for name in FallLimits._fields})

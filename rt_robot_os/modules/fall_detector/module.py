@@ -31,7 +31,7 @@ from rt_robot_os.alarms.cause import Cause
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.health.fall_limits import FALL_FIELDS
-from rt_robot_os.health.fall_limits import FallLimits
+from rt_robot_os.health.fall_limits import limits_of
 from rt_robot_os.health.fall_limits import problem_of
 from rt_robot_os.health.fall_peaks import CONFIDENCE
 from rt_robot_os.health.fall_peaks import PeakLimits
@@ -94,7 +94,7 @@ class FallDetection(Module):
         :raises ConfigError: they do not, or there is nothing to detect falls from.
         """
         super().__init__(name, settings)
-        self._limits = FallLimits(**{key: settings[key] for key in FallLimits._fields})
+        self._limits = limits_of(settings)
         problem = problem_of(self._limits)
         if problem:
             raise ConfigError([f'{name}: {problem}'])
