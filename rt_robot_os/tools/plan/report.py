@@ -73,8 +73,9 @@ def make_report(robot: RobotTasks, chains: Sequence[ChainRequest] = ()) -> Repor
     """
     tasks, overhead = robot.tasks, robot.overhead
     analysis = analyse(tasks, overhead)
+    bounded = chains_of(chains, robot, analysis)  # before what takes long
     sensitivity = None if analysis.unjudged else load_margins(tasks, overhead)
     return Report(
         robot, analysis, sensitivity, lowest_peak(tasks, robot.fixed_phases()),
         hyper_period_ns(tasks), remedy(tasks, overhead, analysis),
-        chains_of(chains, robot, analysis))
+        bounded)

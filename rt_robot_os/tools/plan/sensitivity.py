@@ -31,6 +31,10 @@ from rt_robot_os.tools.plan.task import PlannedTask
 # The factors are found to one part in this many.
 RESOLUTION = 1000
 FACTOR_MAXIMUM = 1000.0
+# Of a robot with more tasks than the first only those are looked at one by one that use most of
+# the processor: of the others nobody asks, and each takes dozens of analyses.
+TASKS_MANY = 24
+TASKS_SHOWN = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +58,13 @@ class Sensitivity:
 
     :ivar factor: all execution times may be multiplied by it; below 1 they have to be.
     :ivar breaks: the task that is late first when they grow more; empty: as above.
+    :ivar left_out: tasks that were not looked at one by one, because they are many and use little.
     """
 
     factor: float
     breaks: str
     growth: tuple[Growth, ...]
+    left_out: int = 0
 
 
 def scaled(task: PlannedTask, factor: float) -> PlannedTask:
@@ -105,9 +111,19 @@ def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) 
 
     factor = largest_factor(lambda f: fits([scaled(task, f) for task in tasks], overhead))
     breaks = _first(all_times(factor * (1 + 2 / RESOLUTION)))
-    growth = tuple(_growth(tasks, index, overhead) for index, task in enumerate(tasks)
-                   if task.execution_ns) if factor >= 1 else ()
-    return Sensitivity(factor, breaks, growth)
+    if factor < 1:
+        return Sensitivity(factor, breaks, ())
+    known = [index for index, task in enumerate(tasks) if task.execution_ns]
+    chosen = known if len(known) <= TASKS_MANY else _busiest(tasks, known, all_times(1.0))
+    return Sensitivity(factor, breaks, tuple(
+        _growth(tasks, index, overhead) for index in chosen), len(known) - len(chosen))
+
+
+def _busiest(tasks: Sequence[PlannedTask], known: Sequence[int], analysis: Analysis) -> list[int]:
+    """Return those that use most of the processor, in the order in which they were given."""
+    used = {result.task.name: result.utilisation or 0.0 for result in analysis.tasks}
+    most = sorted(known, key=lambda index: -used[tasks[index].name])[:TASKS_SHOWN]
+    return sorted(most)
 
 
 def largest_factor(fit: Callable[[float], bool]) -> float:

@@ -170,7 +170,8 @@ def _sensitivity_lines(found: Sensitivity, report: Report) -> Iterator[str]:
                 else 'there is more work than time')
         yield from wrapped(
             f'growth: all execution times together may grow by a factor of {found.factor:.2f}; '
-            f'beyond that {what}. One alone may grow to:')
+            f'beyond that {what}. One alone may grow to'
+            + (f' (of the {len(found.growth)} that use most):' if found.left_out else ':'))
     elif found.factor:
         yield f'growth: all execution times have to shrink to {found.factor:.0%}'
     known = {task.name: task.execution_ns for task in report.robot.tasks}
