@@ -28,7 +28,7 @@ from rt_robot_os.tools.plan.task import Event
 from rt_robot_os.tools.plan.task import PlannedTask
 
 # A task may be reached from another along several chains; this many streams are followed.
-STREAMS_MAXIMUM = 64
+STREAMS_MAXIMUM = 256
 
 
 class Stream:
