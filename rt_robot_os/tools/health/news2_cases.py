@@ -57,10 +57,12 @@ _TOTAL: Final = ('total', 'news2', 'news', 'score', 'totalscore', 'news2total')
 _NOTHING: Final = ('', '-', 'nan', 'none', 'null', 'na', 'n/a', 'missing', 'unknown', '?')
 _AIR: Final = ('air', 'room air', 'roomair', 'false', 'no', 'off', 'ra', 'a', 'n')
 _GIVEN: Final = ('oxygen', 'true', 'yes', 'on', 'o2', 'y', 'supplemental oxygen')
+_NUMBER: Final = re.compile(
+    r'([+-]?\d{1,9}(?:[.,]\d{1,9})?)\s*(?:%|/min|bpm|mmhg|°?\s*c|l/min)?')
 #: Oxygen is given, and nobody says how much.
 _SOME_OXYGEN: Final = 1.0
 _MINDS: Final[tuple[tuple[str, Consciousness], ...]] = (
-    (r'a|alert.*', Consciousness.ALERT), (r'c|cvpu|.*confus.*', Consciousness.CONFUSION),
+    (r'a|alert.*', Consciousness.ALERT), (r'c|cvpu|not alert.*|.*confus.*', Consciousness.CONFUSION),
     (r'v|.*(voice|verbal).*', Consciousness.VOICE),
     (r'u|.*(un-?respon|unconscious).*', Consciousness.UNRESPONSIVE),
     (r'p|.*pain.*', Consciousness.PAIN))
@@ -179,7 +181,8 @@ def _loaded(text: str, name: str) -> Any:
 
 
 def _first(found: Mapping[str, Any], names: Iterable[str]) -> Any:
-    return next((found[name] for name in names if found.get(name) is not None), None)
+    return next((found[name] for name in names
+                 if str(found.get(name, '')).strip().lower() not in _NOTHING), None)
 
 
 def _value(name: str, said: Any) -> float | None:
@@ -194,8 +197,11 @@ def _value(name: str, said: Any) -> float | None:
             if re.fullmatch(form, text, re.DOTALL):
                 return float(mind)
     try:
-        value = math.nan if isinstance(said, bool) else float(said)
-    except (ValueError, TypeError, OverflowError):
+        # With a unit behind it, and a comma for a point.
+        number = _NUMBER.fullmatch(text)
+        value = math.nan if isinstance(said, bool) else float(
+            number[1].replace(',', '.') if number else text)
+    except (ValueError, OverflowError):
         value = math.nan
     if not math.isfinite(value):
         raise ValueError(f'{str(said)[:40]!r} cannot be read as a value')

@@ -248,7 +248,8 @@ def _cell(text: str) -> float:
     """Return a number; NaN for what is none."""
     text = text.strip(' \'"').lower()
     try:
-        return float(text.removesuffix('%'))
+        # A comma in a cell that is none between cells is a point.
+        return float(text.removesuffix('%').replace(',', '.'))
     except ValueError:
         return _MINDS.get(text, _WORDS.get(text, math.nan))
 

@@ -62,7 +62,9 @@ def test_the_cases_of_a_guideline_agree_in_every_field(
     ({'consciousness': 'new-onset Confusion'}, 3), ({'consciousness': 'CVPU'}, 3),
     ({'oxygen': 'Air'}, 0), ({'oxygen': 'yes'}, 2), ({'oxygen': 2.5}, 2), ({'oxygen': True}, 2),
     ({'scale': '2', 'oxygen': True}, 5), ({'scale': 'SpO2 Scale 2', 'oxygen': 'oxygen'}, 5),
-    ({'scale': None}, 0), ({'pulse': '135'}, 3), ({'temperature': '38.05'}, 1)])
+    ({'scale': None}, 0), ({'pulse': '135'}, 3), ({'temperature': '38.05'}, 1),
+    ({'temperature': '38,05 °C', 'pulse': '91 bpm', 'spo2': '97 %', 'systolic': '120 mmHg'}, 2),
+    ({'consciousness': 'not alert'}, 3), ({'risk': '', 'response': None, 'pulse_score': ''}, 0)])
 def test_values_are_read_as_people_write_them(
         news2: Any, change: dict[str, Any], total: int) -> None:
     code, found = news2([{**GOOD, **change, 'total': total}])

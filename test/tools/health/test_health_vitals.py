@@ -123,6 +123,8 @@ ROWS = [(0, 70.0, 97.0), (1, 71.0, 96.0), (2, 72.0, 96.0), (3, 70.0, 97.0)]
         f"{t},{p},{s},{('-', '', 'NaN', 'nan')[t]}" for t, p, s in ROWS),
     'date,time,hr,spo2\n' + '\n'.join(
         f'2020-01-01,08:{t:02}:00,{p},{s:g}%' for t, p, s in ROWS),
+    'Minute;PULSE;SpO2\n' + '\n'.join(
+        f'{t};{str(p).replace(".", ",")};{s:g}' for t, p, s in ROWS),
     '# of a monitor\n\nt_ms,hr,spo2\n' + '\n'.join(
         f'{60_000 * t},{p},{s / 100}' for t, p, s in reversed(ROWS))])
 def test_files_as_others_write_them(text: str) -> None:
