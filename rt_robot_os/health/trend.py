@@ -15,7 +15,9 @@
 """
 How fast a vital sign rises or falls: the median of the slopes between all pairs of moments.
 
-Single wrong values do not move it (Theil 1950, Sen 1968: up to 29 % of them may be wrong).
+Single wrong values do not move it (Theil 1950, Sen 1968: up to 29 % of them may be wrong). Whether
+there is a change at all is asked of the signs of these slopes (Mann 1945, Kendall 1975), so that a
+few values that scatter are none.
 """
 
 from __future__ import annotations
@@ -30,13 +32,16 @@ PARTS: Final = 30
 # Fewer parts with values, or over less of the window, are no trend.
 _PARTS_MINIMUM: Final = 5
 _SHARE_MINIMUM: Final = 2 / 3
+# So many standard deviations more pairs rise than fall, or fewer, or nothing changes.
+_DEVIATIONS: Final = 2.3
 
 
 class Trend:
     """
     The change of a number over a window; safe in the real-time loop.
 
-    :ivar change: over the window, in the unit of the number; NaN while there is too little.
+    :ivar change: over the window, in the unit of the number; 0 where chance would explain it, NaN
+        while there is too little.
     """
 
     __slots__ = ('window_ns', 'change', '_part_ns', '_parts', '_part', '_sum', '_count')
@@ -73,6 +78,11 @@ class Trend:
         parts = list(self._parts)
         if len(parts) < _PARTS_MINIMUM or parts[-1][0] - parts[0][0] < PARTS * _SHARE_MINIMUM:
             return math.nan
-        return PARTS * median(
-            (later - earlier) / (at - before) for place, (at, later) in enumerate(parts)
-            for before, earlier in parts[:place])
+        slopes = [(later - earlier) / (at - before) for place, (at, later) in enumerate(parts)
+                  for before, earlier in parts[:place]]
+        excess = sum((slope > 0.0) - (slope < 0.0) for slope in slopes)
+        count = len(parts)
+        deviation = math.sqrt(count * (count - 1) * (2 * count + 5) / 18.0)
+        if abs(excess) < _DEVIATIONS * deviation:
+            return 0.0
+        return PARTS * median(slopes)

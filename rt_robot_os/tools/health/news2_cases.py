@@ -62,7 +62,8 @@ _NUMBER: Final = re.compile(
 #: Oxygen is given, and nobody says how much.
 _SOME_OXYGEN: Final = 1.0
 _MINDS: Final[tuple[tuple[str, Consciousness], ...]] = (
-    (r'a|alert.*', Consciousness.ALERT), (r'c|cvpu|not alert.*|.*confus.*', Consciousness.CONFUSION),
+    (r'a|alert.*', Consciousness.ALERT),
+    (r'c|cvpu|not alert.*|.*confus.*', Consciousness.CONFUSION),
     (r'v|.*(voice|verbal).*', Consciousness.VOICE),
     (r'u|.*(un-?respon|unconscious).*', Consciousness.UNRESPONSIVE),
     (r'p|.*pain.*', Consciousness.PAIN))
