@@ -43,8 +43,9 @@ def test_a_steady_change_is_found_whatever_the_period(period_s: int) -> None:
 
 def test_a_fifth_of_wrong_values_does_not_move_it() -> None:
     chance = random.Random(3)
-    found = change([(float(time_s), 40.0 if chance.random() < 0.2 and time_s % 20 == 0 else
-                     97.0 - time_s / 150 + chance.gauss(0.0, 1.0)) for time_s in range(0, 601, 20)])
+    found = change([(float(time_s), 40.0 if chance.random() < 0.2 else
+                     97.0 - time_s / 150 + chance.gauss(0.0, 1.0))
+                    for time_s in range(0, 601, 20)])
     assert found == pytest.approx(-4.0, abs=1.5)
 
 
@@ -52,10 +53,10 @@ def test_a_number_that_scatters_does_not_change_however_few_there_are() -> None:
     wrong = 0
     for seed in range(300):
         chance = random.Random(seed)
-        times = sorted(chance.sample(range(0, 600, 20), chance.randint(5, 30)))
+        times = sorted(chance.sample(range(0, 600, 20), chance.randint(5, 12)))
         found = change([(float(time_s), chance.gauss(97.0, 1.0)) for time_s in times])
-        wrong += abs(found) >= 4.0
-    assert wrong <= 1, 'of 300'
+        wrong += abs(found) >= 2.0
+    assert wrong <= 6, 'of 300'
 
 
 @pytest.mark.parametrize('times', [[0], [0, 100, 200], range(0, 300, 20), [0, 580, 590, 600]])
