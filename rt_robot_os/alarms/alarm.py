@@ -243,7 +243,8 @@ class Alarm:
         for each in (self, *self.reasons.values(), *self.deliveries.values()):
             for name in _TIMES[type(each)]:
                 if getattr(each, name):
-                    setattr(each, name, getattr(each, name) + by_ns)
+                    # 0 is none, whatever clock it is.
+                    setattr(each, name, getattr(each, name) + by_ns or 1)
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as it is in JSON."""
