@@ -97,10 +97,12 @@ class JournalFile:
     :param limit_bytes: when it has become that long it is written anew.
     :param now_ns: the time of day, in ns since 1970.
     :ivar seq: of the last record that is kept.
+    :ivar begun: the number of the file that was begun with :meth:`open`, which no file had before;
+        0 when none could be begun.
     """
 
     def __init__(self, store: Store, limit_bytes: int, now_ns: Callable[[], int]) -> None:
-        self.seq = 0
+        self.seq = self.begun = 0
         self._store = store
         self._limit_bytes = limit_bytes
         self._now_ns = now_ns
@@ -123,6 +125,7 @@ class JournalFile:
         self._generation = found.generation
         try:
             self._write_anew(found.records)
+            self.begun = self._generation
         except OSError:
             if not used.whole:
                 raise

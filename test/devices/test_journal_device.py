@@ -28,17 +28,20 @@ import socket
 import time
 from typing import Any
 
+from processes import wait_until
 import pytest
 
 from rt_robot_os.alarms.cause import CAUSES_MESSAGE
 from rt_robot_os.alarms.journal_file import NAME
 from rt_robot_os.devices.journal import driver
 from rt_robot_os.devices.journal.driver import Journal
+from rt_robot_os.devices.journal.twin import SimulatedJournal
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 
@@ -179,6 +182,22 @@ def test_a_folder_that_cannot_be_is_told(tmp_path: Path) -> None:
     one.device.close()
 
 
+def test_a_journal_that_can_neither_be_locked_nor_written_is_read(
+        rig: Callable[..., Rig], tmp_path: Path) -> None:
+    first = rig()
+    first.begin()
+    first.keep(1)
+    first.until_stored(1)
+    first.device.close()
+    lock = tmp_path / 'alarms' / 'lock'
+    wait_until(lambda: not lock.exists(), 'the end of the process')
+    lock.mkdir()  # as on a file system that cannot be written
+    second = rig()
+    assert second.begin() == ['1']
+    with pytest.raises(DeviceError, match='cannot be written'):
+        second.until(lambda: False)
+
+
 def test_damage_in_the_middle_is_told_and_the_rest_kept(
         rig: Callable[..., Rig], tmp_path: Path) -> None:
     first = rig()
@@ -194,6 +213,28 @@ def test_damage_in_the_middle_is_told_and_the_rest_kept(
     second = rig()
     assert second.begin() == ['1', '3']
     assert 'damaged in 1 places' in str(second.device.statistics().more['warning'])
+
+
+def test_a_simulated_journal_is_the_real_thing_and_may_be_full(tmp_path: Path) -> None:
+    twin = SimulatedJournal('journal', {'faults': ['full at 5 for 20']}, tmp_path / 'sim')
+    twin.pump(0)
+    one = Rig(twin.path)
+    try:
+        for number, now_s in enumerate((0, 10)):
+            one.device.open()
+            twin.pump(now_s * NS_PER_S)  # starts its process, and befalls it
+            one.until(lambda: sum('restored' in each for each in one.said) > number)
+            one.keep(number + 1)
+            if not now_s:
+                one.until_stored(1)
+        with pytest.raises(DeviceError, match='cannot be written: File too large'):
+            one.until(lambda: False)
+        # It could be read all the same.
+        assert [each['record']['alarm'] for each in one.said if 'record' in each] == ['1']
+        assert [each['generation'] for each in one.said if 'restored' in each] == [1, 0]
+    finally:
+        one.device.close()
+        twin.close()
 
 
 def test_only_this_user_reads_what_is_about_people(

@@ -23,6 +23,7 @@ disk, which it tells: the core begins anew with another process.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -35,6 +36,7 @@ from typing import Final
 
 from rt_robot_os.alarms.journal_file import Found
 from rt_robot_os.alarms.journal_file import JournalFile
+from rt_robot_os.alarms.journal_file import read_journal
 from rt_robot_os.devices.journal.folder import Folder
 from rt_robot_os.devices.journal.talk import json_packet
 from rt_robot_os.devices.journal.talk import Kind
@@ -82,28 +84,38 @@ class Worker:
         leave_alone(self._wanted['avoid_cpus'])
         folder = Folder(folder_of(self._wanted['folder']))
         lock = LockFile(folder.path / LOCK)
-        if not lock.acquire():
-            there = holder(lock.path) or {}
-            raise DeviceError(
-                f'{folder.path} is written by process {there.get("pid", "?")}, for '
-                f'{there.get("device", "another robot")}: give each robot a folder of its own')
         try:
-            lock.note(pid=os.getpid(), device=self._wanted['name'])
-            journal = JournalFile(folder, self._wanted['limit_bytes'], time.time_ns)
-            self._give_back(journal.open())
-            self._write(journal)
+            self._write(self._opened(folder, lock))
         finally:
             lock.release()
             folder.close()
 
-    def _give_back(self, found: Found) -> None:
+    def _opened(self, folder: Folder, lock: LockFile) -> JournalFile:
+        """Open the journal and give back what it holds, also when it cannot be written."""
+        try:
+            if not lock.acquire():
+                there = holder(lock.path) or {}
+                raise DeviceError(
+                    f'{folder.path} is written by process {there.get("pid", "?")}, for '
+                    f'{there.get("device", "another robot")}: give each robot a folder of its own')
+            with suppress(OSError):  # a full disk: nobody can say who holds the lock
+                lock.note(pid=os.getpid(), device=self._wanted['name'])
+            journal = JournalFile(folder, self._wanted['limit_bytes'], time.time_ns)
+            found = journal.open()
+        except OSError:
+            self._give_back(read_journal(folder), 0)
+            raise
+        self._give_back(found, journal.begun)
+        return journal
+
+    def _give_back(self, found: Found, begun: int) -> None:
         living = found.living()
         for each in living:
             self._connection.send(json_packet(Kind.RECORD, {
                 'record': each.record, 'age_ns': max(0, time.time_ns() - each.at_ns)}))
         self._connection.send(json_packet(Kind.RESTORED, {
             'restored': len(living), 'torn_bytes': found.torn_bytes, 'damaged': found.damaged,
-            'generation': found.generation}))
+            'generation': begun}))
 
     def _write(self, journal: JournalFile) -> None:
         """Write all that is there, and sync once for it."""
