@@ -105,6 +105,23 @@ def test_the_foxglove_layout_of_the_sensor_network_shows_what_there_is() -> None
             assert isinstance(field_of(out[topic], field), float), path
 
 
+def test_the_foxglove_layout_of_the_assisted_flat_shows_what_there_is() -> None:
+    saved = json.loads((CONFIG / 'foxglove_assisted_living.json').read_text())
+    panel = saved['configById']
+    assert sorted(panels(saved['layout'])) == sorted(panel)
+    out = {f'/{m.ros_topic.lstrip("/")}': m.as_ or m.message
+           for m in load([CONFIG / 'assisted_living.yaml']).mirrors if m.direction == 'out'}
+    assert set(panel['3D!scene']['topics']) <= set(out)
+    assert out['/alarms'] == 'diagnostic_msgs/msg/DiagnosticArray'
+    for name, each in panel.items():
+        assert each.get('topicToRender', '/rosout') in {*ROS_TOPICS, *out}, name
+        paths = [path['value'] for path in each.get('paths', ())] + [
+            each[key] for key in ('topicPath',) if key in each]
+        for path in paths:
+            topic, _, field = path.partition('.')
+            assert field_of(out[topic], field.partition('[')[0]) is not None, path
+
+
 def test_every_status_of_the_robot_is_in_one_group_of_the_aggregator() -> None:
     groups = yaml.safe_load((CONFIG / 'diagnostics_aggregator.yaml').read_text())[
         '/**']['ros__parameters']
