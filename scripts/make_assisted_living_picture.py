@@ -13,8 +13,6 @@
 # limitations under the License.
 
 """
-Make config/maps/flat.yaml and flat.pgm, and the pictures of the flat in docs/images.
-"""
 Draw docs/images/assisted_living.svg from a run of the assisted flat.
 
     PYTHONPATH=. python3 scripts/make_assisted_living_picture.py [SECONDS]
@@ -75,20 +73,24 @@ def watched(seconds: float) -> list[Row]:
 
 
 def at(x: float, y: float) -> str:
+    """Return a point of the picture."""
     return f'{(x + MARGIN) * SCALE:.1f},{(TOP - y) * SCALE:.1f}'
 
 
 def dot(x: float, y: float, radius: float, style: str) -> str:
+    """Draw a disc; its radius is in the units of the picture."""
     where_x, where_y = at(x, y).split(',')
     return f'<circle cx="{where_x}" cy="{where_y}" r="{radius}" {style}/>'
 
 
 def text(x: float, y: float, words: str) -> str:
+    """Write a word."""
     where_x, where_y = at(x, y).split(',')
     return f'<text x="{where_x}" y="{where_y}">{words}</text>'
 
 
 def way(rows: list[Row], name: str, style: str) -> str:
+    """Draw where somebody went."""
     points = ' '.join(at(float(row[name][0]), float(row[name][1])) for row in rows)
     return f'<polyline points="{points}" fill="none" {style}/>'
 
@@ -101,9 +103,6 @@ def drawing(rows: list[Row]) -> Iterator[str]:
     yield '<rect width="100%" height="100%" fill="white"/>'
     lines = ' '.join(f'M{at(a, b)}L{at(c, d)}' for a, b, c, d in world.walls.segments.tolist())
     yield f'<path d="{lines}" stroke="#333" stroke-width="2" fill="none"/>'
-    for node in world.nodes:
-        if not node.person:
-            yield dot(node.x, node.y, 5, 'fill="#090"') + text(node.x, node.y + 0.17, node.name)
     up = [row for row in rows if row['anna'][2] == 'walking']
     yield way(up, 'anna', 'stroke="#c60" stroke-dasharray="5 4"')
     yield way(rows, 'bob', 'stroke="#ca8" stroke-dasharray="2 4"')
@@ -114,12 +113,15 @@ def drawing(rows: list[Row]) -> Iterator[str]:
     world.advance(0)
     world.advance(62 * 10 ** 9)
     heading = world.people[0].heading
-    half = LYING_M / 2
+    half = LYING_M / 2 - 0.17  # the line has round ends
     ends = [at(x + side * half * math.cos(heading), y + side * half * math.sin(heading))
             for side in (-1, 1)]
     yield (f'<path d="M{ends[0]}L{ends[1]}" stroke="#f96" stroke-width="20" '
            'stroke-linecap="round"/>')
-    yield text(x + 0.1, y + 0.75, 'anna fell here')
+    yield text(x + 0.75, y + 0.75, 'anna fell here')
+    for node in world.nodes:
+        if not node.person:
+            yield dot(node.x, node.y, 5, 'fill="#090"') + text(node.x, node.y + 0.17, node.name)
     bx, by, yaw = map(float, last['base_link'][:3])
     for side in (-0.5, 0.5):
         end = bx + 2.0 * math.cos(yaw + side), by + 2.0 * math.sin(yaw + side)
