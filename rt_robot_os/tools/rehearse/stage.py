@@ -1,0 +1,157 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A robot's own configuration on a stage: its modules are real, its body and its home are played.
+
+Everything that decides (readings, assessments, rules, alarms, the agent) is built by the core from
+the settings, as on the robot. Devices, and the modules that find the way and drive, are left out;
+what they would publish is published by actors. All of it runs on the virtual clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from typing import Final
+from typing import Protocol
+
+from rt_robot_os.core.app import Core
+from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.modules.registry import module_class
+from rt_robot_os.schema import TopicSpec
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import TopicSettings
+from rt_robot_os.settings import WatchdogSettings
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_S
+
+#: Types of modules that an actor plays: they need a body, or much time.
+PLAYED: Final = frozenset({
+    'attitude', 'collision_guard', 'localization', 'odometry', 'planner', 'sensor_network',
+    'trajectory', 'velocity_mux'})
+_STAGE: Final = 'rehearsal/stage'
+_ABOVE_ALL: Final = 99
+#: How often actors act.
+STEP_NS: Final = 50_000_000
+
+
+class Actor(Protocol):
+    """Who plays a part of what was left out."""
+
+    def enter(self, stage: Stage) -> None:
+        """Find the topics; called once for each core, also for one that follows a crash."""
+
+    def act(self, now_ns: int) -> None:
+        """Do what is due; called each :data:`STEP_NS` of virtual time."""
+
+
+class Stage:
+    """
+    One life of a core.
+
+    :param settings: of the robot.
+    :param actors: act in this order.
+    :param start_ns: the time at which it begins; after a crash the time goes on.
+    :raises RtRobotError: the settings do not fit together.
+    :ivar core: the real one, on a virtual clock.
+    """
+
+    def __init__(self, settings: RobotSettings, actors: Sequence[Actor], start_ns: int = 0) -> None:
+        kept = tuple(each for each in settings.modules if each.type not in PLAYED)
+        self.core = Core(
+            replace(settings, devices=(), modules=kept, mirrors=(), watchdog=WatchdogSettings(),
+                    topics=(*settings.topics, *_played_topics(settings, {m.name for m in kept})),
+                    core=replace(settings.core, record_bytes=False, dispatcher='preemptive',
+                                 spin_us=0.0)),
+            Path('rehearsal'), clock=VirtualClock(start_ns))
+        self.bus = self.core.bus
+        self._actors = tuple(actors)
+        self.core.kernel.add_task(_STAGE, self._act, priority=_ABOVE_ALL,
+                                  rate_hz=NS_PER_S / STEP_NS)
+        for actor in self._actors:
+            actor.enter(self)
+
+    @property
+    def now_ns(self) -> int:
+        """Return the virtual time."""
+        return self.core.kernel.now_ns()
+
+    def publisher(self, topic: str) -> Publisher | None:
+        """Return what publishes on a topic; None where nobody would read it."""
+        try:
+            return self.bus.publisher(topic)
+        except TopicError:
+            return None
+
+    def reader(self, topic: str) -> Subscription | None:
+        """Return what reads a topic; None where there is none of that name."""
+        try:
+            return self.bus.subscribe(topic, _STAGE)
+        except TopicError:
+            return None
+
+    def run(self, seconds: float) -> None:
+        """
+        Let time pass; may be called again.
+
+        :raises AssertionError: a job failed; the message says which.
+        """
+        kernel = self.core.kernel
+        kernel.run(round(seconds * NS_PER_S))
+        if kernel.failures:
+            raise AssertionError(f'jobs that failed: {kernel.failures_total}; the last: '
+                                 f'{kernel.failures[-1]}')
+
+    def close(self) -> None:
+        """Close the core, as at the end of a robot's run; may be called twice."""
+        self.core.close()
+
+    def _act(self) -> None:
+        now_ns = self.now_ns
+        for actor in self._actors:
+            actor.act(now_ns)
+
+
+def _played_topics(settings: RobotSettings, kept: set[str]) -> Iterator[TopicSettings]:
+    """Yield the topics of all that was left out, each once."""
+    known = {topic.topic for topic in settings.topics}
+    for each in settings.modules:
+        if each.name in kept:
+            known.update(spec.topic for spec in _made(module_class(each.type), each))
+    for each in settings.modules:
+        if each.name not in kept:
+            yield from _new(_made(module_class(each.type), each), known)
+    for device in settings.devices:
+        yield from _new(_made(DRIVERS.load(device.type), device), known)
+
+
+def _made(kind: type[Any], each: Any) -> Sequence[TopicSpec]:
+    found: Sequence[TopicSpec] = kind(each.name, each.settings).publications()
+    return found
+
+
+def _new(specs: Sequence[TopicSpec], known: set[str]) -> Iterator[TopicSettings]:
+    for spec in specs:
+        if spec.topic and spec.topic not in known:
+            known.add(spec.topic)
+            yield TopicSettings(
+                name=spec.topic, topic=spec.topic, message=spec.message, fixed=spec.fixed,
+                depth=spec.depth, rate_hz=spec.rate_hz, tail=spec.tail)
