@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+import math
 from random import Random
 from typing import Final
 
 from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world.wireless import WirelessNode
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.topics import Publisher
 from rt_robot_os.units import NS_PER_S
@@ -43,11 +46,11 @@ _URGENT_NS: Final = NS_PER_S
 class _Mote:
     """A node between two packets."""
 
-    def __init__(self, node: object, readings: NodeReadings, number: int, first_ns: int) -> None:
+    def __init__(self, node: WirelessNode, readings: NodeReadings, number: int, first_ns: int) -> None:
         self.node, self.readings, self.number = node, readings, number
         self.turn = 0
         self.next_ns = first_ns
-        self.was_alarmed = False
+        self.alarms: dict[str, int] = {}
         self.boots = 1
 
 
@@ -70,13 +73,22 @@ class Network:
         self._period_ns, self._worn_ns = period_ns, worn_ns
         self.silent = False
         self.sent = 0
+        self._nodes = world.wireless.nodes
         self._motes = [
-            _Mote(node, NodeReadings(node, world, random), node.surveyed.id,
+            _Mote(node, NodeReadings(node, world, random, partial(self._nearest, node)),
+                  node.surveyed.id,
                   int(random.random() * self._period(node)))
-            for node in world.wireless.nodes]
+            for node in self._nodes]
 
-    def _period(self, node: object) -> int:
-        return self._worn_ns if getattr(node, 'person', None) is not None else self._period_ns
+    def _nearest(self, node: WirelessNode) -> int:
+        """Return the number of the node that hangs nearest, give or take a third of the way."""
+        x, y, _ = node.position_m
+        hanging = [each for each in self._nodes if each.person is None and each.on]
+        return min(hanging, default=node, key=lambda each: self._random.uniform(1.0, 1.4) * (
+            math.dist((x, y), each.position_m[:2]))).surveyed.id
+
+    def _period(self, node: WirelessNode) -> int:
+        return self._worn_ns if node.person is not None else self._period_ns
 
     def enter(self, stage: Stage) -> None:
         """Find the topics of the classes."""
@@ -89,9 +101,9 @@ class Network:
             node = mote.node
             if not node.on:
                 continue
-            if node.alarm and not mote.was_alarmed:
+            if node.alarms != mote.alarms:
+                mote.alarms = node.alarms
                 mote.next_ns, mote.turn = now_ns, -1
-            mote.was_alarmed = bool(node.alarm)
             if now_ns >= mote.next_ns:
                 self._send(mote, now_ns)
 
@@ -99,14 +111,15 @@ class Network:
         node = mote.node
         quantities = node.surveyed.quantities
         urgent = [each for each in quantities if each in ALARMS]
+        said = [each for each in urgent if node.alarms.get(each)] or urgent
         if node.boots != mote.boots:
             mote.boots, mote.turn = node.boots, 0
-        if node.alarm and urgent and mote.turn % 2:
-            quantity = urgent[0]
+        if urgent and (mote.turn == -1 or node.alarms and mote.turn % 2):
+            quantity = said[0]
         else:
             quantity = quantities[mote.turn % len(quantities)]
         mote.turn += 1
-        mote.next_ns = now_ns + (_URGENT_NS if node.alarm else self._period(node))
+        mote.next_ns = now_ns + (_URGENT_NS if node.alarms else self._period(node))
         kind, raw = mote.readings.raw(quantity, now_ns / NS_PER_S, _VOLTS)
         if self.silent or self._random.random() < self._loss:
             return

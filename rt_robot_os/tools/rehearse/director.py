@@ -1,0 +1,260 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tells a story on the stage, through crashes of the core, and notes what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+from dataclasses import replace
+import json
+from random import Random
+from typing import Any
+from typing import Final
+
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.body import Body
+from rt_robot_os.tools.rehearse.network import Network
+from rt_robot_os.tools.rehearse.office import Channels
+from rt_robot_os.tools.rehearse.office import Disk
+from rt_robot_os.tools.rehearse.office import Later
+from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.stage import STEP_NS
+from rt_robot_os.tools.rehearse.story import Scene
+from rt_robot_os.tools.rehearse.story import Story
+from rt_robot_os.tools.rehearse.wearables import Wearables
+from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_S
+
+# A button is held down that long, a person is ill that long unless the story says.
+_PRESS_S: Final = 10.0
+_ILL_S: Final = 120.0
+#: What is not over by then hangs.
+LONGEST_S: Final = 1800.0
+_LOOK_S: Final = 10.0
+# After the last scene, before it may be called over.
+_SETTLE_S: Final = 60.0
+
+
+@dataclass
+class Record:
+    """
+    What became of a story.
+
+    :ivar events: of the alarms, in order.
+    :ivar transitions: of the agent, in order.
+    :ivar said: by the robot.
+    :ivar shown: dedup key -> how often a person saw it.
+    :ivar crashes: of the core.
+    :ivar lasted_s: of virtual time.
+    :ivar moved_m: the way of the robot.
+    """
+
+    events: list[dict[str, Any]] = field(default_factory=list)
+    transitions: list[dict[str, Any]] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+    shown: Mapping[str, int] = field(default_factory=dict)
+    crashes: int = 0
+    lasted_s: float = 0.0
+    moved_m: float = 0.0
+
+    @property
+    def agent_state(self) -> str:
+        """Return the state of the agent at the end."""
+        return str(self.transitions[-1]['to']) if self.transitions else 'idle'
+
+    def alarms(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the events of each alarm, by its number."""
+        found: dict[str, list[dict[str, Any]]] = {}
+        for each in self.events:
+            found.setdefault(str(each['alarm']), []).append(each)
+        return found
+
+
+class Listener:
+    """Writes down what alarms and agent say."""
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+
+    def enter(self, stage: Stage) -> None:
+        """Find the topics."""
+        self._events = stage.reader('alarms/events')
+        self._transitions = stage.reader('agent/transitions')
+        self._said = stage.reader('agent/say')
+
+    def act(self, now_ns: int) -> None:
+        """Take what was said."""
+        for reader, into in ((self._events, self._record.events),
+                             (self._transitions, self._record.transitions)):
+            _take(reader, into)
+        while self._said is not None and self._said.take():
+            self._record.said.append(str(self._said.msg.data))
+
+
+def _take(reader: Subscription | None, into: list[dict[str, Any]]) -> None:
+    while reader is not None and reader.take():
+        into.append(json.loads(str(reader.msg.data)))
+
+
+class Director:
+    """
+    Tells one story.
+
+    :param settings: of the robot; events of its own world are left out.
+    :param story: what happens.
+    :ivar record: what became of it.
+    """
+
+    def __init__(self, settings: RobotSettings, story: Story) -> None:
+        self._settings = settings
+        self._story = story
+        random = Random(story.number)
+        self.world = World(replace(settings.world, events=(), seed=story.number))
+        self.body = Body(self.world)
+        self.network = Network(self.world, random)
+        self.wearables = Wearables(settings, self.world)
+        self.disk = Disk()
+        self.channels = Channels(story.carer, random)
+        self.record = Record()
+        self._later = Later()
+        self._crash_at_s: list[tuple[float, float]] = []
+        for scene in story.scenes:
+            self._plan(scene)
+
+    # ---- the story ---------------------------------------------------------------------------
+
+    def tell(self) -> Record:
+        """
+        Tell it to its end.
+
+        :raises AssertionError: a job of the robot failed.
+        """
+        now_s = 0.0
+        crashes = sorted(self._crash_at_s)
+        while True:
+            until_s = crashes[0][0] if crashes else LONGEST_S
+            now_s = self._live(now_s, until_s)
+            if not crashes or now_s < until_s:
+                break
+            now_s += crashes.pop(0)[1]
+            self.record.crashes += 1
+        self.record.shown = self.channels.shown
+        self.record.lasted_s = now_s
+        self.record.moved_m = self.body.moved_m
+        return self.record
+
+    def _live(self, from_s: float, until_s: float) -> float:
+        """Run one core until a time, or until all is over; return when that was."""
+        begin_ns = round(from_s * NS_PER_S) // STEP_NS * STEP_NS
+        stage = Stage(self._settings, (
+            self, self.body, self.network, self.wearables, self.disk, self.channels,
+            Listener(self.record)), begin_ns)
+        try:
+            stage.core.prepare_modules()
+            now_s = begin_ns / NS_PER_S
+            while now_s < until_s and not self._is_over(now_s):
+                step_s = min(_LOOK_S, until_s - now_s)
+                stage.run(step_s)
+                now_s = stage.now_ns / NS_PER_S
+            return now_s
+        finally:
+            stage.close()
+
+    def _is_over(self, now_s: float) -> bool:
+        """Return whether nothing is left to be waited for."""
+        if now_s < self._story.last_s + _SETTLE_S or self.record.agent_state not in (
+                'idle', 'stay', 'return'):
+            return False
+        return all(is_settled(events) for events in self.record.alarms().values())
+
+    # ---- as an actor -------------------------------------------------------------------------
+
+    def enter(self, stage: Stage) -> None:
+        """Have nothing to find."""
+
+    def act(self, now_ns: int) -> None:
+        """Let happen what is due."""
+        self._later.act(now_ns)
+
+    # ---- scenes ------------------------------------------------------------------------------
+
+    def _plan(self, scene: Scene) -> None:
+        if scene.what == 'core_killed':
+            self._crash_at_s.append((scene.at_s, scene.for_s))
+            return
+        self._at(scene.at_s, lambda: self._begin(scene))
+        if scene.for_s:
+            self._at(scene.at_s + scene.for_s, lambda: self._end(scene))
+
+    def _at(self, time_s: float, do: Any) -> None:
+        self._later.at(round(time_s * NS_PER_S), lambda now_ns: do())
+
+    def _begin(self, scene: Scene) -> None:
+        order = self.world.inject
+        match scene.what:
+            case 'fall':
+                order(['answer', scene.who, scene.answer])
+                order(['fall', scene.who])
+            case 'help':
+                order(['press', scene.who, 'help', f'{_PRESS_S:g}'])
+            case 'sick':
+                lasts = f'{scene.for_s or _ILL_S:.1f}'
+                for sign, value in (('pulse_per_min', '141'), ('respiration_per_min', '27'),
+                                    ('spo2_percent', '87')):
+                    order(['vital', scene.who, sign, value, lasts])
+            case 'smoke':
+                order(['smoke', scene.who, f'{scene.for_s:.1f}'])
+            case 'node_dies':
+                order(['node', scene.who, 'off', *([f'{scene.for_s:.1f}'] if scene.for_s else [])])
+            case 'node_reboots':
+                order(['node', scene.who, 'reboot'])
+            case what:
+                self._trouble(what, True)
+
+    def _end(self, scene: Scene) -> None:
+        if scene.what == 'fall':
+            self.world.inject(['rise', scene.who])
+        else:
+            self._trouble(scene.what, False)
+
+    def _trouble(self, what: str, begins: bool) -> None:
+        body = self.body
+        match what:
+            case 'path_blocked':
+                body.blocked = begins
+            case 'lost_position':
+                body.lost = begins
+            case 'estop':
+                body.estop = begins
+            case 'battery_low':
+                body.battery_v = 21.2 if begins else 25.2
+            case 'no_free_place':
+                body.refuses = begins
+            case 'channel_fails':
+                self.channels.failing = begins
+            case 'disk_full':
+                self.disk.full = begins
+            case 'sink_silent':
+                self.network.silent = begins
+
+
+def is_settled(events: list[dict[str, Any]]) -> bool:
+    """Return whether an alarm is resolved, cancelled, or told to the last who can be told."""
+    last = events[-1]
+    return (last['state'] in ('resolved', 'cancelled') or last['level'] == 'technical'
+            or any(each['event'] == 'top' for each in events))

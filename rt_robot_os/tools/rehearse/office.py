@@ -1,0 +1,185 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Those behind the robot on the stage: the disk with its journal, the channels, and who is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import json
+import math
+from random import Random
+from typing import Any
+from typing import Final
+
+from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.story import Carer
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.units import NS_PER_S
+
+_NAME: Final = 'carer'
+# What is written is on the disk so much later, and a channel answers so much later.
+_DISK_NS: Final = 5 * NS_PER_MS
+_CHANNEL_NS: Final = 800 * NS_PER_MS
+
+
+def _texts(reader: Subscription | None) -> list[Any]:
+    found = []
+    while reader is not None and reader.take():
+        found.append(json.loads(str(reader.msg.data)))
+    return found
+
+
+def _say(publisher: Publisher | None, text: str, now_ns: int) -> None:
+    if publisher is not None:
+        publisher.msg.data = text
+        publisher.publish(now_ns)
+
+
+class Later:
+    """Does things at their times, in order."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[int, int, Callable[[int], None]]] = []
+        self._count = 0
+
+    def at(self, time_ns: int, do: Callable[[int], None]) -> None:
+        """Have something done at a time; it is called with the time."""
+        self._count += 1
+        self._waiting.append((time_ns, self._count, do))
+        self._waiting.sort()
+
+    def act(self, now_ns: int) -> None:
+        """Do what is due."""
+        while self._waiting and self._waiting[0][0] <= now_ns:
+            self._waiting.pop(0)[2](now_ns)
+
+    def forget(self) -> None:
+        """Do nothing of it."""
+        self._waiting.clear()
+
+
+class Disk:
+    """
+    Plays the device ``journal``: what was written survives the core, what was not is lost.
+
+    :ivar kept: the records, as they were written.
+    :ivar full: nothing can be written.
+    """
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[int, dict[str, Any]]] = []
+        self.full = False
+        self._later = Later()
+
+    def enter(self, stage: Stage) -> None:
+        """Give back to a new core what is kept."""
+        self._later.forget()
+        self._records = stage.reader('alarms/journal')
+        self._stored = stage.publisher('alarms/stored')
+        self._restored = False
+
+    def act(self, now_ns: int) -> None:
+        """Give back what is kept, then write what comes."""
+        if not self._restored:
+            self._restored = True
+            for at_ns, record in self.kept:
+                self._answer({'record': record, 'age_ns': now_ns - at_ns}, now_ns)
+            self._answer({'restored': len(self.kept)}, now_ns)
+        for record in _texts(self._records):
+            if self.full:
+                self._answer({'fault': 'no space left on the disk', 'seq': record.get('seq')},
+                             now_ns)
+            else:
+                self._later.at(now_ns + _DISK_NS, lambda at_ns, record=record: self._keep(
+                    record, at_ns))
+        self._later.act(now_ns)
+
+    def _keep(self, record: dict[str, Any], now_ns: int) -> None:
+        self.kept.append((now_ns, record))
+        self._answer({'stored': record.get('seq')}, now_ns)
+
+    def _answer(self, content: Mapping[str, Any], now_ns: int) -> None:
+        _say(self._stored, json.dumps(content), now_ns)
+
+
+class Channels:
+    """
+    Plays the program ``notifier``, and the carer who reads what it brings.
+
+    :param carer: how quick they are.
+    :ivar failing: no message gets through.
+    :ivar shown: dedup key -> how often a person saw it.
+    :ivar told: number of messages by the alarm's id.
+    """
+
+    def __init__(self, carer: Carer, random: Random) -> None:
+        self.failing = False
+        self.shown: dict[str, int] = {}
+        self.told: dict[str, int] = {}
+        self._carer, self._random = carer, random
+        self._later = Later()
+        self._busy: set[str] = set()
+        self._done: dict[str, dict[str, Any]] = {}
+
+    def enter(self, stage: Stage) -> None:
+        """Find the topics; the carer forgets nothing when a core dies."""
+        self._messages = stage.reader('alarms/notify')
+        self._reports = stage.publisher('alarms/report')
+        self._commands = stage.publisher('alarms/command')
+        self._beats = stage.publisher('notifier/heartbeat')
+
+    def act(self, now_ns: int) -> None:
+        """Bring messages, and do what is due."""
+        for message in _texts(self._messages):
+            key = message['key']
+            if key in self._done:  # it was sent again
+                _say(self._reports, json.dumps(self._done[key]), now_ns)
+            else:
+                self._later.at(now_ns + _CHANNEL_NS, lambda at_ns, message=message: self._bring(
+                    message, at_ns))
+        self._later.act(now_ns)
+
+    def _bring(self, message: dict[str, Any], now_ns: int) -> None:
+        key = message['key']
+        report = {'key': key, 'channel': message['channel'], 'ok': not self.failing,
+                  'text': 'no network' if self.failing else 'delivered'}
+        _say(self._reports, json.dumps(report), now_ns)
+        if self.failing:
+            return
+        if key not in self._done:
+            self._done[key] = report
+            self.shown[key] = self.shown.get(key, 0) + 1
+            alarm = str(message['alarm'])
+            self.told[alarm] = self.told.get(alarm, 0) + 1
+            self._read(alarm, now_ns)
+
+    def _read(self, alarm: str, now_ns: int) -> None:
+        if alarm in self._busy or not math.isfinite(self._carer.reads_after_s):
+            return
+        self._busy.add(alarm)
+        self._later.at(now_ns + round(self._carer.reads_after_s * NS_PER_S),
+                       lambda at_ns: self._acknowledge(alarm, at_ns))
+
+    def _acknowledge(self, alarm: str, now_ns: int) -> None:
+        _say(self._commands, f'acknowledge {alarm} by {_NAME}', now_ns)
+        self._later.at(now_ns + round(self._carer.ends_after_s * NS_PER_S),
+                       lambda at_ns: self._end(alarm, at_ns))
+
+    def _end(self, alarm: str, now_ns: int) -> None:
+        _say(self._commands, f'resolve {alarm} by {_NAME} looked after', now_ns)
+        self._busy.discard(alarm)  # what comes again is looked at again
