@@ -45,7 +45,7 @@ _PRESS_S: Final = 10.0
 _ILL_S: Final = 120.0
 #: What is not over by then hangs.
 LONGEST_S: Final = 1800.0
-_LOOK_S: Final = 10.0
+_LOOK_NS: Final = 10 * NS_PER_S
 # After the last scene, before it may be called over.
 _SETTLE_S: Final = 60.0
 
@@ -117,11 +117,14 @@ class Director:
 
     :param settings: of the robot; events of its own world are left out.
     :param story: what happens.
+    :param longest_s: what is not over by then hangs.
     :ivar record: what became of it.
     """
 
-    def __init__(self, settings: RobotSettings, story: Story) -> None:
+    def __init__(self, settings: RobotSettings, story: Story, longest_s: float = LONGEST_S
+                 ) -> None:
         self._settings = settings
+        self._longest_s = longest_s
         self._story = story
         random = Random(story.number)
         self.world = World(replace(settings.world, events=(), seed=story.number))
@@ -146,13 +149,10 @@ class Director:
         """
         now_s = 0.0
         crashes = sorted(self._crash_at_s)
-        while True:
-            until_s = crashes[0][0] if crashes else LONGEST_S
-            now_s = self._live(now_s, until_s)
-            if not crashes or now_s < until_s:
-                break
-            now_s += crashes.pop(0)[1]
+        for at_s, down_s in crashes:
+            now_s = self._live(now_s, at_s) + down_s
             self.record.crashes += 1
+        now_s = self._live(now_s, self._longest_s)
         self.record.shown = self.channels.shown
         self.record.lasted_s = now_s
         self.record.moved_m = self.body.moved_m
@@ -166,17 +166,14 @@ class Director:
             Listener(self.record)), begin_ns)
         try:
             stage.core.prepare_modules()
-            now_s = begin_ns / NS_PER_S
-            while now_s < until_s and not self._is_over(now_s):
-                step_s = min(_LOOK_S, until_s - now_s)
-                stage.run(step_s)
-                now_s = stage.now_ns / NS_PER_S
-            return now_s
+            stage.run(round(until_s * NS_PER_S))
+            return stage.now_ns / NS_PER_S
         finally:
             stage.close()
 
     def _is_over(self, now_s: float) -> bool:
         """Return whether nothing is left to be waited for."""
+        # All crashes come first: they are scenes as well.
         if now_s < self._story.last_s + _SETTLE_S or self.record.agent_state not in (
                 'idle', 'stay', 'return'):
             return False
@@ -185,11 +182,14 @@ class Director:
     # ---- as an actor -------------------------------------------------------------------------
 
     def enter(self, stage: Stage) -> None:
-        """Have nothing to find."""
+        """Remember whom to stop."""
+        self._stage = stage
 
     def act(self, now_ns: int) -> None:
         """Let happen what is due."""
         self._later.act(now_ns)
+        if now_ns % _LOOK_NS == 0 and self._is_over(now_ns / NS_PER_S):
+            self._stage.end()
 
     # ---- scenes ------------------------------------------------------------------------------
 
@@ -219,20 +219,22 @@ class Director:
                     order(['vital', scene.who, sign, value, lasts])
             case 'smoke':
                 order(['smoke', scene.who, f'{scene.for_s:.1f}'])
+            case 'sit' | 'sleep' as what:
+                order([what, scene.who])
             case 'node_dies':
                 order(['node', scene.who, 'off', *([f'{scene.for_s:.1f}'] if scene.for_s else [])])
             case 'node_reboots':
                 order(['node', scene.who, 'reboot'])
             case what:
-                self._trouble(what, True)
+                self._trouble(what, scene.who, True)
 
     def _end(self, scene: Scene) -> None:
-        if scene.what == 'fall':
+        if scene.what in ('fall', 'sit', 'sleep'):
             self.world.inject(['rise', scene.who])
         else:
-            self._trouble(scene.what, False)
+            self._trouble(scene.what, scene.who, False)
 
-    def _trouble(self, what: str, begins: bool) -> None:
+    def _trouble(self, what: str, who: str, begins: bool) -> None:
         body = self.body
         match what:
             case 'path_blocked':
@@ -249,6 +251,8 @@ class Director:
                 self.channels.failing = begins
             case 'disk_full':
                 self.disk.full = begins
+            case 'sensor_off':
+                (self.wearables.off.add if begins else self.wearables.off.discard)(who)
             case 'sink_silent':
                 self.network.silent = begins
 

@@ -108,17 +108,21 @@ class Stage:
         except TopicError:
             return None
 
-    def run(self, seconds: float) -> None:
+    def run(self, until_ns: int) -> None:
         """
-        Let time pass; may be called again.
+        Let time pass, in one go: what waits for a time does not outlast a run of the kernel.
 
         :raises AssertionError: a job failed; the message says which.
         """
         kernel = self.core.kernel
-        kernel.run(round(seconds * NS_PER_S))
+        kernel.run(max(until_ns - self.now_ns, 1))
         if kernel.failures:
             raise AssertionError(f'jobs that failed: {kernel.failures_total}; the last: '
                                  f'{kernel.failures[-1]}')
+
+    def end(self) -> None:
+        """End the run before its time."""
+        self.core.kernel.stop('over')
 
     def close(self) -> None:
         """Close the core, as at the end of a robot's run; may be called twice."""

@@ -84,16 +84,16 @@ class Story(NamedTuple):
         return max((each.at_s for each in self.scenes), default=0.0)
 
 
-def draw(number: int, people: Sequence[str], rooms: Sequence[str], nodes: Sequence[str]) -> Story:
+def draw(number: int, emergencies: Sequence[tuple[str, str]], nodes: Sequence[str]) -> Story:
     """
     Draw a story.
 
-    :param people: who lives there.
-    :param rooms: the nodes that smell smoke; empty for none.
+    :param emergencies: what may happen, of :data:`EMERGENCIES`, and to whom or where.
     :param nodes: those that may die or reboot.
     """
     random = Random(number)
-    scenes = [_emergency(random, people, rooms) for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
+    scenes = [_emergency(random, *random.choice(list(emergencies)))
+              for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
     begins_s = min(each.at_s for each in scenes)
     for what in random.sample(TROUBLES, random.choice((0, 1, 1, 2, 3))):
         scenes.append(_trouble(random, what, begins_s, nodes))
@@ -103,13 +103,12 @@ def draw(number: int, people: Sequence[str], rooms: Sequence[str], nodes: Sequen
     return Story(number, tuple(sorted(scenes)), carer)
 
 
-def _emergency(random: Random, people: Sequence[str], rooms: Sequence[str]) -> Scene:
-    what = random.choice(EMERGENCIES if rooms else EMERGENCIES[:-1])
+def _emergency(random: Random, what: str, who: str) -> Scene:
     at_s = random.uniform(20.0, 120.0)
     if what == 'smoke':
-        return Scene(at_s, what, random.choice(list(rooms)), random.uniform(30.0, 240.0))
+        return Scene(at_s, what, who, random.uniform(30.0, 240.0))
     lasts_s = random.choice((0.0, random.uniform(40.0, 200.0)))
-    return Scene(at_s, what, random.choice(list(people)), lasts_s, random.choice(ANSWERS))
+    return Scene(at_s, what, who, lasts_s, random.choice(ANSWERS))
 
 
 def _trouble(random: Random, what: str, begins_s: float, nodes: Sequence[str]) -> Scene:
@@ -119,3 +118,33 @@ def _trouble(random: Random, what: str, begins_s: float, nodes: Sequence[str]) -
     if what == 'core_killed':
         for_s = random.uniform(0.5, 15.0)
     return Scene(at_s, what, who, for_s)
+
+
+def quiet(number: int, hours: float, people: Sequence[str], nodes: Sequence[str]) -> Story:
+    """
+    Draw a quiet time: people sit, sleep and walk; nodes and the core are restarted at times.
+
+    :param people: who lives there.
+    :param nodes: those that fail and come back.
+    """
+    random = Random(number)
+    last_s = hours * 3600.0
+    scenes = []
+    for person in people:
+        at_s = random.uniform(60.0, 1800.0)
+        while at_s < last_s:
+            what = random.choice(('sit', 'sit', 'sleep'))
+            lasts_s = random.uniform(60.0, 5400.0 if what == 'sit' else 14_400.0)
+            scenes.append(Scene(at_s, what, person, lasts_s))
+            at_s += lasts_s + random.uniform(30.0, 2400.0)
+    for what, each_s in (('node_dies', 2400.0), ('node_reboots', 3600.0), ('sink_silent', 7200.0),
+                         ('sensor_off', 5400.0), ('core_killed', 10_800.0),
+                         ('channel_fails', 9000.0), ('disk_full', 20_000.0)):
+        at_s = random.expovariate(1.0 / each_s)
+        while at_s < last_s:
+            who = (random.choice(list(nodes)) if what.startswith('node') else
+                   random.choice(list(people)) if what == 'sensor_off' else '')
+            lasts_s = random.uniform(1.0, 20.0 if what == 'core_killed' else 900.0)
+            scenes.append(Scene(at_s, what, who, lasts_s))
+            at_s += lasts_s + random.expovariate(1.0 / each_s)
+    return Story(number, tuple(sorted(scenes)), Carer(60.0, 60.0))

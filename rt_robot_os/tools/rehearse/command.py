@@ -1,0 +1,54 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the program `rehearse` does with its command line.
+
+Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import tell
+from rt_robot_os.tools.rehearse import emergencies
+from rt_robot_os.tools.rehearse import quiet
+
+_COMMANDS = (emergencies, quiet)
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Run one command.
+
+    :param argv: without the program's name.
+    :return: the exit code.
+    :raises RtRobotError: it failed.
+    """
+    parser = argparse.ArgumentParser(
+        prog='rehearse', allow_abbrev=False, description='Emergencies and quiet days in virtual '
+        "time: a robot's own modules decide, its body and its home are played.")
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for each in _COMMANDS:
+        each.add_to(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except ConfigError as error:
+        tell('rehearse', error.problems[0], error.problems[1:])
+        return BAD_USE
