@@ -73,6 +73,7 @@ setup(
             'plan = rt_robot_os.tools.plan.program:main',
             'player = rt_robot_os.sim.player_program:main',
             'record = rt_robot_os.clients.recording.record_program:main',
+            'rehearse = rt_robot_os.tools.rehearse.program:main',
             'replay = rt_robot_os.clients.recording.replay_program:main',
             'robot = rt_robot_os.clients.ros.program:main',
             'simulator = rt_robot_os.sim.program:main',

@@ -50,7 +50,7 @@ LAYERS = (
     ('clients.notifier',),
     ('clients.alarms', 'clients.parameters', 'tools.black_box', 'tools.doctor', 'tools.health',
      'tools.new', 'tools.wsn'),
-    ('tools.bench',),
+    ('tools.bench', 'tools.rehearse'),
     ('program',),
     ('testing',),
 )
@@ -69,7 +69,8 @@ WIRE_MAY_IMPORT = re.compile(r'devices\.(\w+\.(wire|mtdata2|rtcm)|framing|partia
                              r'|units|wsn\.packets(\..*)?')
 # The frame of the twins finds them in the table of devices, which names drivers and imports none.
 TABLE = f'{PACKAGE}.devices.table'
-MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'program', 'sim', 'testing')
+MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'tools.rehearse', 'program',
+                  'sim', 'testing')
 
 # Wherever they stand: what a program is made of may import everything, and nobody imports it.
 PROGRAM = re.compile(r'[\w.]+\.(\w+_)?(program|command)')

@@ -1,0 +1,123 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rehearsals: the shipped robot's own modules meet stories, and stories are judged."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.settings import load
+from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.command import run
+from rt_robot_os.tools.rehearse.director import Director
+from rt_robot_os.tools.rehearse.director import Record
+from rt_robot_os.tools.rehearse.noticed import emergencies_of
+from rt_robot_os.tools.rehearse.story import Carer
+from rt_robot_os.tools.rehearse.story import draw
+from rt_robot_os.tools.rehearse.story import Scene
+from rt_robot_os.tools.rehearse.story import Story
+from rt_robot_os.tools.rehearse.verdict import judge
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+PROMPT = Carer(20.0, 30.0)
+
+
+@pytest.fixture(scope='module', name='flat')
+def _flat():
+    return load([CONFIG / 'assisted_living.yaml'], node='robot')
+
+
+def event(alarm, what, state, t_s, level='critical', subject='anna'):
+    return {'alarm': alarm, 'event': what, 'state': state, 't_ns': round(t_s * 1e9),
+            'level': level, 'subject': subject, 'kinds': ['fall'], 'text': ''}
+
+
+FALL = Story(1, (Scene(10.0, 'fall', 'anna', 0.0, 'silent'),), PROMPT)
+RAISED = event('1', 'raised', 'raised', 12.0)
+
+
+@pytest.mark.parametrize(('more', 'end', 'problem'), [
+    ([event('1', 'resolved', 'resolved', 60.0)], 'resolved', ''),
+    ([event('1', 'top', 'raised', 60.0)], 'escalated', ''),
+    ([event('1', 'acknowledged', 'acknowledged', 60.0)], 'hangs', 'alarm 1 of anna hangs'),
+    ([], 'hangs', 'alarm 1 of anna hangs: raised'),
+])
+def test_an_alarm_that_comes_to_no_end_is_a_problem(more, end, problem):
+    verdict = judge(FALL, Record(events=[RAISED, *more]))
+    assert verdict.ends == {'1': end}
+    assert (problem in ''.join(verdict.problems)) if problem else not verdict.problems
+
+
+def test_an_emergency_without_an_alarm_is_a_problem_unless_the_core_was_dead():
+    late = event('1', 'raised', 'resolved', 300.0)
+    assert 'fall of anna at 10.0 s became no alarm' in judge(
+        FALL, Record(events=[late])).problems
+    killed = FALL._replace(scenes=(*FALL.scenes, Scene(11.0, 'core_killed', '', 5.0)))
+    assert not judge(killed, Record()).problems
+    other = FALL._replace(scenes=(*FALL.scenes, Scene(11.0, 'node_dies', 'hall')))
+    assert judge(other, Record()).problems
+
+
+def test_a_message_that_a_person_sees_twice_is_a_problem():
+    done = [RAISED, event('1', 'resolved', 'resolved', 60.0)]
+    assert not judge(FALL, Record(events=done, shown={'1.1': 1})).problems
+    assert judge(FALL, Record(events=done, shown={'1.1': 2})).problems == (
+        '1.1 was shown 2 times',)
+
+
+def test_a_story_is_the_same_each_time_it_is_drawn():
+    assert draw(7, [('fall', 'anna')], ['hall']) == draw(7, [('fall', 'anna')], ['hall'])
+    assert len({draw(number, [('fall', 'anna')], ['hall']) for number in range(20)}) == 20
+
+
+def test_the_shipped_robot_notices_a_fall_and_the_carer_ends_it(flat):
+    assert ('fall', 'anna') in emergencies_of(flat, World(flat.world))
+    record = Director(flat, FALL).tell()
+    verdict = judge(FALL, record)
+    assert not verdict.problems
+    assert 'resolved' in verdict.ends.values()
+    assert record.moved_m > 0.5
+    assert [each['to'] for each in record.transitions][:2] == ['confirm', 'approach']
+    again = Director(flat, FALL).tell()
+    assert again.transitions == record.transitions and again.events == record.events
+
+
+def test_a_killed_core_goes_on_with_its_alarm(flat):
+    story = Story(3, (*FALL.scenes, Scene(50.0, 'core_killed', '', 3.0)),
+                  Carer(float('inf'), 10.0))
+    record = Director(flat, story).tell()
+    assert record.crashes == 1
+    assert not judge(story, record).problems
+    assert 'escalated' in judge(story, record).ends.values()
+
+
+def test_the_command_says_how_many_became_alarms(capsys):
+    assert run(['emergencies', '--stories', '2', '--seed', '4', '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['stories'] == 2 and found['problems'] == []
+    assert found['emergencies'] == found['noticed'] + found['hidden'] >= 2
+
+
+def test_quiet_minutes_alarm_nobody(capsys):
+    assert run(['quiet', '--hours', '0.2', '--json']) == 0
+    assert json.loads(capsys.readouterr().out)['false_alarms'] == []
+
+
+def test_a_robot_that_notices_nothing_is_refused():
+    robot = load([CONFIG / 'service_robot.yaml'], node='robot')
+    with pytest.raises(ConfigError, match='would notice no emergency'):
+        emergencies_of(robot, World(robot.world))
