@@ -113,7 +113,7 @@ def test_the_command_says_how_many_became_alarms(capsys):
 
 
 def test_quiet_minutes_alarm_nobody(capsys):
-    assert run(['quiet', '--hours', '0.2', '--json']) == 0
+    assert run(['quiet', '--hours', '0.05', '--json']) == 0
     assert json.loads(capsys.readouterr().out)['false_alarms'] == []
 
 

@@ -35,6 +35,8 @@ _NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 120.0, 'smoke': 30.0}
 _HIDING: Final = {'fall': ('core_killed',)}
 _HIDING_NODES: Final = ('core_killed', 'node_dies', 'node_reboots', 'sink_silent')
 _AROUND_S: Final = 15.0
+# Who falls while they lie is told already.
+_SAME_S: Final = 10.0
 
 
 class Verdict(NamedTuple):
@@ -96,7 +98,8 @@ def _is_noticed(scene: Scene, events: Iterable[dict[str, Any]]) -> bool:
     latest_ns = (scene.at_s + _NOTICED_S[scene.what]) * NS_PER_S
     return any(each['subject'] == scene.who and each['level'] != 'technical'
                and (each['state'] not in ('resolved', 'cancelled'))
-               and scene.at_s * NS_PER_S <= each['t_ns'] <= latest_ns for each in events)
+               and (scene.at_s - _SAME_S) * NS_PER_S <= each['t_ns'] <= latest_ns
+               for each in events)
 
 
 def _is_hidden(scene: Scene, story: Story) -> bool:
