@@ -36,8 +36,10 @@ SPREAD_M_S: Final = 0.2
 #: Nobody walks faster in a flat.
 WALK_M_S: Final = 1.5
 # A worn node says which node it hears best; radio is fickle, so some of these together count.
-_VOTES: Final = 5
-_VOTES_NS: Final = 60 * _NS_PER_S
+_VOTES: Final = 9
+_VOTES_NS: Final = 120 * _NS_PER_S
+# Between two nodes a still person is heard now by the one, now by the other: that is no step.
+_STEADY_M: Final = 1.0
 
 
 class Sighting(NamedTuple):
@@ -123,31 +125,39 @@ class PlaceEstimate:
     :ivar refused: sightings by presence that are somebody else's.
     """
 
-    __slots__ = ('refused', '_timeout_ns', '_sightings', '_votes', '_chosen')
+    __slots__ = ('refused', '_timeout_ns', '_sightings', '_votes', '_chosen', '_steady')
 
     def __init__(self, timeout_ns: int) -> None:
         self.refused = 0
         self._timeout_ns = timeout_ns
         self._sightings: dict[str, Sighting] = {}
-        self._votes: deque[tuple[str, int]] = deque(maxlen=_VOTES)
+        self._votes: deque[tuple[str, float, float, int]] = deque(maxlen=_VOTES)
         self._chosen = ''
+        self._steady = math.nan, math.nan
 
     def put(self, sighting: Sighting) -> None:
         """Take a sighting; it takes the place of the last one of its kind."""
         self._sightings[sighting.how] = sighting
 
-    def vote(self, node: str, stamp_ns: int) -> str:
+    def vote(self, node: str, x: float, y: float, stamp_ns: int) -> tuple[str, float, float]:
         """
-        Take that the worn node hears a node best.
+        Take that the worn node hears a node best, and where that hangs.
 
-        :return: the node that it hears best most of the time lately.
+        :return: the node that it hears best most of the time lately, and the mean of all lately,
+            which is nearer to the truth than any of them; it changes when somebody has moved.
         """
-        self._votes.append((node, stamp_ns))
-        votes = Counter(name for name, at_ns in self._votes if stamp_ns - at_ns <= _VOTES_NS)
+        self._votes.append((node, x, y, stamp_ns))
+        lately = [each for each in self._votes if stamp_ns - each[3] <= _VOTES_NS]
+        votes = Counter(each[0] for each in lately)
         most = max(votes.values())
-        if votes.get(self._chosen, 0) < most:
-            self._chosen = next(name for name, _ in reversed(self._votes) if votes[name] == most)
-        return self._chosen
+        if most >= 2 * votes.get(self._chosen, 0):
+            self._chosen = next(
+                each[0] for each in reversed(lately) if votes[each[0]] == most)
+        mean = (sum(each[1] for each in lately) / len(lately),
+                sum(each[2] for each in lately) / len(lately))
+        if not math.dist(mean, self._steady) <= _STEADY_M:
+            self._steady = mean
+        return self._chosen, *self._steady
 
     def best(self, now_ns: int) -> Sighting | None:
         """Return the sighting that is least uncertain now; None when all are too old."""

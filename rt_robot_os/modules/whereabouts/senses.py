@@ -82,12 +82,11 @@ class Senses:
         if heard is None:
             return False, False
         self.latest = heard.token
-        name = self._place.vote(heard.token, stamp_ns)
-        node = next(each for each in self._nodes.values() if each.token == name)
+        name, x, y = self._place.vote(heard.token, heard.x, heard.y, stamp_ns)
         moved = bool(self._nearest) and name != self._nearest
         self._nearest = name
-        self._place.put(Sighting(node.x, node.y, self._settings['node_uncertainty_m'], 'node',
-                                 name, stamp_ns))
+        self._place.put(Sighting(
+            x, y, self._settings['node_uncertainty_m'], 'node', name, stamp_ns))
         return True, moved
 
     def presence(self, node: SurveyedNode, values: tuple[float, ...], stamp_ns: int
