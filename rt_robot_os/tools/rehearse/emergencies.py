@@ -154,7 +154,7 @@ def _print(found: dict[str, Any]) -> None:
                                          if problems else ''))
 
 
-# ---- one story at length -------------------------------------------------------------------------
+# ---- one story at length -----------------------------------------------------------------------
 
 def _tell(settings: RobotSettings, story: Story) -> int:
     record = Director(settings, story).tell()

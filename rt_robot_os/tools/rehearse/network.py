@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sensor network on the stage: the nodes of the world send real packets to the sink's topics."""
+"""The sensor network on the stage: the nodes of the world send real packets to the sink."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ _URGENT_NS: Final = NS_PER_S
 class _Mote:
     """A node between two packets."""
 
-    def __init__(self, node: WirelessNode, readings: NodeReadings, number: int, first_ns: int) -> None:
+    def __init__(self, node: WirelessNode, readings: NodeReadings, number: int, first_ns: int
+                 ) -> None:
         self.node, self.readings, self.number = node, readings, number
         self.turn = 0
         self.next_ns = first_ns

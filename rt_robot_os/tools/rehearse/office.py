@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Those behind the robot on the stage: the disk with its journal, the channels, and who is told."""
+"""Those behind the robot on the stage: the disk and its journal, the channels, who is told."""
 
 from __future__ import annotations
 

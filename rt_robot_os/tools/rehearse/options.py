@@ -29,7 +29,7 @@ _SHIPPED = 'assisted_living.yaml'
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add what says which robot it is."""
     parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
-                        help='settings of the robot (when absent the shipped assisted_living.yaml)')
+                        help='settings of the robot (when absent those of assisted_living.yaml)')
     parser.add_argument('--node', default='robot', help='whose parameters in it (%(default)s)')
     parser.add_argument('--json', action='store_true', help='write one object instead of text')
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command ``rehearse quiet``: hours in which nobody needs help, and what is alarmed all the same."""
+"""Command ``rehearse quiet``: hours in which nobody needs help, and what is alarmed then."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(found, indent=1))
     else:
-        print(f'{found["hours"]:g} h in {found["wall_s"]:g} s, {found["restarts"]} restarts of the '
-              f'core, {found["troubles"]} other troubles')
+        print(f'{found["hours"]:g} h in {found["wall_s"]:g} s, {found["restarts"]} restarts of '
+              f'the core, {found["troubles"]} other troubles')
         print('technical alarms:', ', '.join(
             f'{count} {kind}' for kind, count in found['technical'].items()) or 'none')
         for each in found['false_alarms']:

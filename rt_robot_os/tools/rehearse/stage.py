@@ -74,7 +74,8 @@ class Stage:
     :ivar core: the real one, on a virtual clock.
     """
 
-    def __init__(self, settings: RobotSettings, actors: Sequence[Actor], start_ns: int = 0) -> None:
+    def __init__(self, settings: RobotSettings, actors: Sequence[Actor], start_ns: int = 0
+                 ) -> None:
         kept = tuple(each for each in settings.modules if each.type not in PLAYED)
         self.core = Core(
             replace(settings, devices=(), modules=kept, mirrors=(), watchdog=WatchdogSettings(),
