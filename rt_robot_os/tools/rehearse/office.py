@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+from functools import partial
 import json
 import math
 from random import Random
@@ -105,8 +106,7 @@ class Disk:
                 self._answer({'fault': 'no space left on the disk', 'seq': record.get('seq')},
                              now_ns)
             else:
-                self._later.at(now_ns + _DISK_NS, lambda at_ns, record=record: self._keep(
-                    record, at_ns))
+                self._later.at(now_ns + _DISK_NS, partial(self._keep, record))
         self._later.act(now_ns)
 
     def _keep(self, record: dict[str, Any], now_ns: int) -> None:
@@ -150,8 +150,7 @@ class Channels:
             if key in self._done:  # it was sent again
                 _say(self._reports, json.dumps(self._done[key]), now_ns)
             else:
-                self._later.at(now_ns + _CHANNEL_NS, lambda at_ns, message=message: self._bring(
-                    message, at_ns))
+                self._later.at(now_ns + _CHANNEL_NS, partial(self._bring, message))
         self._later.act(now_ns)
 
     def _bring(self, message: dict[str, Any], now_ns: int) -> None:
@@ -173,12 +172,12 @@ class Channels:
             return
         self._busy.add(alarm)
         self._later.at(now_ns + round(self._carer.reads_after_s * NS_PER_S),
-                       lambda at_ns: self._acknowledge(alarm, at_ns))
+                       partial(self._acknowledge, alarm))
 
     def _acknowledge(self, alarm: str, now_ns: int) -> None:
         _say(self._commands, f'acknowledge {alarm} by {_NAME}', now_ns)
         self._later.at(now_ns + round(self._carer.ends_after_s * NS_PER_S),
-                       lambda at_ns: self._end(alarm, at_ns))
+                       partial(self._end, alarm))
 
     def _end(self, alarm: str, now_ns: int) -> None:
         _say(self._commands, f'resolve {alarm} by {_NAME} looked after', now_ns)
