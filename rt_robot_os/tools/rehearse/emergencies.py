@@ -158,7 +158,7 @@ def _print(found: dict[str, Any]) -> None:
 
 def _tell(settings: RobotSettings, story: Story) -> int:
     record = Director(settings, story).tell()
-    for at_s, line in sorted(_lines(story, record)):
+    for at_s, line in sorted(_lines(story, record), key=lambda each: each[0]):
         print(f'{at_s:8.2f}  {line}')
     verdict = judge(story, record)
     print('\n'.join(verdict.problems) or 'no problems')
