@@ -428,14 +428,14 @@ def test_a_camera_saves_a_still_and_a_clip_while_it_goes_on(tmp_path: Path) -> N
 
 
 def test_a_still_that_holds_the_pictures_up_is_no_silence(tmp_path: Path) -> None:
-    camera = Camera(tmp_path, still_width=3200, still_height=2400)
+    camera = Camera(tmp_path, still_width=1280, still_height=960)
     try:
         camera.pictures(2)
         assert camera.device.quiet_s() == 0.0
         camera.order(order='picture', id=1)
         camera.device.read(time.monotonic_ns())
         assert camera.device.quiet_s() > 5.0
-        assert camera.answers(1)[0]['width'] == 3200
+        assert camera.answers(1)[0]['width'] == 1280
         camera.pictures(2)  # they come again: from now on silence is silence
         assert camera.device.quiet_s() == 0.0
     finally:
