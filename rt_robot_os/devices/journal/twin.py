@@ -21,6 +21,7 @@ What befalls the disk and the process of a real one can befall this one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 import resource
 import shutil
@@ -60,8 +61,10 @@ class SimulatedJournal(SimulatedCapture):
         :raises DeviceError: the port cannot be made again after a fault.
         """
         super().pump(now_ns)
-        limit = 0 if _FULL in self.faults.active(now_ns) else resource.RLIM_INFINITY
+        # No more than this process may, or an ordinary user could not end the fault.
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        limit = 0 if _FULL in self.faults.active(now_ns) else soft
         for worker in self.port.workers:
             if worker.poll() is None:
-                resource.prlimit(worker.pid, resource.RLIMIT_FSIZE,
-                                 (limit, resource.RLIM_INFINITY))
+                with suppress(ProcessLookupError):
+                    resource.prlimit(worker.pid, resource.RLIMIT_FSIZE, (limit, hard))
