@@ -40,6 +40,9 @@ _VOTES: Final = 9
 _VOTES_NS: Final = 120 * _NS_PER_S
 # Between two nodes a still person is heard now by the one, now by the other: that is no step.
 _STEADY_M: Final = 1.0
+# What somebody wears, and ROS, know whom they speak of; for so long nobody else is believed.
+_PERSONAL: Final = ('ros', 'node')
+_PERSONAL_NS: Final = 60 * _NS_PER_S
 
 
 class Sighting(NamedTuple):
@@ -170,12 +173,20 @@ class PlaceEstimate:
         """
         Say whether what a sensor of presence sees is this person.
 
-        It is nobody else's: no other is known to be nearer to it than this one. And it can be:
-        one gets there from where one was, walking.
+        A sensor that knows whom it speaks of has to agree, while it speaks. Without one it is
+        nobody else's: no other is known to be nearer to it than this one. And it can be: one gets
+        there from where one was, walking.
 
         :param range_m: how far the sensor sees.
         :param others: where other people are.
         """
+        known = [each for each in self._sightings.values() if each.how in _PERSONAL
+                 and stamp_ns - each.stamp_ns <= _PERSONAL_NS]
+        if known:
+            # A worn node hears the nodes of the next room as well: half the range.
+            agree = all(each.distance(x, y) <= range_m / 2 for each in known)
+            self.refused += not agree
+            return agree
         mine = self.best(stamp_ns)
         my_m = math.inf if mine is None else mine.distance(x, y)
         mistaken = any(other.distance(x, y) <= range_m + other.now_m(stamp_ns)

@@ -175,6 +175,26 @@ def test_nobody_is_at_both_ends_of_the_flat_within_a_second() -> None:
         assert [each[1:] for each in places(place)] == [(1.0, 1.0), (8.0, 1.0)]
 
 
+def test_a_worn_node_knows_whose_presence_it_is() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        bob_at = bench.topic('health/bob/place', POSE, {'header.frame_id': 'map'})
+        flat.add(others=['bob'], still_s=30.0)
+        place, told = bench.watch('health/anna/place'), flat.causes()
+
+        def bob() -> None:  # who comes to her, and walks about
+            bob_at.msg.pose.position.x, bob_at.msg.pose.position.y = 7.0, 1.0
+            bob_at.publish()
+        for time in range(1, 50, 4):
+            flat.at(time, flat.nearest, 2)
+            bench.at(time + 0.1, bob)
+            flat.at(time + 0.2, flat.presence['hall'], 1.0)
+            flat.at(time + 0.3, flat.presence['kitchen'], 1.0)
+        bench.run(50.0)
+        assert {each[1:] for each in places(place)} == {(8.0, 1.0)}
+        assert told() == [(31.0, 'no_movement', True)]
+
+
 def test_whom_a_worn_node_sends_to_tells_roughly() -> None:
     with ModuleBench() as bench:
         flat = Flat(bench)

@@ -33,6 +33,7 @@ from rt_robot_os.wsn.survey import SurveyedNode
 #: A pose says that somebody has moved when it is so far from where they were.
 STEP_M: Final = 0.5
 _OTHERS_M: Final = 3.0
+_OTHERS_NS: Final = 60 * NS_PER_S
 _PARENT_M: Final = 6.0
 _PRESENT: Final = 0.5
 _NEW_NS: Final = NS_PER_S // 2
@@ -99,7 +100,11 @@ class Senses:
             return False, False
         self._place.put(Sighting(node.x, node.y, range_m / 2, 'presence', node.token, stamp_ns))
         self.latest = ''
-        return True, True
+        # Somebody else who is there would do as well: nobody is known to have moved.
+        alone = not any(other.distance(node.x, node.y) <= range_m + other.now_m(stamp_ns)
+                        for other in self._others.values()
+                        if stamp_ns - other.stamp_ns <= _OTHERS_NS)
+        return True, alone
 
     def other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> None:
         """Take where somebody else is."""
