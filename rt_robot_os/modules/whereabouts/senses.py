@@ -101,9 +101,9 @@ class Senses:
         self._place.put(Sighting(node.x, node.y, range_m / 2, 'presence', node.token, stamp_ns))
         self.latest = ''
         # Somebody else who is there would do as well: nobody is known to have moved.
-        alone = not any(other.distance(node.x, node.y) <= range_m + other.now_m(stamp_ns)
-                        for other in self._others.values()
-                        if stamp_ns - other.stamp_ns <= _OTHERS_NS)
+        alone = not any(other.distance(node.x, node.y) <= range_m / 2
+                        and stamp_ns - other.stamp_ns <= _OTHERS_NS
+                        for other in self._others.values())
         return True, alone
 
     def other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> None:
