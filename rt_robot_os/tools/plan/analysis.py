@@ -120,11 +120,21 @@ class _Analyser:
             tuple(self._found.values()), work + jobs + ticks, service, jobs + ticks)
 
     def busy_ns(self, task: PlannedTask) -> int:
-        """Return the longest busy period of a priority, once the chains are known."""
+        """
+        Return the longest busy period of a priority, once the chains are known.
+
+        Tasks below it run in it only while they block. So what they release, and what that
+        releases in turn, was released when it began, and each task once, however many did it.
+        """
         p = task.priority
-        return busy_period_ns(
-            blocking_of(task, self._tasks).length_ns, self._tick_loads() + self._loads(
-                (s for s in self._all if s.task.priority >= p), p))
+        blocking_ns = blocking_of(task, self._tasks).length_ns
+        above = [(s, s.ways(p)) for s in self._all if s.task.priority >= p]
+        ways = {way for _, found in above for way in found}
+        loads = self._tick_loads() + self._loads([s for s, found in above if not found], p)
+        cost_of = {t.name: (t.execution_ns or 0) + self._overhead.job_ns for t in self._tasks}
+        # What blocks may release once more.
+        times = 2 if blocking_ns else 1
+        return busy_period_ns(blocking_ns + times * sum(cost_of[way[-1]] for way in ways), loads)
 
     # ---- loads -------------------------------------------------------------------------------
 

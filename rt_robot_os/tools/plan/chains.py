@@ -19,8 +19,8 @@ While a chain is on its way one of its stages is ready at each moment, since eac
 before the one before has ended. So nothing runs meanwhile but tasks of at least the lowest
 priority in the chain, and, at its beginning, what blocks one of that priority. The chain has ended
 at the latest when the longest busy period of that priority has; each job that comes in between
-counts once, however many stages there are. The sum of the bounds of the stages is another bound,
-and the smaller one counts.
+counts once, however many stages there are, and what tasks below release counts for one job. The
+sum of the bounds of the stages is another bound, and the smaller one counts.
 """
 
 from __future__ import annotations

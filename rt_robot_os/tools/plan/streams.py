@@ -76,6 +76,22 @@ class Stream:
             p.task.priority >= level and not p.task.logical and p.inside(level)
             for p in self.parents)
 
+    def ways(self, level: int) -> frozenset[tuple[str, ...]]:
+        """
+        Return how tasks below a level release it, directly or by others, and nobody else does.
+
+        Of each way the tasks from the first of that level. Empty when something else releases it,
+        or when the releases do not come within the job of a parent.
+        """
+        if not self.parents or self.waits or any(p.task.logical for p in self.parents):
+            return frozenset()
+        if self.parents[0].task.priority < level:
+            return frozenset({(self.task.name,)})
+        found = [p.ways(level) for p in self.parents]
+        if not all(found):
+            return frozenset()
+        return frozenset((*way, self.task.name) for each in found for way in each)
+
     def jitter_at(self, level: int, known: dict[Stream, int]) -> int:
         """
         Return how late releases may come, seen from a busy period of a level.
