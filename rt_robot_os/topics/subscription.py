@@ -222,6 +222,11 @@ class NewestSubscription(Subscription):
             self._next += behind
         return super().take()
 
+    def statistics(self) -> SubscriberStatistics:
+        """Take the statistics; what was overwritten was not wanted: it counts as skipped."""
+        overwritten = max(0, self.topic.head - self._next - self._depth)
+        return SubscriberStatistics(self.name, self.reads, self.lost, self.skipped + overwritten)
+
 
 class _NextSample(Wait):
     """The next sample of a subscription."""

@@ -94,6 +94,14 @@ def test_a_reader_of_the_newest_sees_one_sample_and_counts_the_others(robot: Rob
     assert (reader.skipped, reader.lost, reader.reads) == (36, 0, 4)
 
 
+def test_what_a_reader_of_the_newest_never_looked_at_is_not_lost(robot: Robot) -> None:
+    robot.sensor('imu', 1000.0)
+    idle = [robot.bus.subscribe('imu', 'idle', newest=newest) for newest in (True, False)]
+    robot.kernel.run(100 * MS)
+    newest, plain = (each.statistics() for each in idle)
+    assert newest.lost == 0 and newest.skipped == plain.lost > 0
+
+
 @pytest.mark.parametrize('number', [0, -1, 2.5, True])
 def test_a_number_that_is_none_is_refused(robot: Robot, number: int) -> None:
     robot.sensor('imu', 100.0)

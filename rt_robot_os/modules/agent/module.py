@@ -71,13 +71,14 @@ class AgentModule(Module):
     command = Input('agent/command', message=_TEXT)
     answer = Input('agent/answer', message=_TEXT)
     observed = Input('agent/observed', message=_TEXT)
-    pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
-    planner_state = Input('planner/state', message=_TEXT)
-    steering = Input('steering', message=_TEXT)
-    estop = Input('estop', message=_BOOL)
-    battery = Input('battery', message='sensor_msgs/msg/BatteryState')
-    voice = Input('', message='std_msgs/msg/Float32')
-    goals = Input('goal_pose', message='geometry_msgs/msg/PoseStamped')
+    # It looks at these when somebody needs it, and then at what is newest.
+    pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped', newest=True)
+    planner_state = Input('planner/state', message=_TEXT, newest=True)
+    steering = Input('steering', message=_TEXT, newest=True)
+    estop = Input('estop', message=_BOOL, newest=True)
+    battery = Input('battery', message='sensor_msgs/msg/BatteryState', newest=True)
+    voice = Input('', message='std_msgs/msg/Float32', newest=True)
+    goals = Input('goal_pose', message='geometry_msgs/msg/PoseStamped', newest=True)
     turn = Output('cmd_vel_agent', 'geometry_msgs/msg/Twist')
     goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP, most_hz=1.0)
     cancel = Output('trajectory_cancel', _BOOL, most_hz=1.0)
@@ -131,9 +132,10 @@ class AgentModule(Module):
         """Return an input for the place of each person, and for each button."""
         place = 'geometry_msgs/msg/PoseStamped'
         return {
-            **{f'place {name}': Input(f'health/{name}/place', message=place, initial=True)
+            **{f'place {name}': Input(f'health/{name}/place', message=place, initial=True,
+                                      newest=True)
                for name in self.settings['people']},
-            **{f'button {topic}': Input(topic, message=_FLOAT)
+            **{f'button {topic}': Input(topic, message=_FLOAT, newest=True)
                for topic in self.settings['answer_topics']}}
 
     # ---- life --------------------------------------------------------------------------------
