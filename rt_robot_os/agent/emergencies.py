@@ -34,6 +34,7 @@ _OPEN: Final = (SUSPECTED, RAISED, ACKNOWLEDGED)
 _ENDED: Final = ('resolved', 'cancelled')
 _MOST: Final = 64
 _LONGEST: Final = 240
+_LONGEST_NAME: Final = 64
 
 
 @dataclass
@@ -115,7 +116,7 @@ class Emergencies:
         """
         try:
             told = json.loads(text)
-            alarm, state = str(told['alarm'])[:_LONGEST], told['state']
+            alarm, state = clean(told['alarm'], _LONGEST), told['state']
             level = LEVELS[told['level']] if state in _OPEN else Level.TECHNICAL
             hash(state)
         except (ValueError, KeyError, TypeError, RecursionError):
@@ -123,7 +124,7 @@ class Emergencies:
             return None
         if state in _ENDED:
             return (alarm, 'over') if self._all.pop(alarm, None) else None
-        kinds = tuple(str(each)[:_LONGEST] for each in _list(told.get('kinds'))[:16])
+        kinds = tuple(clean(each, _LONGEST_NAME) for each in _list(told.get('kinds'))[:16])
         found = self._all.get(alarm)
         if state not in _OPEN or level < self._least or (
                 kinds and self._ignored.issuperset(kinds)):
@@ -189,10 +190,16 @@ def _fill(emergency: Emergency, told: Mapping[str, Any], kinds: tuple[str, ...])
     for key in ('subject', 'node'):
         value = told.get(key)
         if isinstance(value, str) and value:
-            setattr(emergency, key, value[:64])
+            setattr(emergency, key, clean(value, _LONGEST_NAME))
     x, y = told.get('x'), told.get('y')
     if _is_place(x) and _is_place(y):
         emergency.x, emergency.y = float(x), float(y)  # type: ignore[arg-type]
+
+
+def clean(value: object, longest: int) -> str:
+    """Return a text that can be published: JSON may have escaped what is no letter."""
+    text = str(value)[:longest].replace('\0', ' ')
+    return text.encode('utf-8', 'replace').decode()
 
 
 def _is_place(value: object) -> bool:

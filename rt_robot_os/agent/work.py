@@ -25,6 +25,7 @@ from typing import Final
 from rt_robot_os.agent.body import Body
 from rt_robot_os.agent.dialogue import Dialogue
 from rt_robot_os.agent.edges import State
+from rt_robot_os.agent.emergencies import clean
 from rt_robot_os.agent.emergencies import Emergency
 from rt_robot_os.agent.senses import Note
 from rt_robot_os.agent.senses import Observe
@@ -96,7 +97,7 @@ class Work:
     def observed(self, alarm: str, kind: str, text: str) -> None:
         """Take what came of an order."""
         if self.emergency is not None and self.emergency.alarm == alarm and kind in self._orders:
-            self._found[kind] = text[:80]
+            self._found[kind] = clean(text, 80)
 
     def begin(self, state: State, t_ns: int, why: str) -> None:
         """Begin the work of a state; in a pause there is none."""

@@ -152,7 +152,8 @@ def _short(found: dict[str, Any], key: str, longest: int, needed: bool = False) 
     if not isinstance(value, str) or len(value) > longest or (needed and not value.strip()):
         raise ValueError(f'{key} {str(value)[:60]!r}: it must be a text of '
                          f'{"1" if needed else "0"} to {longest} letters')
-    return value
+    # JSON can escape what no message can hold: it is told all the same.
+    return value.replace('\0', ' ').encode('utf-8', 'replace').decode()
 
 
 def _number(found: dict[str, Any], key: str) -> float:

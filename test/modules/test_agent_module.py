@@ -354,6 +354,18 @@ def test_after_a_restart_of_the_core_it_goes_on_with_what_is_open(
     assert rig.path() == path
 
 
+@pytest.mark.parametrize('subject', ['\ud800', '\U0001f600' * 40, '"\\\n\x00' * 20])
+def test_names_that_are_none_are_carried_along(subject: str) -> None:
+    rig = rig_of(question='{person}' * 20, retries=0)
+    rig.in_order((1.0, lambda: rig.alarm('suspected', subject * 3, subject=subject, x=1.0, y=5.0,
+                                         kinds=[subject] * 5, node=subject)),
+                 (2.0, lambda: rig.say('agent/answer', 'help')),
+                 (9.0, lambda: rig.say('agent/observed', json.dumps({
+                     'alarm': subject * 3, 'kind': 'clip', 'problem': subject}))))
+    rig.run(35.0)
+    assert rig.path() == ['confirm', 'approach', 'observe', 'report', 'stay']
+
+
 def test_a_place_that_cannot_be_is_given_up_within_a_job() -> None:
     rig = AgentRig(retries=0, map=str(ROOT / 'config' / 'maps' / 'flat.yaml'))
     rig.in_order((1.0, lambda: rig.alarm('raised', subject='bob', x=9e5, y=-9e5)))

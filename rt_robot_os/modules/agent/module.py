@@ -58,8 +58,9 @@ _BOOL: Final = 'std_msgs/msg/Bool'
 _FLOAT: Final = 'std_msgs/msg/Float64'
 _ON_MAP: Final = {'header.frame_id': 'map'}
 _SAY_BYTES: Final = 1000
-_TEXT_BYTES: Final = 600
-_COMMAND_BYTES: Final = 400
+# Enough for what is cut to 200 letters, and an alarm's name, however JSON writes them.
+_TEXT_BYTES: Final = 4000
+_COMMAND_BYTES: Final = 1000
 # A grid that fell so far behind is begun anew: what was missed is over.
 _MOST_BEHIND: Final = 20
 

@@ -121,7 +121,7 @@ class Orders:
             out.publish(stamp_ns)
 
     def _say(self, order: Say, stamp_ns: int) -> None:
-        self._text('say', order.text, stamp_ns)
+        self._text('say', order.text[:_LONGEST], stamp_ns)
 
     def _command(self, order: Command, stamp_ns: int) -> None:
         self._text('alarm_command', order.text[:_LONGEST], stamp_ns)

@@ -54,7 +54,7 @@ POSE = Layout.compile('geometry_msgs/msg/PoseWithCovarianceStamped', {'header.fr
 
 
 def transitions(bag: Path) -> list[str]:
-    layout = Layout.compile('std_msgs/msg/String', {}, tail=600)
+    layout = Layout.compile('std_msgs/msg/String', {}, tail=4000)
     return [str(layout.to_dict(each.cdr)['data']) for each in Recording(bag).samples()
             if each.topic == 'agent/transitions']
 
