@@ -226,7 +226,7 @@ _ROBOT: Final = """
               nodes: ['kitchen -3.0 1.0 2.0 id {node} smoke'], rate_hz: 0.0, priority: 43}}
     smoke: {{type: rule, when: 'wsn/kitchen/smoke.data > 0.5', kind: smoke, subject: kitchen,
             level: critical, node: kitchen, rate_hz: 1.0, priority: 42}}
-    alarms: {{type: alarms, again_s: 0.0, rate_hz: 0.0, priority: 41}}
+    alarms: {{type: alarms, again_s: 0.0, rate_hz: 10.0, priority: 41}}
     agent: {{type: agent, nodes: ['kitchen -3.0 1.0 2.0 id {node} smoke'], home: [0.0, 0.0, 0.0],
             observe: [], rate_hz: 0.0, priority: 40}}
     velocity_mux: {{type: velocity_mux, sources: [agent], source_topics: [cmd_vel_agent],
