@@ -26,6 +26,7 @@ from rt_robot_os.clients.notifier.settings import load
 from rt_robot_os.clients.notifier.settings import NotifierSettings
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import StartError
+from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
@@ -48,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         'program, file or console. No medical device.', epilog=_EPILOG, allow_abbrev=False,
         usage='notifier [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]')
     add_robot_option(parser)
+    parser.set_defaults(robot=None)  # that of its own namespace
     parser.add_argument('--check', action='store_true',
                         help='check the settings, name the channels, and end')
     return parser
@@ -76,7 +78,7 @@ def run(argv: Sequence[str]) -> int:
         tell(_NAME, 'no channel: write channels: [...] under /**/notifier in a parameter file, '
              'and give it with --ros-args --params-file FILE')
         return BAD_USE
-    return _carry(settings, arguments.robot)
+    return _carry(settings, arguments.robot or robot_name(namespace=ros.namespace))
 
 
 def _carry(settings: NotifierSettings, robot: str) -> int:

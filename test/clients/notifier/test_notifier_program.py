@@ -191,10 +191,12 @@ def test_wrong_use_is_told(core: Any, tmp_path: Path, capsys: pytest.CaptureFixt
     assert run([]) == 2 and 'no channel: write channels' in capsys.readouterr().err
     assert run([*asked, '-p', 'family.tpye:=file']) == 2
     assert 'family.tpye: unknown key' in capsys.readouterr().err
-    other = LockFile(core.folder / 'robot-notifier.lock')
-    assert other.acquire()
-    try:
-        with pytest.raises(StartError, match='runs already: two would tell everything twice'):
-            run(asked)
-    finally:
-        other.release()
+    for robot, more in (('robot', []), ('arm.robot', ['-r', '__ns:=/arm']),
+                        ('arm.r2', ['--', '--robot', '/arm/r2'])):
+        other = LockFile(core.folder / f'{robot}-notifier.lock')
+        assert other.acquire()
+        try:
+            with pytest.raises(StartError, match=f'of the robot {robot} runs already: two would'):
+                run([*asked, *more])
+        finally:
+            other.release()
