@@ -46,6 +46,7 @@ from rt_robot_os.link.paths import socket_path
 from rt_robot_os.linux import realtime as linux_realtime
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.modules import Module
+from rt_robot_os.modules.agent import AgentModule
 from rt_robot_os.settings import load
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -193,7 +194,7 @@ class Operator(Module):
     """Resolves each emergency a moment after it was raised, so that the next may come."""
 
     events = Input('alarms/events', message='std_msgs/msg/String')
-    command = Output('alarms/command', 'std_msgs/msg/String', tail=400)
+    command = AgentModule.alarm_command  # of two writers of a topic both say the same of it
 
     _waiting: tuple[tuple[int, str], ...] = ()
 
