@@ -69,3 +69,29 @@ class Woken(Waiter):
 
     def own_rounds_hz(self) -> float:
         return 20.0
+
+
+class Asking(Module):
+    """Answer an answer; both promise to do so seldom."""
+
+    heard = Input('answers', message='std_msgs/msg/Bool')
+    asks = Output('questions', 'std_msgs/msg/Bool', most_hz=2.0)
+
+    async def run(self) -> None:
+        await self.heard.next()
+
+    def awaits(self) -> tuple[str, ...]:
+        return ('heard',)
+
+    def own_rounds_hz(self) -> float:
+        return 20.0
+
+
+class Answering(Module):
+    """Answer a question."""
+
+    heard = Input('questions', wake=True, message='std_msgs/msg/Bool')
+    answers = Output('answers', 'std_msgs/msg/Bool', most_hz=4.0)
+
+    def step(self) -> None:
+        self.answers.publish()

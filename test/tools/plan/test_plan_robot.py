@@ -223,6 +223,22 @@ def test_a_coroutine_goes_on_with_its_own_rounds_and_with_what_it_awaits() -> No
     assert not task.unknown and not task.period_ns
 
 
+def test_a_circle_of_modules_that_promise_to_write_seldom_has_a_bound() -> None:
+    names = ('asking', 'answering')
+    settings = settings_of(**{'modules': ['guard', *names], **{
+        f'{name}.{key}': value for name in names for key, value in (
+            ('type', f'plan_modules:{name.capitalize()}'), ('rate_hz', 0.0),
+            ('execution_us', 90.0))}})
+    made = robot_tasks(settings, None, Given(execution_ns={
+        'imu': 300_000, 'gps': 400_000, 'guard': 100_000, 'link/commands': 100_000}))
+    tasks = {task.name: task for task in made.tasks}
+    assert tasks['answering'].events == (Event('asking', 500_000_000, promised=True),)
+    found = analyse(made.tasks, made.overhead)
+    assert not found.unjudged and not found.failed
+    assert found.task('asking').utilisation == pytest.approx(90e3 / 250e6 + 90e3 / 50e6)
+    assert found.task('answering').utilisation == pytest.approx(90e3 / 500e6)
+
+
 def test_the_load_of_chains_that_count_is_that_of_what_releases() -> None:
     times = {'imu': 300_000, 'gps': 400_000, 'guard': 100_000, 'link/commands': 100_000}
     made = robot_tasks(settings_of(**MODULES), None, Given(
