@@ -91,7 +91,8 @@ def test_the_shipped_robot_notices_a_fall_and_the_carer_ends_it(flat):
     assert not verdict.problems
     assert 'resolved' in verdict.ends.values()
     assert record.moved_m > 0.5
-    assert [each['to'] for each in record.transitions][:2] == ['confirm', 'approach']
+    states = [each['to'] for each in record.transitions]
+    assert states[0] == 'confirm' and {'observe', 'report', 'return'} <= set(states)
     again = Director(flat, FALL).tell()
     assert again.transitions == record.transitions and again.events == record.events
 

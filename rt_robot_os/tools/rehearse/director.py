@@ -40,9 +40,8 @@ from rt_robot_os.tools.rehearse.wearables import Wearables
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
 
-# A button is held down that long, a person is ill that long unless the story says.
+# A button is held down that long.
 _PRESS_S: Final = 10.0
-_ILL_S: Final = 120.0
 #: What is not over by then hangs.
 LONGEST_S: Final = 1800.0
 _LOOK_NS: Final = 10 * NS_PER_S
@@ -213,7 +212,7 @@ class Director:
             case 'help':
                 order(['press', scene.who, 'help', f'{_PRESS_S:g}'])
             case 'sick':
-                lasts = f'{scene.for_s or _ILL_S:.1f}'
+                lasts = f'{scene.for_s:.1f}'
                 for sign, value in (('pulse_per_min', '141'), ('respiration_per_min', '27'),
                                     ('spo2_percent', '87')):
                     order(['vital', scene.who, sign, value, lasts])

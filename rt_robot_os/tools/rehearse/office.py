@@ -36,6 +36,7 @@ _NAME: Final = 'carer'
 # What is written is on the disk so much later, and a channel answers so much later.
 _DISK_NS: Final = 5 * NS_PER_MS
 _CHANNEL_NS: Final = 800 * NS_PER_MS
+_BEAT_NS: Final = 5 * NS_PER_S
 
 
 def _texts(reader: Subscription | None) -> list[Any]:
@@ -144,7 +145,9 @@ class Channels:
         self._beats = stage.publisher('notifier/heartbeat')
 
     def act(self, now_ns: int) -> None:
-        """Bring messages, and do what is due."""
+        """Bring messages, and do what is due; it is alive all the time."""
+        if now_ns % _BEAT_NS == 0:
+            _say(self._beats, '{}', now_ns)
         for message in _texts(self._messages):
             key = message['key']
             if key in self._done:  # it was sent again

@@ -108,6 +108,8 @@ def _emergency(random: Random, what: str, who: str) -> Scene:
     if what == 'smoke':
         return Scene(at_s, what, who, random.uniform(30.0, 240.0))
     lasts_s = random.choice((0.0, random.uniform(40.0, 200.0)))
+    if what == 'sick':  # a sign has to be wrong for a while to be believed
+        lasts_s = random.uniform(300.0, 600.0)
     return Scene(at_s, what, who, lasts_s, random.choice(ANSWERS))
 
 

@@ -29,7 +29,7 @@ from rt_robot_os.tools.rehearse.story import Story
 from rt_robot_os.units import NS_PER_S
 
 # An emergency has become an alarm by then.
-_NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 120.0, 'smoke': 30.0}
+_NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0}
 # What hides an emergency: nobody can hear what is not sent. A fall is felt by a device, the others
 # are told by nodes, through the sink.
 _HIDING: Final = {'fall': ('core_killed',)}
