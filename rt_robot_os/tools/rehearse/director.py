@@ -45,8 +45,6 @@ _PRESS_S: Final = 10.0
 #: What is not over by then hangs.
 LONGEST_S: Final = 1800.0
 _LOOK_NS: Final = 10 * NS_PER_S
-# After the last scene, before it may be called over.
-_SETTLE_S: Final = 60.0
 
 
 @dataclass
@@ -173,7 +171,7 @@ class Director:
     def _is_over(self, now_s: float) -> bool:
         """Return whether nothing is left to be waited for."""
         # All crashes come first: they are scenes as well.
-        if now_s < self._story.last_s + _SETTLE_S or self.record.agent_state not in (
+        if now_s < self._story.settled_s or self.record.agent_state not in (
                 'idle', 'stay', 'return'):
             return False
         return all(is_settled(events) for events in self.record.alarms().values())

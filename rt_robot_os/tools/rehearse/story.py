@@ -34,6 +34,10 @@ TROUBLES: Final = (
 #: What somebody does when the robot asks how they are.
 ANSWERS: Final = ('fine', 'help', 'silent')
 
+# It takes so long until the last scene has been noticed; illness has to last to be believed.
+_SETTLE_S: Final = 60.0
+_ILL_S: Final = 240.0
+
 
 class Scene(NamedTuple):
     """
@@ -79,9 +83,10 @@ class Story(NamedTuple):
     carer: Carer
 
     @property
-    def last_s(self) -> float:
-        """Return when the last of it has begun."""
-        return max((each.at_s for each in self.scenes), default=0.0)
+    def settled_s(self) -> float:
+        """Return when all of it has begun, and should have been noticed."""
+        return max((each.at_s + (_ILL_S if each.what == 'sick' else _SETTLE_S)
+                    for each in self.scenes), default=0.0)
 
 
 def draw(number: int, emergencies: Sequence[tuple[str, str]], nodes: Sequence[str]) -> Story:
