@@ -51,6 +51,7 @@ from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import ScheduleRecord
 from rt_robot_os.core.tap_format import TapKind
 from rt_robot_os.devices.managed import ManagedDevice
+from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.kernel import Kernel
@@ -75,6 +76,8 @@ class Replay:
 
     :param settings: with which the core is built.
     :param from_bytes: replay the drivers; False begins with what they published.
+    :param boards_too: replay the drivers of motor boards as well, whose answers fit the recorded
+        commands only.
     :raises RecordingError: it cannot be replayed.
     :raises RtRobotError: the settings do not fit together.
     :ivar core: the replayed one.
@@ -84,7 +87,7 @@ class Replay:
     """
 
     def __init__(self, recording: Recording, settings: RobotSettings, *,
-                 from_bytes: bool = True) -> None:
+                 from_bytes: bool = True, boards_too: bool = False) -> None:
         self.notes: list[str] = []
         self.timeline = Timeline(recording)
         self._recording = recording
@@ -108,7 +111,7 @@ class Replay:
             Path('replay'), clock=clock,
             make_bus=self._make_bus)
         self._kernel = self.core.kernel
-        self._devices = self._find_devices(from_bytes)
+        self._devices = self._find_devices(from_bytes, boards_too)
         self._ports: dict[str, RecordedPort] = {}
         self._replayed = {name: name for name in self._devices}
         self._replayed |= {f'{name}/arrival': name for name in self._devices}
@@ -155,25 +158,30 @@ class Replay:
                 'publishes ten times a second: it is too short, or cut short; record for longer'])
         return 'by its schedule no device and no module did anything while it was made'
 
-    def _find_devices(self, from_bytes: bool) -> dict[str, ManagedDevice]:
-        found = {}
+    def _find_devices(self, from_bytes: bool, boards_too: bool) -> dict[str, ManagedDevice]:
+        if not from_bytes:
+            return {}
+        found, boards, left = {}, [], []
         for managed in self.core.sensors.devices:
             device = managed.device
-            if not from_bytes or device_topic(device.name) not in self._facts.taps:
-                continue
-            if isinstance(device, SerialDevice):
+            if isinstance(device, MotorBoard) and not boards_too:
+                boards.append(device.name)
+            elif (isinstance(device, SerialDevice)
+                  and device_topic(device.name) in self._facts.taps):
                 found[device.name] = managed
                 device.make_port = self._port_of(device.name)
                 # Each of its rounds was recorded, also those that its inputs made.
                 managed.by_schedule = True
                 if managed.arrival is not None:
                     self.core.bus.release_no_more(managed.arrival)
-        if from_bytes:
-            left = [m.device.name for m in self.core.sensors.devices
-                    if m.device.name not in found]
-            if left:
-                self.notes.append(f'no bytes of {", ".join(left)}: what they published is taken '
-                                  'as it was recorded')
+            else:
+                left.append(device.name)
+        if left:
+            self.notes.append(f'no bytes of {", ".join(left)}: what they published is taken '
+                              'as it was recorded')
+        if boards:
+            self.notes.append(f'what {", ".join(boards)} published is taken as it was recorded: '
+                              'its answers fit the recorded commands only (--from bytes)')
         return found
 
     def _port_of(self, name: str) -> Callable[[str, int], RecordedPort]:

@@ -54,8 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--allow', action='append', default=[], metavar='TYPE',
                         help='let the recording import this module, package.module:Class; '
                         'registered ones need no permission')
-    parser.add_argument('--from', dest='source', choices=('bytes', 'topics'), default='bytes',
-                        help='replay the drivers too, or begin with what they published')
+    parser.add_argument('--from', dest='source', choices=('auto', 'bytes', 'topics'),
+                        default='auto', help='replay the drivers too, those of motor boards only '
+                        'with bytes; or begin with what all of them published (%(default)s)')
     parser.add_argument('--session', type=int, metavar='N',
                         help='which, when the core was started again while it was recorded')
     parser.add_argument('--output', type=Path, metavar='FILE',
@@ -87,7 +88,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     recording = Recording(arguments.recording, arguments.session)
     settings = _settings(arguments, recording)
     begin = time.perf_counter()
-    replay = Replay(recording, settings, from_bytes=arguments.source == 'bytes')
+    replay = Replay(recording, settings, from_bytes=arguments.source != 'topics',
+                    boards_too=arguments.source == 'bytes')
     output = None
     if arguments.output is not None:
         output = ReplayOutput(arguments.output, replay, recording)
