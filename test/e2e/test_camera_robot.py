@@ -77,7 +77,8 @@ def workers(world: Any) -> list[int]:
     found = []
     for each in Path('/proc').iterdir():
         try:
-            if (each.name.isdigit() and b'capture.worker' in (each / 'cmdline').read_bytes()
+            if (each.name.isdigit() and b'-m\0rt_robot_os.devices.capture.worker' in (
+                    each / 'cmdline').read_bytes()
                     and os.fsencode(world.folder) in (each / 'environ').read_bytes()):
                 found.append(int(each.name))
         except OSError:

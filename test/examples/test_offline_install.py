@@ -62,5 +62,5 @@ def test_run_explains_itself_without_a_set_up(tmp_path: Path) -> None:
     done = subprocess.run([tmp_path / 'scripts' / 'run', '--help'], capture_output=True, text=True,
                           timeout=60, check=True)
     assert done.stdout.startswith('usage: ./scripts/run [PROGRAM]')
-    assert 'Programs: bench black_box core doctor ' in done.stdout
+    assert 'Programs: alarms bench black_box core doctor ' in done.stdout
     assert {path.name for path in tmp_path.iterdir()} == before

@@ -95,7 +95,7 @@ def test_the_command_line_has_no_line(good: str, problems_of: Judge) -> None:
         "command line: '' is no parameter name: a part of it is empty",
         'command line: a b = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, '
         'devices, diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, '
-        'parameters_file, static_transforms, topics, watchdog, world',
+        'parameters_file, services, static_transforms, topics, watchdog, world',
         'command line: imu.x: unknown key, known: baud, budget_us, catch_up, critical, '
         'deadline_us, enabled, execution_us, failure, frame_id, gains, log_level, '
         'logical_execution, mag_topic, max_subscribers, on_budget, overrun, overrun_leak, '

@@ -89,7 +89,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('autostart: true', '"a\\nb": 1',
      'robot.yaml:3: a\\nb = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, devices, '
      'diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, parameters_file, '
-     'static_transforms, topics, watchdog, world'),
+     'services, static_transforms, topics, watchdog, world'),
     # names and sections
     ('devices: [imu, gps]', 'devices: [imu, gps, imu]',
      "robot.yaml:5: devices = 'imu': is twice in this list: delete one"),
@@ -114,7 +114,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
      'delete it'),
     ('autostart: true', 'cores: {spawn: true}',
      "robot.yaml:3: cores: this section is in no list: add 'cores' to 'devices' or 'modules' or "
-     "'topics' or 'mirrors' or delete it, or did you mean 'core'?"),
+     "'topics' or 'mirrors' or 'services' or delete it, or did you mean 'core'?"),
     ('modules: [guard]', 'modules: guard',
      "robot.yaml:15: modules = 'guard': must be a list of texts: write ['guard']"),
     ('modules: [guard]', 'modules: [1]', 'robot.yaml:15: modules = [1]: must be a list of texts'),
