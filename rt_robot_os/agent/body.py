@@ -107,7 +107,14 @@ class Body:
         """Return whether somebody is elsewhere now than where the robot went for."""
         if self._goal_place is None:
             return not self.is_beside(place)
-        return math.dist(place.point, self._goal_place.point) > self.tuning.follow_m
+        moved_m = math.dist(place.point, self._goal_place.point)
+        return moved_m > self.tuning.follow_m or moved_m > _STEP_M and self._would_hinder(place)
+
+    def _would_hinder(self, place: Place) -> bool:
+        """Return whether the robot is on the way to where it would be too near to somebody."""
+        goal, t = self.drive.goal, self.tuning
+        return goal is not None and self.drive.is_under_way and (
+            math.dist(goal[:2], place.point) < t.standoff_m - t.spread_m)
 
     def go_beside(self, place: Place, t_ns: int) -> None:
         """Drive beside a place, and follow when it moves."""

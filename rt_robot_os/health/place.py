@@ -43,6 +43,10 @@ _STEADY_M: Final = 1.0
 # What somebody wears, and ROS, know whom they speak of; for so long nobody else is believed.
 _PERSONAL: Final = ('ros', 'node')
 _PERSONAL_NS: Final = 60 * _NS_PER_S
+#: The robot sees somebody, most likely them: that is looked for round what the others say.
+SEEN: Final = 'seen'
+# A robot that has not seen somebody for so long is contradicted by who is heard elsewhere.
+_UNSEEN_NS: Final = 2 * _NS_PER_S
 
 
 class Sighting(NamedTuple):
@@ -52,7 +56,8 @@ class Sighting(NamedTuple):
     :ivar x: in the map, in m.
     :ivar y: in the map, in m.
     :ivar uncertainty_m: standard deviation when it was seen.
-    :ivar how: ``ros``, ``node`` (a worn node hears that one best), ``presence`` or ``network``.
+    :ivar how: ``ros``, ``node`` (a worn node hears that one best), ``presence``, ``network``, or
+        ``seen`` by the robot.
     :ivar node: of the sensor network that tells it; empty for none.
     :ivar stamp_ns: when.
     """
@@ -163,9 +168,30 @@ class PlaceEstimate:
         return self._chosen, *self._steady
 
     def best(self, now_ns: int) -> Sighting | None:
-        """Return the sighting that is least uncertain now; None when all are too old."""
+        """
+        Return the sighting that is least uncertain now; None when all are too old.
+
+        What the robot saw counts no more when others have told since that it is elsewhere.
+        """
+        others, seen = self.by_nodes(now_ns), self._sightings.get(SEEN)
+        if seen is None or now_ns - seen.stamp_ns > self._timeout_ns:
+            return others
+        if others is None:
+            return seen
+        if others.stamp_ns - seen.stamp_ns > _UNSEEN_NS and (
+                others.distance(seen.x, seen.y) > others.uncertainty_m + seen.uncertainty_m):
+            return others
+        return min(seen, others, key=lambda each: each.now_m(now_ns))
+
+    def by_nodes(self, now_ns: int) -> Sighting | None:
+        """
+        Return the same without what the robot saw.
+
+        The robot looks for somebody round this. Would it look round what it saw itself, it could
+        not be corrected when that was somebody else.
+        """
         fresh = [each for each in self._sightings.values()
-                 if now_ns - each.stamp_ns <= self._timeout_ns]
+                 if each.how != SEEN and now_ns - each.stamp_ns <= self._timeout_ns]
         return min(fresh, key=lambda each: (each.now_m(now_ns), each.how), default=None)
 
     def may_be_me(self, x: float, y: float, range_m: float, stamp_ns: int,
@@ -187,7 +213,7 @@ class PlaceEstimate:
             agree = all(each.distance(x, y) <= range_m / 2 for each in known)
             self.refused += not agree
             return agree
-        mine = self.best(stamp_ns)
+        mine = self.by_nodes(stamp_ns)
         my_m = math.inf if mine is None else mine.distance(x, y)
         mistaken = any(other.distance(x, y) <= range_m + other.now_m(stamp_ns)
                        and other.distance(x, y) <= my_m for other in others

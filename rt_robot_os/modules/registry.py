@@ -31,6 +31,7 @@ _OWN: Final = {
     'localization': 'rt_robot_os.modules.localization:Localization',
     'observer': 'rt_robot_os.modules.observer:Observer',
     'odometry': 'rt_robot_os.modules.odometry:Odometry',
+    'person_finder': 'rt_robot_os.modules.person_finder:PersonFinder',
     'planner': 'rt_robot_os.modules.planner:Planner',
     'pulse_check': 'rt_robot_os.modules.pulse_check:PulseCheck',
     'rule': 'rt_robot_os.modules.rule:Rule',

@@ -25,6 +25,7 @@ import numpy as np
 from rt_robot_os.modules.collision_guard.sensors import Scanner
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.terrain import Terrain
+from rt_robot_os.motion.unexplained import unexplained
 from rt_robot_os.units import NS_PER_S
 
 Patch = tuple[int, int]
@@ -82,10 +83,8 @@ class Strangers:
             if not scanner.take(now_ns, self._range_m, 0.0, 0.0):
                 continue
             self._clear(scanner, x0, y0, cosine, sine)
-            x = x0 + cosine * scanner.x - sine * scanner.y
-            y = y0 + sine * scanner.x + cosine * scanner.y
-            strange = ~self._terrain.beside_wall(x, y, self._tolerance_m)
-            for cell in np.unique(self._terrain.cells(x[strange], y[strange])).tolist():
+            x, y = unexplained(self._terrain, pose, scanner.x, scanner.y, self._tolerance_m)
+            for cell in np.unique(self._terrain.cells(x, y)).tolist():
                 found.pop(cell, None)  # the newest are last
                 found[cell] = now_ns + self._memory_ns
                 patch = self._patch(cell)

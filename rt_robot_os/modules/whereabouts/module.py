@@ -64,12 +64,15 @@ from rt_robot_os.modules.whereabouts.settings import SETTINGS
 from rt_robot_os.schema import TopicRead
 from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.quantities import FLOAT
 
 PLACE_TOPIC: Final = 'health/{}/place'
+#: The same without what the robot saw; the robot looks for the person round this.
+BY_NODES_TOPIC: Final = 'health/{}/place_by_nodes'
 DETAILS_TOPIC: Final = 'health/{}/place_details'
 _POSE: Final = 'geometry_msgs/msg/PoseStamped'
 _DETAILS_BYTES: Final = 600
@@ -87,6 +90,7 @@ class Whereabouts(Module):
     RATE_HZ = 1.0
 
     pose = Input('', message=_POSE, wake=True)
+    seen = Input('', message=_POSE, wake=True, newest=True)
     network = Input('', message='std_msgs/msg/Float64MultiArray', newest=True)
     causes = CAUSES_OUTPUT
 
@@ -119,6 +123,7 @@ class Whereabouts(Module):
         self._reports: CauseReports | None = None
         self._wake_up = WakeUp(None, None)
         self._told: Sighting | None = None
+        self._told_by_nodes: Sighting | None = None
         self._told_ns = -_TOLD_NS
         self._begun = self._has_network = False
 
@@ -149,8 +154,11 @@ class Whereabouts(Module):
             for text, rule in self._movement.items() for ref in refs_of(rule)))
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the place, its details, and the causes."""
-        return (TopicSpec(PLACE_TOPIC.format(self._person), _POSE, {'header.frame_id': 'map'}),
+        """Return the place, its details, where nodes say it is, and the causes."""
+        on_map = {'header.frame_id': 'map'}
+        by_nodes = (TopicSpec(BY_NODES_TOPIC.format(self._person), _POSE, on_map),)
+        return (TopicSpec(PLACE_TOPIC.format(self._person), _POSE, on_map),
+                *(by_nodes if self.connected('seen') else ()),
                 TopicSpec(DETAILS_TOPIC.format(self._person), 'std_msgs/msg/String',
                           tail=_DETAILS_BYTES), *super().publications())
 
@@ -169,6 +177,10 @@ class Whereabouts(Module):
             lambda topic: bus.subscribe(topic, self.name, task=task))
         self._out = bus.publisher(PLACE_TOPIC.format(self._person), task)
         self._out.msg.pose.orientation.w = 1.0
+        self._nodes_out: Publisher | None = None
+        if self.connected('seen'):
+            self._nodes_out = bus.publisher(BY_NODES_TOPIC.format(self._person), task)
+            self._nodes_out.msg.pose.orientation.w = 1.0
         self._details = bus.publisher(DETAILS_TOPIC.format(self._person), task)
 
     # ---- life --------------------------------------------------------------------------------
@@ -230,6 +242,8 @@ class Whereabouts(Module):
         if self.connected('pose'):
             found.append((self.pose, taking(self.pose, 'pose.position'),
                           functools.partial(self._sense, senses.pose, True)))
+        if self.connected('seen'):
+            found.append((self.seen, taking(self.seen, 'pose.position'), self._seen_by_robot))
         return found
 
     def _events(self, watched: WatchedRules, now_ns: int) -> list[_Event]:
@@ -273,6 +287,10 @@ class Whereabouts(Module):
         self._senses.other(name, values, stamp_ns)
         return []
 
+    def _seen_by_robot(self, values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
+        self._senses.seen(values, stamp_ns)
+        return []
+
     def _seen(self, stamp_ns: int) -> list[Finding]:
         best = self._place.best(stamp_ns)
         if best is None:
@@ -311,6 +329,7 @@ class Whereabouts(Module):
             position = self._out.msg.pose.position
             position.x, position.y = best.x, best.y
             self._out.publish(best.stamp_ns)
+        self._publish_by_nodes(now_ns)
         told = self._told
         changed = (best and best[:5]) != (told and told[:5])
         self._told = best
@@ -320,6 +339,16 @@ class Whereabouts(Module):
                 self._person, best, self._rooms.at(best.x, best.y) if best else '',
                 self._activity.moved_ns, now_ns)
             self._details.publish(now_ns)
+
+    def _publish_by_nodes(self, now_ns: int) -> None:
+        out = self._nodes_out
+        if out is None:
+            return
+        by_nodes = self._place.by_nodes(now_ns)
+        if by_nodes is not None and by_nodes != self._told_by_nodes:
+            self._told_by_nodes = by_nodes
+            out.msg.pose.position.x, out.msg.pose.position.y = by_nodes.x, by_nodes.y
+            out.publish(by_nodes.stamp_ns)
 
 
 def _details(person: str, best: Sighting | None, room: str, moved_ns: int, now_ns: int) -> str:

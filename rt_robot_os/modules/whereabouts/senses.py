@@ -24,6 +24,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.health.place import PlaceEstimate
+from rt_robot_os.health.place import SEEN
 from rt_robot_os.health.place import Sighting
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
@@ -75,6 +76,13 @@ class Senses:
         known = math.isfinite(x0)
         self._anchor = x, y
         return True, known
+
+    def seen(self, values: tuple[float, ...], stamp_ns: int) -> None:
+        """Take where the robot sees somebody, most likely them; it is no sign that they moved."""
+        x, y, _ = values
+        if math.isfinite(x) and math.isfinite(y):
+            self._place.put(Sighting(
+                x, y, self._settings['seen_uncertainty_m'], SEEN, '', stamp_ns))
 
     def nearest(self, values: tuple[float, ...], stamp_ns: int) -> tuple[bool, bool]:
         """Take the number of the node that the worn one hears best."""

@@ -49,6 +49,9 @@ SETTINGS: Final = (
     Field('pose_topic', str, '', 'Where a localisation of ROS says the person is, a '
           'geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
     Field('pose_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
+    Field('seen_topic', str, '', 'Where the robot sees the person, such as health/anna/seen of a '
+          'person_finder, a geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
+    Field('seen_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
     Field('network_topic', str, '', 'The model of the sensor network, such as wsn/nodes: where '
           'the worn node is, or whom it sends to; empty: not used'),
     Field('others', list, [], 'Other people who have a module of this type: what a sensor of '

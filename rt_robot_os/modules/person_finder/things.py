@@ -1,0 +1,159 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What stays in its place near where somebody is said to be: the best of it is most likely them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+import math
+from typing import Final
+
+import numpy as np
+
+from rt_robot_os.motion.unexplained import Array
+
+Point = tuple[float, float]
+
+_MOST: Final = 16
+# What is taken may be so much farther from where it is looked for, and no other takes its place
+# that is not better by so much: else it would change to and fro.
+_KEPT_M: Final = 1.0
+_BETTER_M: Final = 0.5
+# A point of a body is the mean of so many, as a single one may be noise.
+_TOGETHER: Final = 3
+
+
+@dataclass
+class Thing:
+    """
+    Something that is not on the map, over time.
+
+    :ivar x: middle of what is seen of it, in m in the map.
+    :ivar y: as x.
+    :ivar size_m: of what is seen of it.
+    :ivar start: where the middle was at first.
+    :ivar since_ns: since when it is there.
+    :ivar seen_ns: when it was seen last.
+    :ivar is_steady: it has been there for long enough.
+    :ivar outline: its points in the last scan, in m in the map.
+    """
+
+    x: float
+    y: float
+    size_m: float
+    start: Point
+    since_ns: int
+    seen_ns: int
+    is_steady: bool
+    outline: tuple[Array, Array]
+
+    def nearest(self, point: Point) -> Point:
+        """Return the part of it that is nearest to a point."""
+        x, y = self.outline
+        away = np.hypot(x - point[0], y - point[1])
+        near = np.argsort(away)[:_TOGETHER]
+        return float(x[near].mean()), float(y[near].mean())
+
+
+class Things:
+    """
+    Follow what is seen from scan to scan; safe in the real-time loop.
+
+    :param size_m: the smallest and the largest size of what counts.
+    :param points: how many points it has at the least.
+    :param steady_m: what stays in a place moves by less, and ...
+    :param steady_ns: ... has to do so for this long.
+    :param lost_ns: what was not seen for so long is gone.
+    """
+
+    def __init__(self, size_m: Point, points: int, steady_m: float, steady_ns: int, lost_ns: int
+                 ) -> None:
+        self._size_m = size_m
+        self._points = points
+        self._steady_m = steady_m
+        self._steady_ns = steady_ns
+        self._lost_ns = lost_ns
+        self._things: list[Thing] = []
+        self._chosen: Thing | None = None
+
+    def __len__(self) -> int:
+        return len(self._things)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._things.clear()
+        self._chosen = None
+
+    def look(self, outlines: Iterable[tuple[Array, Array]], stamp_ns: int) -> None:
+        """
+        Take what one scan shows.
+
+        :param outlines: the points of each thing, in m in the map.
+        """
+        self._things = [each for each in self._things if stamp_ns - each.seen_ns <= self._lost_ns]
+        known = list(self._things)
+        for outline in outlines:
+            x, y = outline
+            left, right, low, high = (float(each) for each in (
+                x.min(), x.max(), y.min(), y.max()))
+            size_m = math.hypot(right - left, high - low)
+            if x.size < self._points or not self._size_m[0] <= size_m <= self._size_m[1]:
+                continue
+            middle = (left + right) / 2, (low + high) / 2
+            thing = min(known, key=lambda each: math.dist((each.x, each.y), middle), default=None)
+            if thing is not None and self._is(thing, middle):
+                known.remove(thing)
+                thing.x, thing.y = middle
+                thing.seen_ns, thing.size_m, thing.outline = stamp_ns, size_m, outline
+                thing.is_steady |= stamp_ns - thing.since_ns >= self._steady_ns
+            elif len(self._things) < _MOST:
+                self._things.append(Thing(*middle, size_m, middle, stamp_ns, stamp_ns,
+                                          not self._steady_ns, outline))
+
+    def _is(self, thing: Thing, middle: Point) -> bool:
+        """Return whether something is what was there; of a body each side has another middle."""
+        before = (thing.x, thing.y) if thing.is_steady else thing.start
+        return math.dist(before, middle) <= self._steady_m
+
+    def best(self, place: Point, within_m: float, stamp_ns: int, others: Iterable[Point] = ()
+             ) -> Thing | None:
+        """
+        Return what is most likely somebody who is said to be at a place; None when nothing is.
+
+        That is the nearest, and of things about as near the longest: who has fallen lies. What is
+        nearer to where somebody else is said to be is them.
+
+        :param within_m: how far from the place they may be.
+        :param stamp_ns: of the scan in which it has to be seen.
+        :param others: where other people are said to be.
+        """
+        def away_m(thing: Thing) -> float:
+            return math.dist((thing.x, thing.y), place)
+
+        def rank_m(thing: Thing) -> float:
+            return away_m(thing) - thing.size_m
+
+        elsewhere = list(others)
+        likely = [each for each in self._things if each.is_steady and all(
+            math.dist((each.x, each.y), other) >= away_m(each) for other in elsewhere)]
+        found = min((each for each in likely if each.seen_ns == stamp_ns
+                     and away_m(each) <= within_m), key=rank_m, default=None)
+        kept = next((each for each in likely if each is self._chosen), None)
+        if kept is not None and away_m(kept) <= within_m + _KEPT_M and (
+                found is None or rank_m(found) > rank_m(kept) - _BETTER_M):
+            # While it is hidden for a moment, nothing else is taken for them.
+            return kept if kept.seen_ns == stamp_ns else None
+        self._chosen = found
+        return found
