@@ -23,8 +23,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from agent_world import World
 from rt_robot_os.agent.beside import Beside
 from rt_robot_os.agent.drive import Drive
+from rt_robot_os.agent.senses import Goal
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.terrain import Terrain
 
@@ -91,3 +93,20 @@ def test_a_drive_takes_what_was_said_before_its_goal_for_nothing() -> None:
 @pytest.mark.parametrize('pose', [(math.nan, 0.0), (1e300, 0.0)])
 def test_what_is_no_place_is_beside_nothing(pose: tuple[float, float]) -> None:
     assert BESIDE.places(pose, (1.0, 1.0), 4) == []
+
+
+def test_a_goal_that_turns_out_to_be_on_top_of_somebody_is_given_up_for_another() -> None:
+    world = World(approach_s=60.0)
+    world.planner = 'driving'
+    world.alarm('raised')
+    world.run(2.0)
+    first, = (each.pose for each in world.orders if isinstance(each, Goal))
+    assert first is not None
+    # The robot sees her now: nearer to its goal than it was told, but by less than follow_m.
+    share = 0.4 / math.dist(first[:2], (4.0, 4.0))
+    seen = 4.0 + share * (first[0] - 4.0), 4.0 + share * (first[1] - 4.0)
+    world.move_anna(*seen)
+    world.run(2.0)
+    goals = [each.pose for each in world.orders if isinstance(each, Goal)]
+    assert len(goals) == 2 and goals[1] is not None
+    assert math.dist(goals[1][:2], seen) > 0.79

@@ -50,8 +50,7 @@ class Helper(Robot):
         bench = self.bench
         bench.bus.declare('alarms/events', 'std_msgs/msg/String', tail=6000, depth=64)
         self.events = bench.bus.publisher('alarms/events')
-        self.place = bench.topic('health/anna/place', 'geometry_msgs/msg/PoseStamped',
-                                 {'header.frame_id': 'map'})
+        self.add_places(path)
         # The multiplexer, which comes later, writes it.
         bench.bus.declare('steering', 'std_msgs/msg/String', tail=200)
         self.agent = bench.add(
@@ -60,6 +59,11 @@ class Helper(Robot):
             **self.AGENT, **{f'{name}_topic': '' for name in (
                 'battery', 'answer', 'observed', 'command')})
         self.said_in = bench.watch('agent/transitions')
+
+    def add_places(self, path: str) -> None:
+        """Add who tells where anna is."""
+        self.place = self.bench.topic('health/anna/place', 'geometry_msgs/msg/PoseStamped',
+                                      {'header.frame_id': 'map'})
 
     def _tell_place(self) -> None:
         self.place.msg.pose.position = *self.anna, 0.0

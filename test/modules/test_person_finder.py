@@ -21,8 +21,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rt_robot_os.agent.beside import Beside
 from rt_robot_os.modules.person_finder import PersonFinder
+from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.terrain import Terrain
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing.module_bench import ModuleBench
@@ -33,6 +36,8 @@ RAYS, STEP = 682, math.radians(240.0) / 681
 LASER = (0.12, 0.0, 0.25)
 POSE = 'geometry_msgs/msg/PoseStamped'
 Pose = tuple[float, float, float]
+#: As that of the agent, with its defaults.
+BESIDE = Beside(Terrain(GridMap.load(MAP), 0.42, 0.0, False), 1.0, 0.2)
 #: In the living room, looking to where anna lies.
 ROBOT: Pose = (3.4, 1.2, 2.2)
 
@@ -135,6 +140,9 @@ def test_who_lies_is_seen_where_their_body_is_nearest(
             assert from_body_m(room, seen_x, seen_y) < 0.1
             away_m = math.dist((seen_x, seen_y), room.robot[:2])
             assert away_m == pytest.approx(nearest_m(room), abs=0.1)
+            # Where the agent goes it has its distance from all of the body.
+            goal = BESIDE.places((seen_x, seen_y), room.robot[:2], 1)[0]
+            assert from_body_m(room, *goal[:2]) > 0.7
 
 
 def test_who_stands_is_seen_too() -> None:

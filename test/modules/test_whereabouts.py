@@ -144,6 +144,84 @@ def test_a_localisation_of_ros_is_preferred_while_it_is_fresh() -> None:
         assert found[-1][1:] == (8.0, 1.0)
 
 
+class Robot:
+    """A robot that sees anna, or what it takes for her."""
+
+    def __init__(self, flat: Flat) -> None:
+        self._bench = flat.bench
+        self._seen = flat.bench.topic('health/anna/seen', POSE, {'header.frame_id': 'map'})
+
+    def sees(self, time_s: float, x: float, y: float) -> None:
+        def publish() -> None:
+            self._seen.msg.pose.position.x, self._seen.msg.pose.position.y = x, y
+            self._seen.publish()
+        self._bench.at(time_s, publish)
+
+
+def test_what_the_robot_sees_is_preferred_while_it_is_fresh_and_nodes_win_again() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        robot = Robot(flat)
+        flat.add(seen_topic='health/anna/seen')
+        place, by_nodes = bench.watch('health/anna/place'), bench.watch(
+            'health/anna/place_by_nodes')
+        for time in range(1, 30):
+            flat.at(time, flat.nearest, 2)
+        for time in range(5, 9):
+            robot.sees(time + 0.5, 6.5, 2.5)
+        bench.run(30.0)
+        found = places(place)
+        assert {each[1:] for each in found if each[0] < 5.2} == {(8.0, 1.0)}
+        assert {each[1:] for each in found if 5.5 <= each[0] <= 8.5} == {(6.5, 2.5)}
+        assert {each[1:] for each in found if each[0] > 22.0} == {(8.0, 1.0)}
+        # The robot looks for her round what nodes say, never round what it said itself.
+        assert {each[1:] for each in places(by_nodes)} == {(8.0, 1.0)}
+
+
+def test_who_is_heard_in_another_room_is_there_whatever_the_robot_saw_before() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        robot = Robot(flat)
+        flat.add('anna', seen_topic='health/anna/seen', nodes=NODES[:4])
+        place = bench.watch('health/anna/place')
+        flat.at(1.0, flat.presence['hall'], 1.0)
+        for time in (2.0, 3.0, 4.0):
+            robot.sees(time, 2.0, 2.5)
+        flat.at(7.0, flat.presence['kitchen'], 1.0)
+        bench.run(9.0)
+        found = places(place)
+        assert found[-2][1:] == (2.0, 2.5)
+        assert found[-1] == (7.0, 8.0, 1.0)
+
+
+def test_what_the_robot_takes_for_her_does_not_veto_where_she_is_noticed() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        robot = Robot(flat)
+        flat.add(seen_topic='health/anna/seen', nodes=NODES[:4], presence_range_m=3.0)
+        by_nodes = bench.watch('health/anna/place_by_nodes')
+        flat.at(1.0, flat.presence['hall'], 1.0)
+        for time in range(2, 30):
+            robot.sees(time, 2.0, 2.5)      # a chair
+        flat.at(20.0, flat.presence['kitchen'], 1.0)
+        bench.run(30.0)
+        assert [each[1:] for each in places(by_nodes)] == [(1.0, 1.0), (8.0, 1.0)]
+
+
+def test_to_be_seen_by_the_robot_is_no_movement() -> None:
+    with ModuleBench() as bench:
+        flat = Flat(bench)
+        robot = Robot(flat)
+        flat.add(seen_topic='health/anna/seen', still_s=100.0)
+        causes = flat.causes()
+        for time in range(1, 200):
+            flat.at(time, flat.nearest, 2)
+        for time in range(50, 150):
+            robot.sees(time + 0.5, 6.5 + 0.6 * (time % 2), 2.5)
+        bench.run(200.0)
+        assert [each[1:] for each in causes()] == [('no_movement', True)]
+
+
 def test_presence_is_of_whom_it_can_be() -> None:
     with ModuleBench() as bench:
         flat = Flat(bench)
