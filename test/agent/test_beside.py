@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 
+from agent_world import World
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from agent_world import World
 from rt_robot_os.agent.beside import Beside
 from rt_robot_os.agent.drive import Drive
 from rt_robot_os.agent.senses import Goal

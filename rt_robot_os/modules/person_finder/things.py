@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What stays in its place near where somebody is said to be: the best of it is most likely them."""
+"""What stays in its place near where somebody is said to be: the best is most likely them."""
 
 from __future__ import annotations
 
