@@ -122,6 +122,8 @@ class Body:
             return
         self._goal_place = place
         if self.is_beside(place):
+            if self.drive.is_under_way:
+                self._emit(Goal(None))  # else it drives on to where they are not
             self.drive.stop()
             self.drive.arrived = True
         else:

@@ -110,3 +110,15 @@ def test_a_goal_that_turns_out_to_be_on_top_of_somebody_is_given_up_for_another(
     goals = [each.pose for each in world.orders if isinstance(each, Goal)]
     assert len(goals) == 2 and goals[1] is not None
     assert math.dist(goals[1][:2], seen) > 0.79
+
+
+def test_who_turns_out_to_be_beside_the_robot_already_stops_it() -> None:
+    world = World(approach_s=60.0)
+    world.planner = 'driving'
+    world.alarm('raised')
+    world.run(2.0)
+    world.move_anna(0.7, 0.7)
+    world.run(2.0)
+    goals = [each.pose for each in world.orders if isinstance(each, Goal)]
+    assert len(goals) == 2 and goals[1] is None
+    assert [each.target.value for each in world.made] == ['approach', 'observe']
