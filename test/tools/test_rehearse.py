@@ -107,7 +107,7 @@ def test_a_killed_core_goes_on_with_its_alarm(flat):
 
 
 def test_the_command_says_how_many_became_alarms(capsys):
-    assert run(['emergencies', '--stories', '1', '--seed', '6', '--json']) == 0
+    assert run(['emergencies', '--stories', '1', '--seed', '6', '--jobs', '2', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['stories'] == 1 and found['problems'] == []
     assert found['emergencies'] == found['noticed'] + found['hidden'] == 2

@@ -29,7 +29,9 @@ from typing import Final
 
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
+from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.director import Director
 from rt_robot_os.tools.rehearse.director import Record
@@ -44,6 +46,8 @@ from rt_robot_os.tools.rehearse.verdict import Verdict
 from rt_robot_os.units import NS_PER_S
 
 _PROBLEMS_SHOWN: Final = 20
+# Of a process of the pool.
+_HERE: Final[list[RobotSettings]] = []
 
 
 def add_to(commands: Any) -> None:
@@ -113,18 +117,17 @@ def _judged(settings: RobotSettings, numbers: Iterable[int], jobs: int
     if jobs < 2:
         yield from (judged(settings, number) for number in numbers)
         return
-    with ProcessPoolExecutor(jobs, get_context('fork')) as pool:
-        yield from pool.map(_Judge(settings), numbers, chunksize=4)
+    with ProcessPoolExecutor(jobs, get_context('spawn'), _prepare, (to_json(settings),)) as pool:
+        yield from pool.map(_judged_here, numbers, chunksize=4)
 
 
-class _Judge:
-    """What a process of the pool does."""
+def _prepare(settings: str) -> None:
+    """Give a process of the pool its robot."""
+    _HERE.append(from_json(settings))
 
-    def __init__(self, settings: RobotSettings) -> None:
-        self._settings = settings
 
-    def __call__(self, number: int) -> tuple[Verdict, float]:
-        return judged(self._settings, number)
+def _judged_here(number: int) -> tuple[Verdict, float]:
+    return judged(_HERE[-1], number)
 
 
 def _summary(verdicts: list[Verdict], lasted_s: float, wall_s: float) -> dict[str, Any]:
