@@ -45,7 +45,7 @@ from rt_robot_os.units import NS_PER_S
 
 #: Types of modules that an actor plays: they need a body, or much time.
 PLAYED: Final = frozenset({
-    'attitude', 'collision_guard', 'localization', 'odometry', 'planner', 'sensor_network',
+    'attitude', 'collision_guard', 'localization', 'odometry', 'person_finder', 'planner',
     'trajectory', 'velocity_mux'})
 _STAGE: Final = 'rehearsal/stage'
 _ABOVE_ALL: Final = 99
