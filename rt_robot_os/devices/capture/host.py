@@ -23,6 +23,7 @@ before the core asks for real time. A worker ends with its connection, or with t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 import select
 import socket
@@ -59,6 +60,7 @@ class CaptureHost:
         self.scene = scene
         self.workers: list[subprocess.Popen[bytes]] = []
         self._listener: socket.socket | None = None
+        self._inode = -1
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when somebody connects; -1 while it is closed."""
@@ -82,6 +84,7 @@ class CaptureHost:
             made.chmod(0o600)
             listener.listen(WORKERS_MAXIMUM)
             listener.setblocking(False)
+            self._inode = made.stat().st_ino
             made.replace(self.path)
         except OSError as error:
             listener.close()
@@ -104,9 +107,13 @@ class CaptureHost:
     def close(self) -> None:
         """Listen no more and end all workers; may be called twice."""
         if self._listener is not None:
+            # A core that follows one that was killed may have its own host there by now. While
+            # ours listens its number is nobody else's.
+            with suppress(OSError):
+                if self.path.stat().st_ino == self._inode:
+                    self.path.unlink()
             self._listener.close()
             self._listener = None
-            self.path.unlink(missing_ok=True)
         for worker in self.workers:
             worker.terminate()
         for worker in self.workers:
