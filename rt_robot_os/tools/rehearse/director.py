@@ -149,6 +149,10 @@ class Director:
         for at_s, down_s in crashes:
             now_s = self._live(now_s, at_s) + down_s
             self.record.crashes += 1
+            # Who begins anew does nothing yet.
+            self.record.transitions.append({
+                'from': self.record.agent_state, 'to': 'idle', 'cause': 'the core was killed',
+                't_ns': round(now_s * NS_PER_S)})
         now_s = self._live(now_s, self._longest_s)
         self.record.shown = self.channels.shown
         self.record.lasted_s = now_s

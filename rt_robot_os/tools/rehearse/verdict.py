@@ -35,7 +35,7 @@ _NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0}
 _HIDING: Final = {'fall': ('core_killed',)}
 _HIDING_NODES: Final = ('core_killed', 'node_dies', 'node_reboots', 'sink_silent')
 _AROUND_S: Final = 15.0
-# Who falls while they lie is told already.
+# An alarm of just before is of the same emergency.
 _SAME_S: Final = 10.0
 
 
@@ -94,12 +94,14 @@ def _end(events: list[dict[str, Any]]) -> str:
 
 
 def _is_noticed(scene: Scene, events: Iterable[dict[str, Any]]) -> bool:
-    """Return whether an alarm of that subject was opened, or got a cause, soon after."""
+    """Return whether there was an alarm of that subject then, or soon after."""
     latest_ns = (scene.at_s + _NOTICED_S[scene.what]) * NS_PER_S
-    return any(each['subject'] == scene.who and each['level'] != 'technical'
-               and (each['state'] not in ('resolved', 'cancelled'))
-               and (scene.at_s - _SAME_S) * NS_PER_S <= each['t_ns'] <= latest_ns
-               for each in events)
+    told = [each for each in events if each['subject'] == scene.who
+            and each['level'] != 'technical' and each['t_ns'] <= latest_ns]
+    # Who falls while they lie, or presses twice, is told of already.
+    return any(each['state'] not in ('resolved', 'cancelled')
+               and each['t_ns'] >= (scene.at_s - _SAME_S) * NS_PER_S for each in told) or (
+        bool(told) and told[-1]['state'] not in ('resolved', 'cancelled'))
 
 
 def _is_hidden(scene: Scene, story: Story) -> bool:
