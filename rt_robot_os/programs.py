@@ -34,9 +34,11 @@ import os
 import signal
 import sys
 from types import FrameType
+from typing import Any
 from typing import Final
 
 from rt_robot_os.compiled import FOLDER
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 
 OK: Final = 0
@@ -136,6 +138,29 @@ def tell(name: str, what: object, details: Iterable[str] = ()) -> None:
     with suppress(BrokenPipeError):
         print(f'{name}: {what}', *(f'  {each}' for each in details), sep='\n', file=sys.stderr,
               flush=True)
+
+
+def run_command(name: str, description: str, commands: Iterable[Any], argv: Sequence[str]) -> int:
+    """
+    Run one of the commands of a program.
+
+    :param commands: modules with ``add_to``, which adds a parser and what runs it, in the order in
+        which the help names them.
+    :param argv: without the program's name.
+    :return: the exit code.
+    :raises RtRobotError: it failed.
+    """
+    import argparse
+    parser = argparse.ArgumentParser(prog=name, allow_abbrev=False, description=description)
+    parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for each in commands:
+        each.add_to(parsers)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except ConfigError as error:
+        tell(name, error.problems[0], error.problems[1:])
+        return BAD_USE
 
 
 def end_quietly() -> None:

@@ -21,12 +21,9 @@ What takes long to import it imports only then.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import tell
+from rt_robot_os.programs import run_command
 from rt_robot_os.tools.health import falls
 from rt_robot_os.tools.health import news2
 from rt_robot_os.tools.health import pulse
@@ -43,15 +40,6 @@ def run(argv: Sequence[str]) -> int:
     :return: the exit code.
     :raises RtRobotError: it failed.
     """
-    parser = argparse.ArgumentParser(
-        prog='health', allow_abbrev=False, description="People's health: score cases, and see "
-        'what the modules of the robot make of recordings. No medical device.')
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for each in _COMMANDS:
-        each.add_to(commands)
-    arguments = parser.parse_args(argv)
-    try:
-        return int(arguments.run(arguments))
-    except ConfigError as error:
-        tell('health', error.problems[0], error.problems[1:])
-        return BAD_USE
+    return run_command(
+        'health', "People's health: score cases, and see what the modules of the robot make of "
+        'recordings. No medical device.', _COMMANDS, argv)

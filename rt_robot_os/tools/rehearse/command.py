@@ -20,12 +20,9 @@ Each command is a module beside this one with ``add_to``, which adds its parser 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import tell
+from rt_robot_os.programs import run_command
 from rt_robot_os.tools.rehearse import emergencies
 from rt_robot_os.tools.rehearse import quiet
 
@@ -40,15 +37,6 @@ def run(argv: Sequence[str]) -> int:
     :return: the exit code.
     :raises RtRobotError: it failed.
     """
-    parser = argparse.ArgumentParser(
-        prog='rehearse', allow_abbrev=False, description='Emergencies and quiet days in virtual '
-        "time: a robot's own modules decide, its body and its home are played.")
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for each in _COMMANDS:
-        each.add_to(commands)
-    arguments = parser.parse_args(argv)
-    try:
-        return int(arguments.run(arguments))
-    except ConfigError as error:
-        tell('rehearse', error.problems[0], error.problems[1:])
-        return BAD_USE
+    return run_command(
+        'rehearse', "Emergencies and quiet days in virtual time: a robot's own modules decide, "
+        'its body and its home are played.', _COMMANDS, argv)
