@@ -30,7 +30,7 @@ LAYERS = (
     ('compiled', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'plugins', 'programs'),
-    ('motion',),
+    ('motion', 'uplink'),
     ('wsn',),
     ('alarms',),
     ('agent', 'health'),
@@ -47,7 +47,7 @@ LAYERS = (
     ('core',),
     ('clients.recording',),
     ('clients.ros',),
-    ('clients.notifier',),
+    ('clients.gateway', 'clients.notifier', 'monitor'),
     ('clients.alarms', 'clients.parameters', 'tools.black_box', 'tools.doctor', 'tools.health',
      'tools.new', 'tools.wsn'),
     ('tools.bench', 'tools.rehearse'),
@@ -90,6 +90,14 @@ LIBRARIES = {
     'mcap': (f'{PACKAGE}.clients.recording',),
     'smbus2': (f'{PACKAGE}.devices.i2c.linux_bus',),
     'rich': (f'{PACKAGE}.clients.top.live',),
+    'aiortc': (f'{PACKAGE}.clients.gateway',),
+    'alembic': (f'{PACKAGE}.monitor.store',),
+    'argon2': (f'{PACKAGE}.monitor.security',),
+    'cryptography': (f'{PACKAGE}.monitor.security',),
+    'fastapi': (f'{PACKAGE}.monitor',),
+    'sqlalchemy': (f'{PACKAGE}.monitor',),
+    'uvicorn': (f'{PACKAGE}.monitor',),
+    'websockets': (f'{PACKAGE}.clients.gateway',),
 }
 
 

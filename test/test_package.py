@@ -47,12 +47,16 @@ OPTIONAL = {
     'mypy_extensions': 'compile', 'mypyc': 'compile', 'simpy': 'peers',
     'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
+    **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'sqlalchemy', 'uvicorn'),
+                    'monitor'),
+    'aiortc': 'voice', 'psycopg': 'postgres', 'websockets': 'gateway',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
 # import name -> distribution, where they differ
 DISTRIBUTIONS = {
-    'PIL': 'pillow', 'cv2': 'opencv-python-headless', 'horus': 'horus-robotics',
+    'PIL': 'pillow', 'argon2': 'argon2-cffi', 'cv2': 'opencv-python-headless',
+    'horus': 'horus-robotics',
     'mypy_extensions': 'mypy', 'serial': 'pyserial', 'yaml': 'PyYAML'}
 # What the one brings with it.
 BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'zstandard': 'mcap'}
@@ -136,7 +140,7 @@ def _imported() -> set[str]:
 
 def _names(requirements: Iterable[str]) -> set[str]:
     """Return the names of distributions without what is asked of their versions."""
-    return {re.split(r'[<>=]', each)[0] for each in requirements}
+    return {re.split(r'[<>=\[]', each)[0] for each in requirements}
 
 
 INSTALLED = _names(ast.literal_eval(SETUP['install_requires'])) - BUILD
