@@ -164,22 +164,20 @@ class World:
         Call a service and wait for its answer.
 
         DDS loses an answer to a client that it has not made known to the server yet, and a server
-        that has just ended still seems to be there: then it is asked again.
+        that has just ended still seems to be there: then it is asked again. The client is
+        destroyed with the node: what the thread spins on must not be.
         """
         client = self.node.create_client(service, name)
         asked: list[Any] = []
-        try:
-            assert client.wait_for_service(TIMEOUT_S), f'no service {name}'
+        assert client.wait_for_service(TIMEOUT_S), f'no service {name}'
 
-            def answered() -> list[Any]:
-                if time.monotonic() > began + len(asked) * ASK_AGAIN_S:
-                    asked.append(client.call_async(request))
-                return [future for future in asked if future.done()]
+        def answered() -> list[Any]:
+            if time.monotonic() > began + len(asked) * ASK_AGAIN_S:
+                asked.append(client.call_async(request))
+            return [future for future in asked if future.done()]
 
-            began = time.monotonic()
-            return wait_for(answered, f'the answer of {name}')[0].result()
-        finally:
-            self.node.destroy_client(client)
+        began = time.monotonic()
+        return wait_for(answered, f'the answer of {name}')[0].result()
 
     def leftovers(self) -> list[str]:
         """List processes of ours and files of theirs that are still there."""

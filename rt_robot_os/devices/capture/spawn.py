@@ -63,7 +63,8 @@ def spawn_worker(worker: str = CAPTURE) -> tuple[socket.socket, Callable[[], Non
     Start a worker without a host.
 
     :param worker: its module.
-    :return: our end of the connection, non-blocking, and what ends the worker.
+    :return: our end of the connection, non-blocking, and what ends the worker once that is closed:
+        it has a moment to do so in order.
     :raises OSError: it cannot be started.
     """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -74,4 +75,11 @@ def spawn_worker(worker: str = CAPTURE) -> tuple[socket.socket, Callable[[], Non
         ours.close()
         raise
     ours.setblocking(False)
-    return ours, lambda: end_worker(process)
+    return ours, lambda: _await_end(process)
+
+
+def _await_end(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait(_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        end_worker(process)

@@ -163,8 +163,10 @@ def test_a_notifier_that_is_killed_shows_nothing_twice(core: Any, tmp_path: Path
     path = settings(tmp_path, calls={'type': 'file', 'path': str(calls)},
                     page={'type': 'command', 'command': ['sh', '-c', page], 'timeout_s': 60.0})
     first = start(core, path)
-    wait_until(lambda: core.heard['notifier/heartbeat'], 'the first')
-    notify(core, 'k1', 'calls')  # before it began they might have been told by an earlier one
+    # Before it began they might have been told by an earlier one, whose heart-beat is there still.
+    wait_until(lambda: any(set(json.loads(each)['channels']) == {'calls', 'page'}
+                           for each in list(core.heard['notifier/heartbeat'])), 'the first')
+    notify(core, 'k1', 'calls')
     notify(core, 'k2', 'page')
     wait_until(lambda: 'k1' in reports(core) and pages.exists() and '\n\n' not in pages.read_text()
                and pages.read_text().endswith('\n'), 'both under way')
