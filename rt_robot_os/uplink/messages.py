@@ -27,6 +27,7 @@ hello       up         version, robot (UUID), name, boot (UUID of this start), u
 records     up         batch, records (each: seq, importance, type, utc_ns, content), lost
 live        up         n, utc_ns, signals ({name: [utc_ns, value]})
 answer      up         id, ok, text
+map         up         a map, as :mod:`rt_robot_os.uplink.maps` packs it; after want_map
 beat        up         n, the ticket that a command to drive must carry; utc_ns; motion
 welcome     down       utc_ns, want_map
 stored      down       batch: it is on the server's disk
@@ -53,7 +54,7 @@ VERSION: Final = 1
 MESSAGE_BYTES: Final = 1 << 20
 
 #: Kinds that go up, and down.
-UP: Final = frozenset({'hello', 'records', 'live', 'answer', 'beat', 'voice'})
+UP: Final = frozenset({'hello', 'records', 'live', 'answer', 'map', 'beat', 'voice'})
 DOWN: Final = frozenset({'welcome', 'stored', 'refused', 'taken', 'want', 'command', 'drive',
                          'drive_end', 'voice'})
 

@@ -1,0 +1,76 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The maps of robots, a file each: what a robot sent last, until it sends another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from rt_robot_os.uplink.maps import read_map
+
+
+class Maps:
+    """
+    Maps of robots in a folder. For any thread; what it does blocks.
+
+    :param folder: made when it is not there; readable by this user alone.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._digests: dict[str, str] = {}
+
+    def has(self, robot: str, sha256: object) -> bool:
+        """Return whether the map of a robot that is kept has this SHA-256."""
+        if robot not in self._digests:
+            found = self.get(robot)
+            self._digests[robot] = found['sha256'] if found else ''
+        return bool(sha256) and self._digests[robot] == sha256
+
+    def put(self, robot: str, message: Mapping[str, Any]) -> None:
+        """
+        Keep a map in the place of the one before.
+
+        :raises ValueError: it is none.
+        :raises OSError: it cannot be written; the one before is as it was.
+        """
+        found = read_map(message)
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = self._path(robot)
+        part = path.with_suffix('.part')
+        handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with open(handle, 'w', encoding='ascii') as file:
+            json.dump(found, file)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+        self._digests[robot] = found['sha256']
+
+    def get(self, robot: str) -> dict[str, Any] | None:
+        """Return the map of a robot as it was sent; None without one that is whole."""
+        try:
+            return read_map(json.loads(self._path(robot).read_text(encoding='ascii')))
+        except (OSError, ValueError, AttributeError):
+            return None
+
+    def _path(self, robot: str) -> Path:
+        # A robot's name is not to choose where something is written.
+        name = hashlib.sha256(robot.encode(errors='surrogatepass')).hexdigest()
+        return self._folder / f'{name}.json'
