@@ -74,6 +74,7 @@ setup(
             'echo = rt_robot_os.clients.ros.echo_program:main',
             'health = rt_robot_os.tools.health.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
+            'monitor = rt_robot_os.monitor.program:main',
             'new = rt_robot_os.tools.new.program:main',
             'notifier = rt_robot_os.clients.notifier.program:main',
             'parameters = rt_robot_os.clients.parameters.program:main',

@@ -1,0 +1,41 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Robots: which there are, and what they are told to do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi import Depends
+
+from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.stand_in import Actor
+from rt_robot_os.monitor.stand_in import allowed
+from rt_robot_os.monitor.stand_in import Permission
+
+
+def router(services: Services) -> APIRouter:
+    """Return the endpoints."""
+    found = APIRouter(prefix='/api')
+    hub = services.hub
+
+    @found.get('/robots')
+    async def robots(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
+        """Return the robots that one may see."""
+        rights = hub.rights_of(actor)
+        return [each.shown(rights) for each in hub.seen(rights)]
+
+    return found

@@ -1,0 +1,103 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The server as an ASGI application: endpoints, the page, errors, what runs beside them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+from typing import Final
+
+from fastapi import FastAPI
+from fastapi import Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from fastapi.staticfiles import StaticFiles
+from rt_robot_os.monitor.api import health
+from rt_robot_os.monitor.api import robots
+from rt_robot_os.monitor.live import client_connection
+from rt_robot_os.monitor.live import robot_connection
+from rt_robot_os.monitor.services import Services
+from starlette.exceptions import HTTPException
+
+PAGE: Final = Path(__file__).parent / 'page'
+#: What has a ``router(services)``; a line each.
+API: Final = (
+    client_connection,
+    health,
+    robot_connection,
+    robots,
+)
+
+
+def create_app(services: Services) -> FastAPI:
+    """Make the application of a server."""
+    app = FastAPI(title='rt_robot_os monitor', lifespan=_lifespan(services), docs_url=None,
+                  redoc_url=None, openapi_url='/api/openapi.json')
+    for each in API:
+        app.include_router(each.router(services))
+    app.add_exception_handler(HTTPException, _problem)
+    app.add_exception_handler(RequestValidationError, _wrong_request)
+    app.add_exception_handler(Exception, _defect)
+    app.mount('/', StaticFiles(directory=PAGE, html=True))
+    return app
+
+
+def _lifespan(services: Services) -> Any:
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        looking = asyncio.create_task(_look(services))
+        try:
+            yield
+        finally:
+            looking.cancel()
+            await services.writer.close()
+            services.store.close()
+
+    return lifespan
+
+
+async def _look(services: Services) -> None:
+    while True:
+        await asyncio.sleep(services.settings.heartbeat_s / 2)
+        services.hub.look()
+
+
+def _answer(status: int, text: str, remedy: str, headers: object = None) -> JSONResponse:
+    return JSONResponse({'detail': {'text': text, 'remedy': remedy}}, status,
+                        headers)  # type: ignore[arg-type]
+
+
+async def _problem(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    detail: object = error.detail
+    if isinstance(detail, dict) and 'text' in detail:
+        return _answer(error.status_code, str(detail['text']), str(detail.get('remedy', '')),
+                       error.headers)
+    return _answer(error.status_code, str(detail), 'see the list of endpoints in docs/monitor.md',
+                   error.headers)
+
+
+async def _wrong_request(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    lines = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:8]]
+    return _answer(422, '; '.join(lines), 'see /api/openapi.json for what it takes')
+
+
+async def _defect(request: Request, error: Exception) -> JSONResponse:
+    return _answer(500, 'a defect of the server', 'its log says more; please report it')

@@ -1,0 +1,172 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One robot's signals to many clients: what several of them want alike is encoded once.
+
+Watches with the same robot, rights, signals and rate are a group. A frame is everything that has
+changed since a version of the robot; those who are up to date share it, and one who reads slowly
+gets all that it missed in one, each signal once with its newest value.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+import re
+import time
+from typing import Final
+
+from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.rights import Rights
+from rt_robot_os.monitor.live.robot_state import encoded
+from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.live.robot_state import Signal
+
+#: A frame that comes so much before its time (a share of the period) is not held back.
+_EARLY: Final = 0.4
+
+
+class Watch:
+    """What one client wants of one robot."""
+
+    def __init__(self, outlet: Outlet, group: Group) -> None:
+        self._outlet = outlet
+        self._group = group
+        self._version = 0
+        outlet.offer(self.frame)
+        group.watches[self] = None
+
+    def is_due(self) -> None:
+        """Send what is new when the client's turn comes."""
+        self._outlet.offer(self.frame)
+
+    def frame(self) -> str | None:
+        """Return what is new since the last; None for nothing."""
+        before, self._version = self._version, self._group.robot.version
+        return self._group.frame(before)
+
+    def end(self) -> None:
+        """Send nothing more."""
+        self._outlet.withdraw(self.frame)
+        self._group.watches.pop(self, None)
+
+
+class Group:
+    """All that want the same of a robot, with the same rights."""
+
+    def __init__(self, robot: RobotState, rights: Rights, patterns: tuple[str, ...],
+                 rate_hz: float) -> None:
+        self.robot = robot
+        self.watches: dict[Watch, None] = {}
+        self.rate_hz = rate_hz
+        self._rights = rights
+        self._hidden: frozenset[str] = frozenset()
+        self._wanted = matcher(patterns)
+        self._names: list[str] = []
+        self._names_at: object = None
+        self._made: dict[int, str | None] = {}
+        self._made_at = -1
+        self._due = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    def changed(self) -> None:
+        """Offer what is new to all, now or when their rate allows it."""
+        loop = asyncio.get_running_loop()
+        early = _EARLY / self.rate_hz
+        if loop.time() >= self._due - early:
+            self._offer()
+        elif self._timer is None:
+            self._timer = loop.call_at(self._due, self._offer)
+
+    def end(self) -> None:
+        """Offer nothing more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _offer(self) -> None:
+        self.end()
+        now = asyncio.get_running_loop().time()
+        # Due times follow each other at the rate; only who was idle begins anew.
+        self._due = max(self._due, now - 1 / self.rate_hz) + 1 / self.rate_hz
+        for each in self.watches:
+            each.is_due()
+
+    def frame(self, since: int) -> str | None:
+        """Return what has changed since a version of the robot; None for nothing."""
+        if self._made_at != self.robot.version:
+            self._made.clear()
+            self._made_at = self.robot.version
+        if since not in self._made:
+            self._made[since] = self._encode(since)
+        return self._made[since]
+
+    def _encode(self, since: int) -> str | None:
+        robot = self.robot
+        self._choose()
+        found: list[Signal] = [each for name in self._names
+                               if (each := robot.signals[name]).version > since]
+        if not found:
+            return None
+        body = ','.join([each.text(self._hidden) for each in found])
+        return (f'{{"kind":"signals","robot":{encoded(robot.id)},"n":{robot.live_n},'
+                f'"utc_ns":{robot.live_utc_ns},"sent_ns":{time.time_ns()},"signals":{{{body}}}}}')
+
+    def _choose(self) -> None:
+        """Choose the signals anew when there are others, or other people."""
+        robot = self.robot
+        state = (robot.names, robot.people)
+        if state == self._names_at:
+            return
+        self._names_at = state
+        self._hidden = self._rights.hidden(robot.people or ())
+        visible = self._rights.sees_robot(robot.people)
+        self._names = [name for name in robot.signals if visible and self._wanted(name)
+                       and self._rights.sees_signal(name, self._hidden)]
+
+
+class FanOut:
+    """All groups of all robots."""
+
+    def __init__(self) -> None:
+        self._groups: dict[str, dict[tuple[object, ...], Group]] = {}
+
+    def watch(self, outlet: Outlet, robot: RobotState, rights: Rights,
+              patterns: tuple[str, ...], rate_hz: float) -> Watch:
+        """Begin to send signals of a robot to a client, from its present ones on."""
+        groups = self._groups.setdefault(robot.id, {})
+        for key in [key for key, each in groups.items() if not each.watches]:
+            groups.pop(key).end()
+        group = groups.setdefault((rights, patterns, rate_hz),
+                                  Group(robot, rights, patterns, rate_hz))
+        return Watch(outlet, group)
+
+    def changed(self, robot: RobotState) -> None:
+        """Send what has changed of a robot to whom it concerns."""
+        for each in self._groups.get(robot.id, {}).values():
+            if each.watches:
+                each.changed()
+
+    def rate_hz(self, robot: str) -> float:
+        """Return the highest rate at which somebody watches it; 0 for nobody."""
+        return max((each.rate_hz for each in self._groups.get(robot, {}).values()
+                    if each.watches), default=0.0)
+
+
+def matcher(patterns: tuple[str, ...]) -> Callable[[str], bool]:
+    """Return what tells whether one of these matches a name; ``*`` is any text."""
+    words = '|'.join('.*'.join(map(re.escape, each.split('*'))) for each in patterns)
+    found = re.compile(words)
+    return lambda name: found.fullmatch(name) is not None

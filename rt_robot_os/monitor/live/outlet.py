@@ -1,0 +1,119 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What goes out on a WebSocket: what is urgent first and all of it, then the newest of what is live.
+
+One task writes, so that a peer which reads slowly holds up nobody else. What is live is made when
+its turn comes: nothing old is ever kept for a slow peer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect
+
+#: A peer that reads nothing while so many urgent messages wait is closed: it comes back and gets
+#: the whole state, which is less than what it missed.
+URGENT_MOST: Final = 1000
+URGENT_BYTES: Final = 8 << 20
+#: Close codes: try again later; gone.
+OVERRUN: Final = 1013
+
+
+class Outlet:
+    """
+    The sending side of a connection.
+
+    :param websocket: accepted.
+    :ivar sent: messages, :ivar sent_bytes: characters that were handed to the network.
+    """
+
+    def __init__(self, websocket: WebSocket) -> None:
+        self._websocket = websocket
+        self._urgent: deque[str] = deque()
+        self._urgent_size = 0
+        self._ready: dict[Callable[[], str | None], None] = {}
+        self._wake = asyncio.Event()
+        self._close: tuple[int, str] | None = None
+        self.sent = 0
+        self.sent_bytes = 0
+
+    @property
+    def waiting(self) -> int:
+        """Return how many urgent messages wait."""
+        return len(self._urgent)
+
+    def say(self, text: str) -> bool:
+        """
+        Send something urgent: in order, never left out.
+
+        :return: False when the peer does not read any more; it is closed then.
+        """
+        if len(self._urgent) >= URGENT_MOST or self._urgent_size + len(text) > URGENT_BYTES:
+            self.close(OVERRUN, 'too slow: what is urgent has piled up')
+            return False
+        self._urgent.append(text)
+        self._urgent_size += len(text)
+        self._wake.set()
+        return True
+
+    def offer(self, make: Callable[[], str | None]) -> None:
+        """Send what that makes when its turn comes; offered again before that it is sent once."""
+        self._ready[make] = None
+        self._wake.set()
+
+    def withdraw(self, make: Callable[[], str | None]) -> None:
+        """Send that no more."""
+        self._ready.pop(make, None)
+
+    def close(self, code: int, reason: str) -> None:
+        """Close it; what waits is not sent any more."""
+        if self._close is None:
+            self._close = (code, reason)
+            self._wake.set()
+
+    async def run(self) -> None:
+        """Send until it is closed."""
+        try:
+            while self._close is None:
+                await self._wake.wait()
+                self._wake.clear()
+                await self._send_all()
+            await self._websocket.close(*self._close)
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # the peer has gone: whoever reads notices
+
+    async def _send_all(self) -> None:
+        while self._close is None:
+            if self._urgent:
+                text = self._urgent.popleft()
+                self._urgent_size -= len(text)
+            elif self._ready:
+                make = next(iter(self._ready))
+                del self._ready[make]
+                found = make()
+                if found is None:
+                    continue
+                text = found
+            else:
+                return
+            await self._websocket.send_text(text)
+            self.sent += 1
+            self.sent_bytes += len(text)

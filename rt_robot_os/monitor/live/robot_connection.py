@@ -1,0 +1,190 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The connection of a robot, ``/robot/state``: what it sends is kept, shown and confirmed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+import logging
+import time
+from typing import Any
+from typing import Final
+
+from fastapi import APIRouter
+from fastapi import WebSocket
+from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.robot_state import is_time
+from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.stand_in import robot_of
+from rt_robot_os.uplink.importance import Importance
+from rt_robot_os.uplink.messages import decode
+from rt_robot_os.uplink.messages import encode
+from rt_robot_os.uplink.messages import VERSION
+from starlette.websockets import WebSocketDisconnect
+
+_LOG: Final = logging.getLogger('monitor')
+HELLO_S: Final = 10.0
+#: Batches that may wait for the disk; more are refused, and come again.
+BATCHES_MOST: Final = 8
+RETRY_S: Final = 2.0
+_ABOUT: Final = ('cameras', 'capabilities', 'nodes', 'map', 'limits', 'version')
+
+
+def router(services: Services) -> APIRouter:
+    """Return the endpoint of robots."""
+    found = APIRouter()
+
+    @found.websocket('/robot/state')
+    async def robot_state(websocket: WebSocket) -> None:
+        robot = await robot_of(websocket)
+        if robot is None:
+            return
+        await websocket.accept()
+        await RobotConnection(services, websocket, services.hub.robot(robot.id, robot.name)).run()
+
+    return found
+
+
+class RobotConnection:
+    """One connection of one robot."""
+
+    def __init__(self, services: Services, websocket: WebSocket, robot: RobotState) -> None:
+        self._services = services
+        self._websocket = websocket
+        self._robot = robot
+        self._outlet = Outlet(websocket)
+        self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
+        self._boot = ''
+
+    def say(self, kind: str, content: Mapping[str, Any]) -> bool:
+        """Send a message; False when the robot does not read."""
+        return self._outlet.say(encode(kind, content))
+
+    def close(self, code: int, reason: str) -> None:
+        """Close it."""
+        self._outlet.close(code, reason)
+
+    async def run(self) -> None:
+        """Serve it to its end."""
+        tasks = [asyncio.create_task(self._outlet.run()), asyncio.create_task(self._keep())]
+        try:
+            if await self._hello():
+                while True:
+                    self._take(await self._receive())
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            self._services.hub.disconnect(self._robot, self)
+            for each in tasks:
+                each.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _receive(self) -> dict[str, Any]:
+        while True:
+            text = await self._websocket.receive_text()
+            try:
+                return decode(text)
+            except ValueError:
+                self._robot.count('messages_wrong')
+
+    async def _hello(self) -> bool:
+        try:
+            hello = await asyncio.wait_for(self._receive(), HELLO_S)
+        except asyncio.TimeoutError:
+            hello = {}
+        boot = hello.get('boot')
+        if hello.get('kind') != 'hello' or not isinstance(boot, str) or not 0 < len(boot) <= 64:
+            await self._websocket.close(1008, 'a hello with a boot is what comes first')
+            return False
+        self._boot = boot
+        now_ns = time.time_ns()
+        robot = self._robot
+        robot.boot = boot
+        people = hello.get('people')
+        robot.people = frozenset(each for each in people if isinstance(each, str)) if isinstance(
+            people, list) else frozenset()
+        robot.about = {key: hello[key] for key in _ABOUT if key in hello}
+        if is_time(hello.get('utc_ns')):
+            robot.offset_s = (hello['utc_ns'] - now_ns) / 1e9
+        self.say('welcome', {'utc_ns': now_ns, 'want_map': False, 'version': VERSION})
+        self._services.hub.connect(robot, self, hello, now_ns)
+        return True
+
+    def _take(self, message: dict[str, Any]) -> None:
+        hub, robot = self._services.hub, self._robot
+        hub.heard(robot, time.time_ns())
+        kind = message['kind']
+        if kind == 'live':
+            self._take_live(message)
+        elif kind == 'records':
+            self._take_records(message)
+        elif kind == 'answer':
+            hub.answered(robot, message)
+        elif kind != 'beat':
+            robot.count('messages_unknown')
+
+    def _take_live(self, message: dict[str, Any]) -> None:
+        signals, n, utc_ns = (message.get(key) for key in ('signals', 'n', 'utc_ns'))
+        if not isinstance(signals, dict) or not is_time(n) or not is_time(utc_ns):
+            self._robot.count('messages_wrong')
+            return
+        self._robot.take(utc_ns, n, signals)  # type: ignore[arg-type]
+        self._services.hub.live(self._robot)
+        self.say('taken', {'n': n})
+
+    def _take_records(self, message: dict[str, Any]) -> None:
+        records = message.get('records')
+        if not isinstance(records, list) or 'batch' not in message:
+            self._robot.count('messages_wrong')
+            return
+        good = [each for each in records if is_record(each)]
+        if len(good) < len(records):
+            self._robot.count('records_wrong', len(records) - len(good))
+            _LOG.warning('%s: %d records that are none are left out', self._robot.name,
+                         len(records) - len(good))
+        for each in good:
+            if each['type'] == 'alarm_event':
+                # Shown before it is stored: a full disk keeps nobody from being told.
+                self._services.hub.alarm(self._robot, each['content'], each['utc_ns'])
+        try:
+            self._batches.put_nowait({'batch': message['batch'], 'records': good})
+        except asyncio.QueueFull:
+            self._refuse(message['batch'], 'too many batches wait for the disk')
+
+    async def _keep(self) -> None:
+        while True:
+            each = await self._batches.get()
+            try:
+                await self._services.writer.put(self._robot.id, self._boot, each['records'])
+            except Exception as error:
+                self._robot.count('batches_refused')
+                _LOG.warning('%s: records cannot be stored: %s', self._robot.name, error)
+                self._refuse(each['batch'], 'the server cannot store records now')
+                continue
+            self._robot.count('records', len(each['records']))
+            self.say('stored', {'batch': each['batch']})
+
+    def _refuse(self, batch: object, text: str) -> None:
+        self.say('refused', {'batch': batch, 'text': text, 'retry_s': RETRY_S})
+
+
+def is_record(value: object) -> bool:
+    """Return whether a value is a record that every part can hold."""
+    return (isinstance(value, dict) and is_time(value.get('seq')) and is_time(value.get('utc_ns'))
+            and value.get('importance') in tuple(Importance)
+            and isinstance(value.get('type'), str) and 0 < len(value['type']) <= 64
+            and isinstance(value.get('content'), dict))

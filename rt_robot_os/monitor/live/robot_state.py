@@ -1,0 +1,168 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the server knows of a robot: who it is, its newest signals, its open alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field
+import json
+from typing import Any
+from typing import Final
+
+from rt_robot_os.monitor.live.rights import names_of
+from rt_robot_os.monitor.live.rights import Rights
+from rt_robot_os.monitor.live.rights import without
+
+#: Signals that are kept of a robot; further ones are counted and left out.
+SIGNALS_MOST: Final = 2000
+#: Closed alarms are the database's; open ones beyond that as well.
+ALARMS_MOST: Final = 200
+_CLOSED: Final = frozenset({'resolved', 'cancelled'})
+
+
+def encoded(value: Any) -> str:
+    """Write a value as the messages of the page have it."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(',', ':'))
+
+
+class Signal:
+    """
+    The newest value of a signal.
+
+    :ivar version: of the robot when it came.
+    """
+
+    __slots__ = ('version', 'utc_ns', 'value', '_name', '_text', '_redacted')
+
+    def __init__(self, name: str, version: int, utc_ns: int, value: Any) -> None:
+        self.version = version
+        self.utc_ns = utc_ns
+        self.value = value
+        self._name = name
+        self._text = ''
+        self._redacted: dict[frozenset[str], str] = {}
+
+    def text(self, hidden: frozenset[str]) -> str:
+        """Return it as a member of a JSON object, written once for all with the same rights."""
+        if not self._text:
+            self._text = f'{encoded(self._name)}:{encoded([self.utc_ns, self.value])}'
+        if not hidden or names_of(hidden).search(self._text) is None:
+            return self._text
+        found = self._redacted.get(hidden)
+        if found is None:
+            found = f'{encoded(self._name)}:{encoded([self.utc_ns, without(self.value, hidden)])}'
+            self._redacted[hidden] = found
+        return found
+
+
+@dataclass
+class RobotState:
+    """
+    A robot.
+
+    :ivar people: who live with it; None until it has said so once.
+    :ivar version: counts what came live; a signal has that with which it came.
+    :ivar heard: when something came last, on the loop's clock.
+    :ivar offset_s: how far its clock is ahead of ours.
+    """
+
+    id: str  # noqa: A003
+    name: str
+    people: frozenset[str] | None = None
+    connected: bool = False
+    silent: bool = False
+    last_seen_ns: int = 0
+    heard: float = 0.0
+    boot: str = ''
+    about: dict[str, Any] = field(default_factory=dict)
+    offset_s: float = 0.0
+    version: int = 0
+    live_n: int = 0
+    live_utc_ns: int = 0
+    names: int = 0
+    signals: dict[str, Signal] = field(default_factory=dict)
+    alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def count(self, what: str, how_many: int = 1) -> None:
+        """Count something of it, for `/api/status`."""
+        self.counts[what] = self.counts.get(what, 0) + how_many
+
+    def take(self, utc_ns: int, n: int, signals: Mapping[str, Any]) -> None:
+        """Take the signals of a ``live``; what is no signal is counted."""
+        self.version += 1
+        self.live_n, self.live_utc_ns = n, utc_ns
+        for name, pair in signals.items():
+            if not (isinstance(pair, list) and len(pair) == 2 and is_time(pair[0])):
+                self.count('signals_wrong')
+            elif name not in self.signals and len(self.signals) >= SIGNALS_MOST:
+                self.count('signals_too_many')
+            else:
+                self.names += name not in self.signals
+                self.signals[name] = Signal(name, self.version, pair[0], pair[1])
+
+    def take_alarm(self, event: Mapping[str, Any], utc_ns: int) -> dict[str, Any] | None:
+        """
+        Take an event of an alarm.
+
+        :return: the alarm as it is now; None when the event changes nothing: it came before, or
+            what is newer did.
+        """
+        alarm = event.get('alarm')
+        if not isinstance(alarm, str) or not alarm:
+            self.count('alarms_wrong')
+            return None
+        before = self.alarms.get(alarm)
+        seq = event.get('seq')
+        seq = seq if isinstance(seq, int) else 0
+        if before is not None and seq <= before.get('seq', 0):
+            return None
+        now = {**(before or {}), **event, 'id': alarm, 'robot': self.id, 'seq': seq,
+               'utc_ns': utc_ns, 'opened_ns': (before or {}).get('opened_ns', utc_ns),
+               'is_open': event.get('state') not in _CLOSED}
+        if before is None and len(self.alarms) >= ALARMS_MOST:
+            self._forget_one()
+        self.alarms[alarm] = now
+        return now
+
+    def _forget_one(self) -> None:
+        closed = next((key for key, each in self.alarms.items() if not each['is_open']), None)
+        self.alarms.pop(closed if closed is not None else next(iter(self.alarms)))
+        self.count('alarms_forgotten')
+
+    def shown(self, rights: Rights) -> dict[str, Any]:
+        """Return it as those with these rights see it."""
+        hidden = rights.hidden(self.people or ())
+        return {'id': self.id, 'name': without(self.name, hidden), 'connected': self.connected,
+                'silent': self.silent, 'last_seen_ns': self.last_seen_ns,
+                'people': sorted(filter(rights.sees_person, self.people or ())),
+                'clock_offset_s': round(self.offset_s, 3), **without(self.about, hidden)}
+
+    def alarm_shown(self, alarm: Mapping[str, Any], rights: Rights) -> dict[str, Any] | None:
+        """Return an alarm as those with these rights see it; None when it is not for them."""
+        if not rights.sees_robot(self.people):
+            return None
+        hidden = rights.hidden(self.people or ())
+        if alarm.get('subject') in hidden:
+            return None
+        shown: dict[str, Any] = without(alarm, hidden)
+        return shown
+
+
+def is_time(value: object) -> bool:
+    """Return whether it is a time in ns that every part can hold: 64 bits, never negative."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 63

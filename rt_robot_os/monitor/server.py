@@ -1,0 +1,85 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs the application: its parts, the socket it listens on, until a signal ends it."""
+
+from __future__ import annotations
+
+import socket
+import sys
+
+from rt_robot_os.errors import StartError
+from rt_robot_os.monitor.app import create_app
+from rt_robot_os.monitor.live.hub import Hub
+from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.settings import MonitorSettings
+from rt_robot_os.monitor.stand_in import Accounts
+from rt_robot_os.monitor.stand_in import Audit
+from rt_robot_os.monitor.stand_in import Store
+from rt_robot_os.monitor.stand_in import Writer
+from rt_robot_os.uplink.frames import FRAME_BYTES
+import uvicorn
+
+_BACKLOG = 512
+
+
+def make_services(settings: MonitorSettings) -> Services:
+    """Open the database and make the parts."""
+    store = Store()
+    return Services(settings, store, Writer(store), Hub(settings.heartbeat_s, settings.command_s),
+                    Accounts(), Audit())
+
+
+def serve(settings: MonitorSettings) -> None:
+    """
+    Serve until a signal ends it.
+
+    :raises StartError: it cannot.
+    """
+    server = make_server(make_services(settings))
+    listening = listen(settings)
+    scheme = 'https' if settings.has_tls else 'http'
+    print(f'monitor: {scheme}://{settings.host}:{listening.getsockname()[1]}/', file=sys.stderr,
+          flush=True)
+    server.run([listening])
+
+
+def make_server(services: Services) -> uvicorn.Server:
+    """Make the server of an application; ``server.run([listen(settings)])`` runs it."""
+    settings = services.settings
+    return uvicorn.Server(uvicorn.Config(
+        create_app(services), log_level='warning', access_log=False, server_header=False,
+        ws='websockets-sansio', ws_per_message_deflate=False, ws_max_size=FRAME_BYTES,
+        ws_ping_interval=20, ws_ping_timeout=20, timeout_keep_alive=10, backlog=_BACKLOG,
+        lifespan='on', ssl_certfile=settings.certificate or None,
+        ssl_keyfile=settings.key or None, timeout_graceful_shutdown=3))
+
+
+def listen(settings: MonitorSettings) -> socket.socket:
+    """
+    Open the socket.
+
+    :raises StartError: the port is taken or the address is not ours.
+    """
+    try:
+        family = socket.getaddrinfo(settings.host, settings.listens_on,
+                                    type=socket.SOCK_STREAM)[0]
+        found = socket.socket(family[0], family[1])
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind(family[4])
+        return found
+    except OSError as error:
+        raise StartError(f'host {settings.host}, port {settings.listens_on}: {error.strerror}; '
+                         'another program may listen there: choose another with --port'
+                         ) from error
