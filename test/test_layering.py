@@ -96,6 +96,7 @@ LIBRARIES = {
     'cryptography': (f'{PACKAGE}.monitor.security',),
     'fastapi': (f'{PACKAGE}.monitor',),
     'sqlalchemy': (f'{PACKAGE}.monitor',),
+    'starlette': (f'{PACKAGE}.monitor',),
     'uvicorn': (f'{PACKAGE}.monitor',),
     'websockets': (f'{PACKAGE}.clients.gateway',),
 }
