@@ -161,8 +161,8 @@ def test_what_is_optional_is_an_extra_and_named_with_the_command_that_installs_i
     sources = [path.read_text() for path in (ROOT / PACKAGE).rglob('*.py')]
     assert set(OPTIONAL) <= _imported()
     for name, extra in OPTIONAL.items():
-        distribution = DISTRIBUTIONS.get(name, name)
-        assert BROUGHT.get(name, distribution) in EXTRAS[extra]
+        distribution = BROUGHT.get(name, DISTRIBUTIONS.get(name, name))
+        assert distribution in EXTRAS[extra]
         assert extra == 'test' or any(
             'pip install' in text and distribution in text for text in sources), name
 
