@@ -27,6 +27,7 @@ The one error tree.
     |- LinkError (OSError)           the other side of the link is gone or talks nonsense
     |- BlackBoxError (OSError)       a dump of the black box cannot be written or read
     |- RecordingError (OSError)      a recording cannot be written or read
+    |- StoreError (OSError)          the database is away or full; nothing was kept, try again
     `- KernelError (RuntimeError)    a defect in the kernel itself: please report it
 
 Every message names the object, the value and the remedy.
@@ -83,6 +84,10 @@ class BlackBoxError(RtRobotError, OSError):
 
 class RecordingError(RtRobotError, OSError):
     """A recording cannot be written, or holds nothing that can be read."""
+
+
+class StoreError(RtRobotError, OSError):
+    """The database is away, full or locked: nothing of what was asked is done; try again."""
 
 
 class KernelError(RtRobotError, RuntimeError):

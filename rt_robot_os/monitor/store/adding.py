@@ -1,0 +1,150 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Put records into the database: each once, several batches in one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.monitor.store.alarm_states import follow
+from rt_robot_os.monitor.store.metadata import METADATA
+from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.names import seen
+from rt_robot_os.monitor.store.received import Received
+from rt_robot_os.monitor.store.records import Aside
+from rt_robot_os.monitor.store.records import read
+from rt_robot_os.monitor.store.records import Sent
+from rt_robot_os.monitor.store.tables import MEDIA
+from rt_robot_os.monitor.store.tables import UNKNOWN
+from sqlalchemy import Connection
+from sqlalchemy import func
+from sqlalchemy import insert
+from sqlalchemy import select
+from sqlalchemy import Table
+
+#: Records kept aside of one start of a robot; more are counted only.
+ASIDE_MOST: Final = 10_000
+
+
+class Batch(NamedTuple):
+    """Records of one start of a robot."""
+
+    robot: str
+    boot: str
+    records: Sequence[object]
+
+
+class Added(NamedTuple):
+    """
+    What became of a batch.
+
+    :ivar fresh: new records.
+    :ivar known: records that had come before.
+    :ivar aside: new ones that make no sense, kept aside.
+    :ivar dropped: of these, not even kept: there is no room for more.
+    """
+
+    fresh: int = 0
+    known: int = 0
+    aside: int = 0
+    dropped: int = 0
+
+
+class Adding:
+    """One transaction that adds records."""
+
+    def __init__(self, connection: Connection, names: Names, now_ns: int) -> None:
+        self._connection = connection
+        self._names = names
+        self._now_ns = now_ns
+        self._received = Received(connection)
+        self._rows: dict[str, list[dict[str, Any]]] = {}
+
+    def add(self, batch: Batch) -> Added:
+        """Take a batch; it is written by :meth:`save`."""
+        robot = self._names.robot(self._connection, batch.robot, self._now_ns)
+        boot = self._names.boot(self._connection, robot, batch.boot, self._now_ns)
+        seen(self._connection, robot, boot, self._now_ns)
+        found = [read(record, self._now_ns) for record in batch.records]
+        self._received.load(boot, (each.seq for each in found if each.seq is not None))
+        fresh: list[Sent] = []
+        odd: list[Aside] = []
+        for each in found:
+            if each.seq is not None and not self._received.take(boot, each.seq):
+                continue
+            if isinstance(each, Aside):
+                odd.append(each)
+            else:
+                fresh.append(each)
+        for one in fresh:
+            self._take(robot, boot, one)
+        kept = self._keep_aside(boot, odd) if odd else 0
+        known = len(found) - len(fresh) - len(odd)
+        return Added(len(fresh) + len(odd), known, len(odd), len(odd) - kept)
+
+    def save(self) -> None:
+        """Write all that was taken; the transaction is the caller's to commit."""
+        events = self._rows.pop('alarm_events', None)
+        media = self._rows.pop('media', None)
+        for name, rows in self._rows.items():
+            self._connection.execute(insert(METADATA.tables[name]), rows)
+        if events:
+            follow(self._connection, events)
+        if media:
+            self._add_media(media)
+        self._received.save()
+
+    def _take(self, robot: int, boot: int, one: Sent) -> None:
+        row = one.row
+        row['boot_id'], row['seq'], row['arrived_ns'] = boot, one.seq, self._now_ns
+        if one.person:
+            person = self._names.person(self._connection, robot, one.person, self._now_ns)
+            if one.code:
+                row['series_id'] = self._names.series(self._connection, person, one.code)
+            else:
+                row['person_id'] = person
+        elif one.table in _OF_A_ROBOT:
+            row['robot_id'] = robot
+        self._rows.setdefault(one.table, []).append(row)
+
+    def _keep_aside(self, boot: int, odd: Sequence[Aside]) -> int:
+        room = ASIDE_MOST - (self._connection.execute(select(func.count()).select_from(
+            UNKNOWN).where(UNKNOWN.c.boot_id == boot)).scalar() or 0)
+        kept = odd[:max(0, room)]
+        if kept:
+            self._connection.execute(insert(UNKNOWN), [
+                {'boot_id': boot, 'seq': each.seq, 'arrived_ns': self._now_ns, 'type': each.type,
+                 'why': each.why, 'content': each.content} for each in kept])
+        return len(kept)
+
+    def _add_media(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        # The same file announced twice, under two numbers, is one.
+        for row in rows:
+            found = self._connection.execute(select(MEDIA.c.id).where(
+                MEDIA.c.robot_id == row['robot_id'], MEDIA.c.media == row['media'])).first()
+            if found is None:
+                self._connection.execute(insert(MEDIA), row)
+
+
+def _with_robot(table: Table) -> bool:
+    return 'robot_id' in table.c
+
+
+_OF_A_ROBOT: Final = frozenset(
+    name for name, table in METADATA.tables.items() if _with_robot(table)) | {'alarm_events'}

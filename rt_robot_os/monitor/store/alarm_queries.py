@@ -1,0 +1,156 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Alarms, as they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+from typing import Any
+
+from rt_robot_os.monitor.store.tables import ALARM_EVENTS
+from rt_robot_os.monitor.store.tables import ALARM_NOTES
+from rt_robot_os.monitor.store.tables import ALARMS
+from rt_robot_os.monitor.store.tables import MEDIA
+from rt_robot_os.monitor.store.tables import PEOPLE
+from rt_robot_os.monitor.store.tables import ROBOT_PEOPLE
+from rt_robot_os.monitor.store.tables import ROBOTS
+from sqlalchemy import ColumnElement
+from sqlalchemy import Connection
+from sqlalchemy import insert
+from sqlalchemy import not_
+from sqlalchemy import or_
+from sqlalchemy import select
+
+#: Most that one answer holds.
+ALARMS_MOST = 1000
+EVENTS_MOST = 2000
+_COLUMNS = ('state', 'level', 'subject', 'text', 'by', 'why', 'node', 'x', 'y', 'opened_ns',
+            't_ns', 'raised_ns', 'acknowledged_ns', 'acknowledged_by', 'is_open')
+
+
+def alarms(connection: Connection, people: frozenset[str] | None, robot: str | None,
+           is_open: bool | None, since_ns: int, limit: int) -> list[dict[str, Any]]:
+    """Return alarms, those that changed last first."""
+    statement = select(ALARMS, ROBOTS.c.robot).join(ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id)
+    if people is not None:
+        statement = statement.where(_visible(people))
+    if robot is not None:
+        statement = statement.where(ROBOTS.c.robot == robot)
+    if is_open is not None:
+        statement = statement.where(ALARMS.c.is_open == is_open)
+    if since_ns:
+        statement = statement.where(ALARMS.c.t_ns >= since_ns)
+    statement = statement.order_by(ALARMS.c.t_ns.desc(), ALARMS.c.id.desc())
+    found = connection.execute(statement.limit(max(0, min(limit, ALARMS_MOST)))).mappings()
+    return [_alarm(row) for row in found]
+
+
+def _visible(people: frozenset[str]) -> ColumnElement[bool]:
+    """
+    Return what alarms may be seen: of the granted, and of rooms and devices where they live.
+
+    An alarm about somebody who is known and not granted is nobody's business.
+    """
+    theirs = select(ROBOT_PEOPLE.c.robot_id).join(
+        PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(PEOPLE.c.person.in_(people))
+    others = select(PEOPLE.c.person).where(PEOPLE.c.person.not_in(people))
+    return or_(ALARMS.c.subject.in_(people),
+               ALARMS.c.robot_id.in_(theirs) & not_(ALARMS.c.subject.in_(others)))
+
+
+def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | None:
+    """Return an alarm with its events, notes and media; None when there is none."""
+    row = connection.execute(select(ALARMS, ROBOTS.c.robot).join(
+        ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
+            ROBOTS.c.robot == robot, ALARMS.c.alarm == name)).mappings().first()
+    if row is None:
+        return None
+    found = _alarm(row)
+    events = connection.execute(select(ALARM_EVENTS).where(
+        ALARM_EVENTS.c.alarm_id == row['id']).order_by(
+            ALARM_EVENTS.c.event_seq.desc(), ALARM_EVENTS.c.id.desc()).limit(EVENTS_MOST)
+    ).mappings().all()
+    found['events'] = [{**json.loads(each['content']), 't_ns': each['t_ns'],
+                        'seq': each['event_seq'], 'arrived_ns': each['arrived_ns']}
+                       for each in reversed(events)]
+    found['told'], found['failed'] = _told(found['events'])
+    found['notes'] = [
+        {'by': each['by'], 'text': each['text'], 't_ns': each['t_ns']}
+        for each in connection.execute(select(ALARM_NOTES).where(
+            ALARM_NOTES.c.alarm_id == row['id']).order_by(ALARM_NOTES.c.id)).mappings()]
+    found['media'] = media_of(connection, robot, name)
+    return found
+
+
+def _told(events: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
+    """Return the channels that delivered, and those that did not and have not since."""
+    last: dict[str, bool] = {}
+    for each in events:
+        channel = each.get('why') or each.get('text') or ''
+        if each.get('event') in ('delivered', 'failed') and isinstance(channel, str):
+            last[channel.split(':')[0].split(' ')[0]] = each['event'] == 'delivered'
+    return [name for name, ok in last.items() if ok], [name for name, ok in last.items() if not ok]
+
+
+def add_note(connection: Connection, robot: str, name: str, by: str, text: str,
+             now_ns: int) -> bool:
+    """Add what somebody noted; return whether there is such an alarm."""
+    number = connection.execute(select(ALARMS.c.id).join(
+        ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
+            ROBOTS.c.robot == robot, ALARMS.c.alarm == name)).scalar()
+    if number is None:
+        return False
+    connection.execute(insert(ALARM_NOTES), {
+        'alarm_id': number, 't_ns': now_ns, 'by': by, 'text': text})
+    return True
+
+
+def media_of(connection: Connection, robot: str, name: str) -> list[dict[str, Any]]:
+    """Return the pictures, clips and sounds of an alarm."""
+    return [media_row(row) for row in connection.execute(_media().where(
+        ROBOTS.c.robot == robot, MEDIA.c.alarm == name).order_by(
+            MEDIA.c.t_ns, MEDIA.c.id).limit(EVENTS_MOST)).mappings()]
+
+
+def media(connection: Connection, number: int) -> dict[str, Any] | None:
+    """Return one of them by its number; None when there is none."""
+    row = connection.execute(_media().where(MEDIA.c.id == number)).mappings().first()
+    return None if row is None else media_row(row)
+
+
+def media_by_name(connection: Connection, robot: str, name: str) -> dict[str, Any] | None:
+    """Return one by the name that its robot gave it; None when it was not announced yet."""
+    row = connection.execute(_media().where(
+        ROBOTS.c.robot == robot, MEDIA.c.media == name)).mappings().first()
+    return None if row is None else media_row(row)
+
+
+def _media() -> Any:
+    return select(MEDIA, ROBOTS.c.robot, ALARMS.c.subject).join(
+        ROBOTS, ROBOTS.c.id == MEDIA.c.robot_id).outerjoin(
+            ALARMS, (ALARMS.c.robot_id == MEDIA.c.robot_id) & (ALARMS.c.alarm == MEDIA.c.alarm))
+
+
+def media_row(row: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return it as it is in JSON; ``subject`` is that of its alarm."""
+    return {'subject': row['subject'] or '', **{name: row[name] for name in (
+        'id', 'robot', 'media', 'alarm', 'kind', 'file', 'sha256', 'size', 'width', 'height',
+        't_ns', 'arrived_ns', 'path', 'stored_ns')}}
+
+
+def _alarm(row: Mapping[Any, Any]) -> dict[str, Any]:
+    return {'robot': row['robot'], 'id': row['alarm'], 'kinds': json.loads(row['kinds']),
+            'utc_ns': row['t_ns'], **{name: row[name] for name in _COLUMNS}}

@@ -1,0 +1,86 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which numbers of a robot's start have been taken: a bit each, in blocks.
+
+A record is known for ever: retention thins rows and erasure deletes them, and neither lets one
+that comes again count anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from rt_robot_os.monitor.store.tables import RECEIVED
+from sqlalchemy import bindparam
+from sqlalchemy import Connection
+from sqlalchemy import insert
+from sqlalchemy import select
+from sqlalchemy import update
+
+#: Numbers in a block.
+BLOCK: Final = 2048
+_BYTES: Final = BLOCK // 8
+
+
+class Received:
+    """What one transaction sees and takes; :meth:`save` writes it."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._blocks: dict[tuple[int, int], bytearray] = {}
+        self._there: set[tuple[int, int]] = set()
+        self._changed: set[tuple[int, int]] = set()
+
+    def load(self, boot: int, numbers: Iterable[int]) -> None:
+        """Read the blocks of these numbers of a start, at once."""
+        wanted = sorted({seq // BLOCK for seq in numbers}
+                        - {block for other, block in self._blocks if other == boot})
+        for begin in range(0, len(wanted), 500):
+            part = wanted[begin:begin + 500]
+            for block, bits in self._connection.execute(
+                    select(RECEIVED.c.block, RECEIVED.c.bits).where(
+                        RECEIVED.c.boot_id == boot, RECEIVED.c.block.in_(part))):
+                self._blocks[boot, block] = bytearray(bits)
+                self._there.add((boot, block))
+            for block in part:
+                self._blocks.setdefault((boot, block), bytearray(_BYTES))
+
+    def take(self, boot: int, seq: int) -> bool:
+        """Return whether a number is new, and note it; its block has been loaded."""
+        key = boot, seq // BLOCK
+        bits = self._blocks[key]
+        place, bit = seq % BLOCK // 8, 1 << seq % 8
+        if bits[place] & bit:
+            return False
+        bits[place] |= bit
+        self._changed.add(key)
+        return True
+
+    def save(self) -> None:
+        """Write what has changed."""
+        fresh = [{'boot_id': key[0], 'block': key[1], 'bits': bytes(self._blocks[key])}
+                 for key in sorted(self._changed - self._there)]
+        known = [{'a_boot': key[0], 'a_block': key[1], 'bits': bytes(self._blocks[key])}
+                 for key in sorted(self._changed & self._there)]
+        if fresh:
+            self._connection.execute(insert(RECEIVED), fresh)
+        if known:
+            self._connection.execute(update(RECEIVED).where(
+                RECEIVED.c.boot_id == bindparam('a_boot'),
+                RECEIVED.c.block == bindparam('a_block')), known)
+        self._there |= self._changed
+        self._changed.clear()

@@ -1,0 +1,275 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a robot sends, checked: each record becomes a row of a table, or is kept aside with a reason.
+
+A record of a newer robot, with a number that is none or a text that no database holds, is its own
+trouble: it is kept as it came, cut, and the records beside it are stored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
+import json
+import math
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.monitor.store.tables import NAME as NAME_LONGEST
+from rt_robot_os.safe_text import encodable
+from rt_robot_os.safe_text import safe_text
+from rt_robot_os.units import NS_PER_S
+from rt_robot_os.wsn.quantities import NAME
+
+#: The number of a quality in the database is its place here.
+QUALITIES: Final = ('good', 'suspect', 'stale', 'off', 'missing')
+#: Those of a value that was measured when the record says, so that it counts in roll-ups.
+MEASURED: Final = frozenset({0, 1})
+MISSING: Final = QUALITIES.index('missing')
+#: A clock that says more or less than this is wrong: a robot that was away for a year is not.
+PAST_NS: Final = 400 * 86400 * NS_PER_S
+FUTURE_NS: Final = 86400 * NS_PER_S
+CONTENT_BYTES: Final = 32768
+KEPT_CHARACTERS: Final = 2000
+SEQ_MOST: Final = 1 << 53
+TEXT_LONGEST: Final = 4000
+_INT_MOST: Final = (1 << 63) - 1
+_NO_VALUE: Final = frozenset({QUALITIES.index('off'), MISSING})
+
+
+class Refused(ValueError):
+    """A record makes no sense; the message says why."""
+
+
+class Sent(NamedTuple):
+    """
+    A record that makes sense.
+
+    :ivar table: the name of the table it goes to.
+    :ivar row: its columns but those of the key and of other tables' numbers.
+    :ivar person: whom it is about, or ''.
+    :ivar code: the sign of an observation, or ''.
+    """
+
+    seq: int
+    table: str
+    row: dict[str, Any]
+    person: str = ''
+    code: str = ''
+
+
+@dataclass(frozen=True)
+class Aside:
+    """A record that does not; ``seq`` is None where not even that can be read."""
+
+    seq: int | None
+    type: str  # noqa: A003
+    why: str
+    content: str
+
+
+def read(record: object, now_ns: int) -> Sent | Aside:
+    """
+    Check a record; never raises.
+
+    :param now_ns: UTC of the server, against clocks that are wrong by years.
+    """
+    seq = None
+    try:
+        if not isinstance(record, Mapping):
+            raise Refused(f'a {type(record).__name__} is no record')
+        seq = _integer(record, 'seq', 0, SEQ_MOST)
+        reader = _READERS.get(record.get('type', ''))
+        if reader is None:
+            raise Refused('of a type that this release does not know')
+        content = record.get('content')
+        if not isinstance(content, Mapping):
+            raise Refused('content is no object')
+        t_ns = _integer(record, 'utc_ns', -_INT_MOST, _INT_MOST)
+        late = not now_ns - PAST_NS <= t_ns <= now_ns + FUTURE_NS
+        if late and reader not in _TIMELESS:
+            days = abs(t_ns - now_ns) / NS_PER_S / 86400
+            raise Refused(f'the clock is wrong by {days:.0f} days')
+        # What happened must not be lost for a wrong clock: it is as of now.
+        return reader(seq, now_ns if late else t_ns, content)
+    except (Refused, TypeError, RecursionError) as error:
+        return Aside(seq, _loose(record, 'type'), str(error)[:200], _as_it_came(record))
+
+
+def _alarm_event(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    content = _clean(content)
+    return Sent(seq, 'alarm_events', {
+        't_ns': t_ns, 'alarm': _name(content, 'alarm'), 'subject': _name(content, 'subject', ''),
+        'event_seq': _integer(content, 'seq', 0, _INT_MOST), 'event': _name(content, 'event'),
+        'state': _name(content, 'state'), 'level': _name(content, 'level'),
+        'content': _json(content)})
+
+
+def _event(kind: str) -> Callable[[int, int, Mapping[str, Any]], Sent]:
+    def read_event(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+        return Sent(seq, 'events', {'t_ns': t_ns, 'type': kind, 'content': _json(content)})
+    return read_event
+
+
+def _observation(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    sign = content.get('sign')
+    if not isinstance(sign, str) or not NAME.fullmatch(sign):
+        raise Refused('sign is no name such as pulse_per_min')
+    return _value(seq, t_ns, content, sign, content.get('value'))
+
+
+def _news2(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    total = content.get('value', content.get('total'))
+    if total is None or total == -1:
+        return _value(seq, t_ns, {**content, 'quality': 'missing'}, 'news2', None)
+    return _value(seq, t_ns, content, 'news2', total)
+
+
+def _value(seq: int, t_ns: int, content: Mapping[str, Any], sign: str, value: object) -> Sent:
+    quality = content.get('quality', 'good')
+    if quality not in QUALITIES:
+        raise Refused(f'quality is none of {", ".join(QUALITIES)}')
+    number = QUALITIES.index(quality)
+    if number in _NO_VALUE:
+        value = None
+    elif value is None:
+        raise Refused(f'quality is {quality}, and there is no value')
+    return Sent(seq, 'observations', {
+        't_ns': t_ns, 'value': None if value is None else _float(value, 'value'),
+        'quality': number, 'source': _name(content, 'source', '')},
+        _name(content, 'person'), sign)
+
+
+def _place(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    return Sent(seq, 'places', {
+        't_ns': t_ns, 'x': _optional(content, 'x'), 'y': _optional(content, 'y'),
+        'room': _name(content, 'room', '')}, _name(content, 'person'))
+
+
+def _node(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    node = content.get('node')
+    if isinstance(node, int) and not isinstance(node, bool):
+        content = {**content, 'node': str(node)}
+    return Sent(seq, 'nodes', {
+        't_ns': t_ns, 'node': _name(content, 'node'), 'content': _json(content)})
+
+
+def _media(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
+    alarm = content.get('alarm')
+    return Sent(seq, 'media', {
+        't_ns': t_ns, 'media': _name(content, 'id'),
+        'alarm': '' if alarm is None else _name(content, 'alarm', ''),
+        'kind': _name(content, 'kind', ''), 'file': _text(content, 'file'),
+        'sha256': _name(content, 'sha256', ''), 'size': _integer(content, 'size', 0, 1 << 40),
+        'width': _integer(content, 'width', 0, 1 << 20, 0),
+        'height': _integer(content, 'height', 0, 1 << 20, 0)})
+
+
+_READERS: Final[dict[str, Callable[[int, int, Mapping[str, Any]], Sent]]] = {
+    'alarm_event': _alarm_event, 'transition': _event('transition'), 'log': _event('log'),
+    'event': _event('event'), 'observation': _observation, 'news2': _news2, 'place': _place,
+    'node': _node, 'media': _media}
+_TIMELESS: Final = frozenset(_READERS[name] for name in (
+    'alarm_event', 'transition', 'log', 'event', 'media'))
+
+
+# ---- values ------------------------------------------------------------------------------------
+
+def _integer(found: Mapping[str, Any], name: str, low: int, high: int,
+             default: int | None = None) -> int:
+    value = found.get(name, default)
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise Refused(f'{name} is no whole number')
+    if not low <= value <= high:
+        raise Refused(f'{name} is not within {low} and {high}')
+    return value
+
+
+def _float(value: object, name: str) -> float:
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        raise Refused(f'{name} is no number')
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not -1e15 < number < 1e15:
+        raise Refused(f'{name} is not finite, or too large')
+    return number
+
+
+def _optional(found: Mapping[str, Any], name: str) -> float | None:
+    value = found.get(name)
+    return None if value is None else _float(value, name)
+
+
+def _name(found: Mapping[str, Any], name: str, default: str | None = None) -> str:
+    value = found.get(name, default)
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _INT_MOST:
+        value = str(value)
+    if not isinstance(value, str) or (not value and default is None):
+        raise Refused(f'{name} is no text')
+    if len(value) > NAME_LONGEST:
+        raise Refused(f'{name} has {len(value)} characters; {NAME_LONGEST} are the most')
+    # No controls, no halves of surrogate pairs, no changes of direction: names are shown.
+    if not value.isprintable():
+        raise Refused(f'{name} has characters that cannot be shown')
+    return value
+
+
+def _text(found: Mapping[str, Any], name: str) -> str:
+    value = found.get(name, '')
+    if not isinstance(value, str) or len(value) > TEXT_LONGEST:
+        raise Refused(f'{name} is no text of at most {TEXT_LONGEST} characters')
+    if '\0' in value or not encodable(value):
+        raise Refused(f'{name} has NUL or half of a surrogate pair')
+    return value
+
+
+def _json(content: Mapping[str, Any]) -> str:
+    """Write a content, without what no database and no page can hold."""
+    try:
+        text = json.dumps(_clean(content), allow_nan=False, ensure_ascii=False,
+                          separators=(',', ':'))
+    except ValueError as error:
+        raise Refused('a number in it is not finite') from error
+    if len(text) > CONTENT_BYTES:
+        raise Refused(f'content of {len(text)} characters; {CONTENT_BYTES} are the most')
+    return text
+
+
+def _clean(found: Any) -> Any:
+    """Return it with controls and halves of surrogate pairs written as escapes."""
+    if isinstance(found, str):
+        return safe_text(found)
+    if isinstance(found, Mapping):
+        return {safe_text(str(name)): _clean(value) for name, value in found.items()}
+    return [_clean(each) for each in found] if isinstance(found, (list, tuple)) else found
+
+
+def _loose(record: object, name: str) -> str:
+    value = record.get(name, '') if isinstance(record, Mapping) else ''
+    return safe_text(value[:NAME_LONGEST // 6]) if isinstance(value, str) else ''
+
+
+def _as_it_came(record: object) -> str:
+    try:
+        return json.dumps(record)[:KEPT_CHARACTERS]
+    except (TypeError, ValueError, RecursionError):
+        return safe_text(repr(type(record)))

@@ -1,0 +1,269 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The database of the monitor, as the server uses it.
+
+Every method may be called from any thread, and blocks: from asyncio call it in a thread, and write
+records through :class:`~rt_robot_os.monitor.store.writer.Writer`. ``people`` is whom somebody may
+see: None is everybody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Collection
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
+from contextlib import contextmanager
+import json
+import threading
+import time
+from typing import Any
+
+from rt_robot_os.errors import StartError
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.store import alarm_queries
+from rt_robot_os.monitor.store import queries
+from rt_robot_os.monitor.store.adding import Added
+from rt_robot_os.monitor.store.adding import Adding
+from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.engine import open_engine
+from rt_robot_os.monitor.store.engine import read_url
+from rt_robot_os.monitor.store.engine import reading
+from rt_robot_os.monitor.store.engine import writing
+from rt_robot_os.monitor.store.migrate import upgrade
+from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.tables import MEDIA
+from rt_robot_os.monitor.store.tables import ROBOTS
+from sqlalchemy import Connection
+from sqlalchemy import Engine
+from sqlalchemy import update
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import IntegrityError
+
+
+class Store:
+    """
+    An open database; made by :meth:`open`.
+
+    :ivar engine: for other parts of the server with tables of their own: use :meth:`reading` and
+        :meth:`writing`.
+    :ivar counts: what was added since the start, by what became of it.
+    """
+
+    def __init__(self, engine: Engine, now_ns: Callable[[], int] = time.time_ns) -> None:
+        self.engine = engine
+        self.now_ns = now_ns
+        self.counts = {name: 0 for name in Added._fields}
+        self._names = Names()
+        self._lock = threading.Lock()
+
+    @classmethod
+    def open(cls, url: str, now_ns: Callable[[], int] = time.time_ns) -> Store:  # noqa: A003
+        """
+        Open a database and bring it to the version of this release.
+
+        :param url: ``sqlite:////path``, a path, or ``postgresql://user@host/name``.
+        :param now_ns: UTC.
+        :raises StartError: it cannot be opened; the message says what helps.
+        """
+        target = read_url(url)
+        engine = open_engine(target)
+        shown = target.render_as_string(hide_password=True)
+        try:
+            upgrade(engine)
+        except StoreError as error:
+            engine.dispose()
+            raise StartError(f'{shown}: {error}; is it running, and may we write?') from error
+        except DBAPIError as error:
+            engine.dispose()
+            first = str(error.orig).strip().splitlines()[:1]
+            raise StartError(f'{shown}: {"".join(first)[:200]}; is that a database of ours?'
+                             ) from error
+        except BaseException:
+            engine.dispose()
+            raise
+        return cls(engine, now_ns)
+
+    def close(self) -> None:
+        """Close all connections."""
+        self.engine.dispose()
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """
+        Give a connection that sees one state of the database.
+
+        :raises StoreError: the database is away.
+        """
+        with reading(self.engine) as connection:
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """
+        Give a connection that writes, one at a time; committed at the end.
+
+        :raises StoreError: the database is away or full; nothing is done.
+        """
+        # In the process by a lock, which is fair; over processes by the database.
+        with self._lock, writing(self.engine) as connection:
+            yield connection
+
+    # ---- records -----------------------------------------------------------------------------
+
+    def add(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]]) -> int:
+        """
+        Add records of a start of a robot: ``seq``, ``type``, ``utc_ns``, ``content``.
+
+        :return: how many were new; they are on the disk.
+        :raises StoreError: the database is away or full; none of them is added.
+        """
+        return self.add_all([Batch(robot, boot, records)])[0].fresh
+
+    def add_all(self, batches: Sequence[Batch]) -> list[Added]:
+        """
+        Add batches in one transaction; as :meth:`add` does.
+
+        :return: what became of each.
+        """
+        try:
+            added = self._add(batches)
+        except IntegrityError:
+            # Another process has deleted somebody whose number we remembered.
+            self._names.forget()
+            added = self._add(batches)
+        for each in added:
+            for name, count in each._asdict().items():
+                self.counts[name] += count
+        return added
+
+    def _add(self, batches: Sequence[Batch]) -> list[Added]:
+        try:
+            with self.writing() as connection:
+                adding = Adding(connection, self._names, self.now_ns())
+                added = [adding.add(batch) for batch in batches]
+                adding.save()
+        except BaseException:
+            self._names.forget()
+            raise
+        return added
+
+    def hello(self, robot: str, boot: str, *, name: str = '', people: Collection[str] = (),
+              details: Mapping[str, Any] | None = None) -> None:
+        """Note what a robot said of itself when it connected, and who lives with it."""
+        now_ns = self.now_ns()
+        try:
+            with self.writing() as connection:
+                number = self._names.robot(connection, robot, now_ns)
+                self._names.boot(connection, number, boot, now_ns)
+                for person in people:
+                    self._names.person(connection, number, person, now_ns)
+                values: dict[str, Any] = {'last_ns': now_ns, 'details': json.dumps(details or {})}
+                if name:
+                    values['name'] = name
+                connection.execute(update(ROBOTS).where(ROBOTS.c.id == number), values)
+        except BaseException:
+            self._names.forget()
+            raise
+
+    # ---- robots and people -------------------------------------------------------------------
+
+    def robots(self) -> list[dict[str, Any]]:
+        """Return all robots: id, name, first_ns, last_seen_ns, people, details."""
+        with self.reading() as connection:
+            return queries.robots(connection)
+
+    def people(self) -> list[dict[str, Any]]:
+        """Return all people: person, robots, signs, first_ns."""
+        with self.reading() as connection:
+            return queries.people(connection)
+
+    def observations(self, person: str, sign: str | None = None, start: int | None = None,
+                     end: int | None = None, limit: int = 1000,
+                     after: tuple[int, int] | None = None) -> list[dict[str, Any]]:
+        """
+        Return observations in order of time.
+
+        :param start: UTC in ns, inclusive; ``end`` is exclusive.
+        :param after: (t_ns, id) of the last one of the page before.
+        """
+        with self.reading() as connection:
+            return queries.observations(connection, person, sign, start, end, limit, after)
+
+    def latest(self, people: frozenset[str] | None = None) -> list[dict[str, Any]]:
+        """Return the newest observation of each sign of these people."""
+        with self.reading() as connection:
+            return queries.latest(connection, people)
+
+    def places(self, person: str, start_ns: int, end_ns: int, limit: int = 1000
+               ) -> list[dict[str, Any]]:
+        """Return where a person was: robot, x, y, room, t_ns."""
+        with self.reading() as connection:
+            return queries.places(connection, person, start_ns, end_ns, limit)
+
+    def events(self, robot: str, start_ns: int, end_ns: int, limit: int = 1000
+               ) -> list[dict[str, Any]]:
+        """Return what a robot's agent and operators did: type, t_ns, content."""
+        with self.reading() as connection:
+            return queries.events(connection, robot, start_ns, end_ns, limit)
+
+    def nodes(self, robot: str) -> list[dict[str, Any]]:
+        """Return the last that was said of each node: node, t_ns, content."""
+        with self.reading() as connection:
+            return queries.nodes(connection, robot)
+
+    # ---- alarms ------------------------------------------------------------------------------
+
+    def alarms(self, *, people: frozenset[str] | None, robot: str | None = None,
+               is_open: bool | None = None, since_ns: int = 0, limit: int = 200
+               ) -> list[dict[str, Any]]:
+        """Return alarms that may be seen, those that changed last first."""
+        with self.reading() as connection:
+            return alarm_queries.alarms(connection, people, robot, is_open, since_ns, limit)
+
+    def alarm(self, robot: str, id: str) -> dict[str, Any] | None:  # noqa: A002
+        """Return an alarm with ``events``, ``notes`` and ``media``; None when there is none."""
+        with self.reading() as connection:
+            return alarm_queries.alarm(connection, robot, id)
+
+    def add_note(self, robot: str, alarm: str, by: str, text: str) -> bool:
+        """Note something about an alarm; return whether there is such an alarm."""
+        with self.writing() as connection:
+            return alarm_queries.add_note(connection, robot, alarm, by, text, self.now_ns())
+
+    # ---- media -------------------------------------------------------------------------------
+
+    def media(self, id: int) -> dict[str, Any] | None:  # noqa: A002
+        """Return a picture, clip or sound; ``path`` is empty until the server has its bytes."""
+        with self.reading() as connection:
+            return alarm_queries.media(connection, id)
+
+    def media_of(self, robot: str, alarm: str) -> list[dict[str, Any]]:
+        """Return those of an alarm, the oldest first."""
+        with self.reading() as connection:
+            return alarm_queries.media_of(connection, robot, alarm)
+
+    def media_by_name(self, robot: str, media: str) -> dict[str, Any] | None:
+        """Return one by the id that its robot gave it."""
+        with self.reading() as connection:
+            return alarm_queries.media_by_name(connection, robot, media)
+
+    def media_stored(self, id: int, path: str) -> None:  # noqa: A002
+        """Note where the server has a file; '' when it has it no more."""
+        with self.writing() as connection:
+            connection.execute(update(MEDIA).where(MEDIA.c.id == id), {
+                'path': path, 'stored_ns': self.now_ns() if path else None})

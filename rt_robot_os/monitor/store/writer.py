@@ -1,0 +1,221 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Records into the database from asyncio: one thread writes what all robots sent meanwhile.
+
+While a commit waits for the disk the next batches gather, and go together in the next: the more
+robots, the fewer syncs a record. A batch with an alarm in it goes before the others. What cannot
+be written stays here and is tried again, and nothing is answered until it is on the disk.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Mapping
+from collections.abc import Sequence
+import threading
+from typing import Any
+from typing import Final
+
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.store.adding import Added
+from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.store import Store
+from rt_robot_os.uplink.importance import Importance
+
+#: Records of one transaction, about: what comes next waits no longer than for these.
+GROUP_RECORDS: Final = 5000
+#: Records that wait at most, of all robots; who comes then waits before the door.
+WAITING_RECORDS: Final = 100_000
+RETRY_S: Final = 0.5
+RETRY_MOST_S: Final = 5.0
+#: Records that are not urgent wait this long for others to share the commit.
+GATHER_S: Final = 0.02
+
+
+class _Waiting:
+    """A batch, and who waits for it."""
+
+    def __init__(self, batch: Batch, loop: asyncio.AbstractEventLoop) -> None:
+        self.batch = batch
+        self.loop = loop
+        self.future: asyncio.Future[Added] = loop.create_future()
+        self.urgent = any(isinstance(each, Mapping) and each.get('importance') in _URGENT
+                          for each in batch.records)
+
+    def done(self, result: Added | BaseException) -> None:
+        """Tell who waits, from the writer's thread."""
+        try:
+            self.loop.call_soon_threadsafe(self._set, result)
+        except RuntimeError:
+            pass  # Its loop has ended: nobody waits any more.
+
+    def _set(self, result: Added | BaseException) -> None:
+        if self.future.done():
+            return
+        if isinstance(result, BaseException):
+            self.future.set_exception(result)
+        else:
+            self.future.set_result(result)
+
+
+_URGENT: Final = frozenset({int(Importance.ALARM), int(Importance.EVENT)})
+
+
+class Writer:
+    """
+    The one who writes records; started at once, ended by :meth:`close`.
+
+    :ivar waiting: records that wait.
+    :ivar commits: transactions so far.
+    :ivar failures: how many failed.
+    :ivar fault: why nothing can be written now; '' when all is well.
+    """
+
+    def __init__(self, store: Store, *, waiting_records: int = WAITING_RECORDS) -> None:
+        self._store = store
+        self._most = waiting_records
+        self.waiting = 0
+        self.commits = 0
+        self.failures = 0
+        self.fault = ''
+        self._urgent: deque[_Waiting] = deque()
+        self._others: deque[_Waiting] = deque()
+        self._changed = threading.Condition()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='writer', daemon=True)
+        self._thread.start()
+
+    async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]],
+                  timeout_s: float = 30.0) -> Added:
+        """
+        Write records; when it returns they are on the disk.
+
+        :return: what became of them.
+        :raises StoreError: the database is away or full, or too much waits, and has for
+            ``timeout_s``. They may be written later all the same: send them again.
+        """
+        loop = asyncio.get_running_loop()
+        one = _Waiting(Batch(robot, boot, records), loop)
+        end = loop.time() + timeout_s
+        try:
+            while not self._enter(one):
+                if loop.time() >= end:
+                    raise self._late(timeout_s)
+                await asyncio.sleep(0.05)
+            await asyncio.wait({one.future}, timeout=max(0.0, end - loop.time()))
+            if not one.future.done():
+                raise self._late(timeout_s)
+            return one.future.result()
+        finally:
+            one.future.cancel()
+
+    def _late(self, timeout_s: float) -> StoreError:
+        return StoreError(f'not written within {timeout_s:g} s: '
+                          f'{self.fault or "too much waits"}')
+
+    def close(self) -> None:
+        """Write what waits, once, and end."""
+        with self._changed:
+            self._closing.set()
+            self._changed.notify()
+        self._thread.join()
+
+    def _enter(self, one: _Waiting) -> bool:
+        with self._changed:
+            if self._closing.is_set():
+                raise StoreError('the server is about to end')
+            if self.waiting and self.waiting + len(one.batch.records) > self._most and (
+                    not one.urgent):
+                return False
+            (self._urgent if one.urgent else self._others).append(one)
+            self.waiting += len(one.batch.records)
+            self._changed.notify()
+        return True
+
+    # ---- in the thread -----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        pause_s = RETRY_S
+        while (group := self._next()) is not None:
+            if not group:
+                continue  # Nobody waits for these any more.
+            try:
+                added = self._store.add_all([each.batch for each in group])
+            except StoreError as error:
+                self.failures += 1
+                self.fault = str(error)
+                self._back(group)
+                if self._closing.wait(pause_s):
+                    break
+                pause_s = min(2 * pause_s, RETRY_MOST_S)
+                continue
+            except Exception as error:
+                self.failures += 1
+                self._one_by_one(group, error)
+            else:
+                for each, result in zip(group, added, strict=True):
+                    each.done(result)
+            self.commits += 1
+            self.fault = ''
+            pause_s = RETRY_S
+        self._turn_away()
+
+    def _next(self) -> list[_Waiting] | None:
+        """Return what is written together; None when it is time to end."""
+        group: list[_Waiting] = []
+        count = 0
+        with self._changed:
+            self._changed.wait_for(lambda: self._urgent or self._others or self._closing.is_set())
+            if not self._urgent and not self._closing.is_set():
+                self._changed.wait_for(lambda: self._urgent or self._closing.is_set(), GATHER_S)
+            for queue in (self._urgent, self._others):
+                while queue and (not group or count + len(queue[0].batch.records)
+                                 <= GROUP_RECORDS):
+                    one = queue.popleft()
+                    self.waiting -= len(one.batch.records)
+                    if not one.future.cancelled():
+                        group.append(one)
+                        count += len(one.batch.records)
+            ended = self._closing.is_set() and not (group or self._urgent or self._others)
+        return None if ended else group
+
+    def _back(self, group: Sequence[_Waiting]) -> None:
+        with self._changed:
+            for one in reversed(group):
+                if not one.future.cancelled():
+                    (self._urgent if one.urgent else self._others).appendleft(one)
+                    self.waiting += len(one.batch.records)
+
+    def _one_by_one(self, group: Sequence[_Waiting], error: Exception) -> None:
+        """Find the batch that is to blame, so that it is the only one turned away."""
+        if len(group) == 1:
+            group[0].done(StoreError(f'refused: {type(error).__name__}: {str(error)[:200]}'))
+            return
+        for one in group:
+            try:
+                one.done(self._store.add_all([one.batch])[0])
+            except Exception as own:
+                one.done(StoreError(f'refused: {type(own).__name__}: {str(own)[:200]}'))
+
+    def _turn_away(self) -> None:
+        with self._changed:
+            left = [*self._urgent, *self._others]
+            self._urgent.clear()
+            self._others.clear()
+            self.waiting = 0
+        for one in left:
+            one.done(StoreError('the server has ended before it was written'))

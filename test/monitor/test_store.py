@@ -1,0 +1,168 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What robots send comes into the database once, and out of it as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+import stat
+import time
+from typing import Any
+
+import pytest
+
+pytest.importorskip('sqlalchemy')
+pytest.importorskip('alembic')
+
+from rt_robot_os.monitor.store.store import Store  # noqa: E402
+
+NOW_NS = 1_800_000_000_000_000_000
+S = 1_000_000_000
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store.open(str(tmp_path / 'monitor.db'), lambda: NOW_NS)
+    yield store
+    store.close()
+
+
+def record(seq: int, kind: str, t_ns: int = NOW_NS, /, **content: Any) -> dict[str, Any]:
+    return {'seq': seq, 'importance': 3, 'type': kind, 'utc_ns': t_ns, 'content': content}
+
+
+def pulse(seq: int, value: float | None, t_ns: int = NOW_NS, person: str = 'anna',
+          quality: str = 'good') -> dict[str, Any]:
+    return record(seq, 'observation', t_ns, person=person, sign='pulse_per_min', value=value,
+                  quality=quality, source='wrist')
+
+
+def alarm(seq: int, number: int, event: str, state: str, t_ns: int = NOW_NS, **more: Any
+          ) -> dict[str, Any]:
+    return record(seq, 'alarm_event', t_ns, **{
+        'seq': number, 'alarm': '7', 'event': event, 'state': state, 'level': 'critical',
+        'subject': 'anna', 'kinds': ['fall'], 'text': 'anna lies in the hall', 'by': '', 'why': '',
+        **more})
+
+
+def test_a_record_is_there_once_however_often_it_comes(store: Store) -> None:
+    records = [pulse(seq, 60.0 + seq, NOW_NS - seq * S) for seq in range(10)]
+    assert store.add('r1', 'b1', records) == 10
+    assert store.add('r1', 'b1', records + [pulse(10, 70.0), pulse(10, 71.0)]) == 1
+    assert store.add('r1', 'b2', records[:2]) == 2
+    assert store.add('r2', 'b1', records[:2]) == 2
+    found = store.observations('anna')
+    assert len(found) == 15
+    assert [each['t_ns'] for each in found] == sorted(each['t_ns'] for each in found)
+    assert found[0] == {
+        'id': found[0]['id'], 'robot': 'r1', 'boot': 'b1', 'seq': 9, 'person': 'anna',
+        'code': 'pulse_per_min', 'value': 69.0, 'unit': '1/min', 'quality': 'good',
+        'source': 'wrist', 't_ns': NOW_NS - 9 * S, 'arrived_ns': NOW_NS}
+
+
+def test_the_file_is_for_its_owner_alone(store: Store, tmp_path: Path) -> None:
+    store.add('r1', 'b1', [pulse(0, 60.0)])
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
+    assert 'monitor.db-wal' in modes
+    assert set(modes.values()) == {0o600}
+
+
+def test_it_is_all_there_when_opened_again(tmp_path: Path) -> None:
+    path = str(tmp_path / 'monitor.db')
+    store = Store.open(path)
+    store.add('r1', 'b1', [pulse(0, 60.0, time.time_ns())])
+    store.close()
+    store = Store.open(f'sqlite:///{path}')
+    assert [each['value'] for each in store.observations('anna')] == [60.0]
+    assert store.add('r1', 'b1', [pulse(0, 60.0, time.time_ns())]) == 0
+    store.close()
+
+
+def test_the_newest_of_each_sign_is_the_newest_by_time(store: Store) -> None:
+    store.add('r1', 'b1', [pulse(0, 60.0), pulse(1, 50.0, NOW_NS - S), pulse(
+        2, None, person='ben', quality='off')])
+    assert [(each['person'], each['value'], each['quality']) for each in store.latest(None)] == [
+        ('anna', 60.0, 'good'), ('ben', None, 'off')]
+    assert [each['person'] for each in store.latest(frozenset({'ben'}))] == ['ben']
+
+
+@pytest.mark.parametrize('order', [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
+def test_an_alarm_is_what_its_newest_event_says_in_whatever_order_they_come(
+        store: Store, order: tuple[int, ...]) -> None:
+    events = [
+        alarm(0, 10, 'suspected', 'suspected', NOW_NS - 9 * S, x=1.0, y=2.0),
+        alarm(1, 11, 'raised', 'raised', NOW_NS - 5 * S),
+        alarm(2, 14, 'acknowledged', 'acknowledged', NOW_NS - 2 * S, by='mary', text='I go'),
+        alarm(3, 19, 'resolved', 'resolved', NOW_NS - S, by='mary', why='in her chair')]
+    for number in order:
+        store.add('r1', 'b1', [events[number]])
+    found = store.alarm('r1', '7')
+    assert found is not None
+    assert [each['event'] for each in found['events']] == [
+        'suspected', 'raised', 'acknowledged', 'resolved']
+    assert {name: found[name] for name in (
+        'state', 'is_open', 'opened_ns', 'raised_ns', 'acknowledged_ns', 'acknowledged_by', 'why',
+        'x', 'y', 't_ns')} == {
+            'state': 'resolved', 'is_open': False, 'opened_ns': NOW_NS - 9 * S,
+            'raised_ns': NOW_NS - 5 * S, 'acknowledged_ns': NOW_NS - 2 * S,
+            'acknowledged_by': 'mary', 'why': 'in her chair', 'x': 1.0, 'y': 2.0,
+            't_ns': NOW_NS - S}
+    assert store.alarms(people=None, is_open=True) == []
+
+
+def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> None:
+    store.hello('r1', 'b1', name='robbie', people=['anna', 'ben'])
+    store.hello('r2', 'b1', people=['cleo'])
+    store.add('r1', 'b1', [alarm(0, 1, 'raised', 'raised'),
+                           alarm(1, 2, 'raised', 'raised', alarm='8', subject='ben'),
+                           alarm(2, 3, 'raised', 'raised', alarm='9', subject='kitchen')])
+    store.add('r2', 'b1', [alarm(0, 1, 'raised', 'raised', subject='hall')])
+
+    def seen(*people: str) -> set[tuple[str, str]]:
+        return {(each['robot'], each['subject']) for each in store.alarms(
+            people=frozenset(people))}
+    assert seen('anna') == {('r1', 'anna'), ('r1', 'kitchen')}
+    assert seen('cleo') == {('r2', 'hall')}
+    assert seen() == set()
+    assert len(store.alarms(people=None)) == 4
+
+
+@pytest.mark.parametrize('odd', [
+    {'utc_ns': NOW_NS - 3 * 365 * 86400 * S}, {'utc_ns': NOW_NS + 3 * 365 * 86400 * S},
+    {'utc_ns': 'now'}, {'utc_ns': 1e300}, {'utc_ns': None}, {'type': 'hologram'}, {'type': None},
+    {'type': ['observation']}, {'content': None}, {'content': []}, {'content': {}},
+    {'seq': None}, {'seq': -1}, {'seq': 1 << 70}, {'seq': True}, {'seq': '5'},
+    *({'content': {'person': 'anna', 'sign': 'pulse_per_min', 'value': 60.0, **more}} for more in (
+        {'value': float('nan')}, {'value': float('inf')}, {'value': 10 ** 400}, {'value': '60'},
+        {'value': True}, {'value': None}, {'person': 'an\0na'}, {'person': 'an\ud800na'},
+        {'person': ''}, {'person': 'x' * 1_000_000}, {'person': {}}, {'sign': 'Pulse 1'},
+        {'sign': '../x'}, {'quality': 'splendid'}, {'quality': ['good']}, {'source': 'a\0'},
+        {'source': 'x' * 1_000_000}))], ids=lambda odd: str(odd)[:50].replace('\0', '0'))
+def test_a_record_that_makes_no_sense_is_kept_aside_and_harms_no_other(
+        store: Store, odd: dict[str, Any]) -> None:
+    store.add('r1', 'b1', [pulse(1, 60.0), {**pulse(5, 61.0), **odd}, pulse(2, 62.0)])
+    assert [each['value'] for each in store.observations('anna')] == [60.0, 62.0]
+    assert store.counts['aside'] == 1
+    assert store.counts['dropped'] == 0
+
+
+@pytest.mark.parametrize('text', ['a\0b', 'a\ud800b', 'a\u202eb', 'ok \U0001f600'])
+def test_no_alarm_is_lost_for_odd_texts_or_a_wrong_clock(store: Store, text: str) -> None:
+    store.add('r1', 'b1', [alarm(0, 1, 'raised', 'raised', 5, text=text, subject=text)])
+    found, = store.alarms(people=None)
+    assert found['t_ns'] == NOW_NS
+    assert found['text'].encode()
+    assert '\0' not in found['text']
