@@ -1,0 +1,156 @@
+/** Start: words, session, then the shell with its views, or the view to sign in. */
+
+import {Api, ApiError} from './lib/api.js';
+import {h, replace} from './lib/dom.js';
+import {Format} from './lib/format.js';
+import {store, stored, translator, Words} from './lib/i18n.js';
+import {Live} from './lib/live.js';
+import {button, notice} from './lib/parts.js';
+import {Shell} from './lib/shell.js';
+import {Sound} from './lib/sound.js';
+import {State} from './lib/state.js';
+import {toast} from './lib/toast.js';
+
+const root = document.getElementById('app');
+const words = new Words();
+const api = new Api();
+const live = new Live('/live');
+const state = new State(live);
+const sound = new Sound(stored('sound') === 'on');
+const settings = {theme: stored('theme') || '', notify: stored('notify') === 'on'};
+let shell = null;
+let session = null;
+
+/** What every view is given. */
+const context = {
+  api,
+  live,
+  state,
+  sound,
+  settings,
+  toast,
+  t: translator(words),
+  format: null,
+  user: null,
+  permissions: new Set(),
+  people: null,
+  /** Go to another view: '#/alarms/robot/7'. */
+  go(hash) {
+    location.hash = hash;
+  },
+  /** Order something of a robot; resolves to its answer. */
+  command(robot, what, args = {}) {
+    return api.post(`/api/robots/${encodeURIComponent(robot)}/commands`, {do: what, args});
+  },
+  /** After somebody has signed in: begin anew with who that is. */
+  signedIn: () => begin(),
+  async signOut() {
+    try {
+      await api.delete('/api/session');
+    } catch (error) {
+      // The server forgets the session by itself; here it ends at once.
+    }
+    leave();
+  },
+  async setLanguage(language) {
+    store('language', language);
+    await words.use(language);
+    show();
+  },
+  setTheme(theme) {
+    settings.theme = theme;
+    store('theme', theme || null);
+    if (theme) {
+      document.documentElement.dataset.theme = theme;
+    } else {
+      delete document.documentElement.dataset.theme;
+    }
+    dispatchEvent(new Event('themechange'));
+  },
+  async setSound(isOn) {
+    store('sound', isOn ? 'on' : null);
+    await sound.switch(isOn);
+  },
+  async setNotify(isOn) {
+    const isAllowed = isOn && 'Notification' in window
+      && await Notification.requestPermission() === 'granted';
+    settings.notify = isAllowed;
+    store('notify', isAllowed ? 'on' : null);
+    return isAllowed;
+  },
+  /** How many alarms nobody has answered, and the worst in words: for the title and the icon. */
+  setBadge(count, text) {
+    context.badge = {count, text};
+    shell?.showTitle();
+  },
+  badge: {count: 0, text: ''},
+  /** A view that is about one robot says so: the stop button stops that one. */
+  shownRobot: null,
+};
+
+async function begin(asked = api.get('/api/session').catch((error) => error)) {
+  root.setAttribute('aria-busy', 'true');
+  const found = await asked;
+  if (found instanceof ApiError && found.status !== 401) {
+    unreachable();
+    return;
+  }
+  session = found instanceof ApiError ? null : found;
+  if (session) {
+    api.csrf = session.csrf || '';
+    const user = typeof session.user === 'object' ? session.user : {name: session.user};
+    context.user = {role: session.role, ...user};
+    context.permissions = new Set(session.permissions);
+    context.people = session.people;
+    state.clear();
+    live.start();
+  }
+  show();
+}
+
+function leave() {
+  live.stop();
+  state.clear();
+  session = null;
+  api.csrf = '';
+  context.user = null;
+  context.permissions = new Set();
+  context.setBadge(0, '');
+  show();
+}
+
+function show() {
+  context.format = new Format(words.language);
+  shell?.close();
+  shell = new Shell(root, context, session !== null);
+  root.removeAttribute('aria-busy');
+}
+
+function unreachable() {
+  replace(root, h('main.alone', notice('offline', words.say('shell.no_answer'),
+    words.say('shell.no_answer_text'), button(words.say('shell.again'), () => begin(),
+      {kind: 'primary'}))));
+  root.removeAttribute('aria-busy');
+  clearTimeout(unreachable.timer);
+  unreachable.timer = setTimeout(begin, 2000);
+}
+
+api.onSignedOut = () => session && signedOut();
+live.addEventListener('revoked', () => signedOut());
+
+function signedOut() {
+  leave();
+  toast(context.t('shell.signed_out'), {kind: 'warn'});
+}
+
+addEventListener('keydown', (event) => {
+  if (event.key === 'F9' && session) {
+    event.preventDefault();
+    context.go('#/alarms');
+  }
+});
+
+await words.use(Words.preferred());
+const first = api.get('/api/session').catch((error) => error);
+await words.load('shell', 'words');
+await begin(first);

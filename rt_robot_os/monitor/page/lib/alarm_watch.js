@@ -1,0 +1,68 @@
+/** Make alarms heard and seen outside of the page: read out, sound, notification, title, icon. */
+
+import {isLoud, kindsText, rank} from './alarms.js';
+import {announce} from './toast.js';
+
+/** Watch the alarms of a context; returns what ends it. */
+export function watchAlarms(context) {
+  const told = new Set();
+  const take = (kind, {alarms, before, isFirst}) => {
+    show(context);
+    if (isFirst) {
+      alarms.forEach((each) => told.add(signature(each)));
+      return;
+    }
+    for (const alarm of alarms) {
+      if (isNews(alarm, before) && !told.has(signature(alarm))) {
+        told.add(signature(alarm));
+        tell(context, alarm);
+      } else if (before && before.state !== alarm.state) {
+        announce(sentence(context, alarm));
+      }
+    }
+  };
+  show(context);
+  const off = context.state.on('alarms', take);
+  return () => {
+    off();
+    context.sound.alarm(null);
+  };
+}
+
+function signature(alarm) {
+  return [alarm.robot, alarm.id, alarm.state, alarm.level, String(alarm.kinds)].join('/');
+}
+
+function isNews(alarm, before) {
+  return isLoud(alarm) && (!before || before.state !== alarm.state
+    || rank(alarm.level) > rank(before.level) || String(before.kinds) !== String(alarm.kinds));
+}
+
+/** An alarm as a sentence. */
+export function sentence({t}, alarm) {
+  return t('shell.alarm_said', {level: t.word('level', alarm.level), subject: alarm.subject,
+    kinds: kindsText(alarm, t), state: t.word('state', alarm.state)});
+}
+
+function tell(context, alarm) {
+  announce(sentence(context, alarm), true);
+  if (document.hidden && 'Notification' in window && Notification.permission === 'granted'
+      && context.settings.notify) {
+    const made = new Notification(`${context.t.word('level', alarm.level)}: ${alarm.subject}`, {
+      body: [kindsText(alarm, context.t), alarm.text].filter(Boolean).join('\n'),
+      tag: `${alarm.robot}/${alarm.id}`, renotify: true, requireInteraction: alarm.level === 'critical',
+    });
+    made.onclick = () => {
+      window.focus();
+      context.go(`#/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}`);
+      made.close();
+    };
+  }
+}
+
+function show(context) {
+  const loud = context.state.openAlarms().filter(isLoud);
+  context.sound.alarm(loud.length ? loud[0].level : null);
+  context.setBadge(loud.length, loud.length
+    ? `${loud[0].subject}: ${kindsText(loud[0], context.t)}` : '');
+}

@@ -1,0 +1,102 @@
+/** Requests to the server: JSON both ways, the CSRF token on what changes something, clear errors. */
+
+const TIMEOUT_MS = 15000;
+
+/** What a request was refused with: what happened (message) and what to do (remedy). */
+export class ApiError extends Error {
+  /**
+   * @param {number} status of HTTP; 0: the server did not answer
+   * @param {string} text
+   * @param {string} remedy
+   */
+  constructor(status, text, remedy = '') {
+    super(text);
+    this.status = status;
+    this.remedy = remedy;
+  }
+}
+
+export class Api {
+  constructor() {
+    this.csrf = '';
+    /** Called when the server no longer knows who we are. */
+    this.onSignedOut = () => {};
+  }
+
+  get(path, parameters) {
+    return this.send('GET', path + query(parameters));
+  }
+
+  post(path, body = {}) {
+    return this.send('POST', path, body);
+  }
+
+  put(path, body = {}) {
+    return this.send('PUT', path, body);
+  }
+
+  patch(path, body = {}) {
+    return this.send('PATCH', path, body);
+  }
+
+  delete(path, body) {
+    return this.send('DELETE', path, body);
+  }
+
+  /**
+   * Send a request.
+   * @returns {Promise<*>} the JSON of the answer, null for none
+   * @throws {ApiError}
+   */
+  async send(method, path, body) {
+    const headers = {Accept: 'application/json'};
+    if (method !== 'GET') {
+      headers['X-CSRF-Token'] = this.csrf;
+    }
+    if (body !== undefined) {
+      headers['Content-Type'] = 'application/json';
+    }
+    let answer;
+    try {
+      answer = await fetch(path, {
+        method,
+        headers,
+        body: body === undefined ? undefined : JSON.stringify(body),
+        credentials: 'same-origin',
+        cache: 'no-store',
+        signal: AbortSignal.timeout(TIMEOUT_MS),
+      });
+    } catch (error) {
+      throw new ApiError(0, '');
+    }
+    const found = await content(answer);
+    if (answer.ok) {
+      return found;
+    }
+    if (answer.status === 401 && !path.startsWith('/api/session')) {
+      this.onSignedOut();
+    }
+    const detail = (found && found.detail) || {};
+    throw new ApiError(answer.status, detail.text || String(detail.message || answer.status),
+      detail.remedy || '');
+  }
+}
+
+async function content(answer) {
+  try {
+    return await answer.json();
+  } catch (error) {
+    return null;
+  }
+}
+
+function query(parameters) {
+  const found = new URLSearchParams();
+  for (const [name, value] of Object.entries(parameters || {})) {
+    if (value !== undefined && value !== null) {
+      found.set(name, value);
+    }
+  }
+  const text = found.toString();
+  return text ? `?${text}` : '';
+}

@@ -1,0 +1,79 @@
+/** Numbers, times and ages as people of a language write them. */
+
+const DAY_S = 86400;
+const UNITS = [['day', DAY_S], ['hour', 3600], ['minute', 60], ['second', 1]];
+
+export class Format {
+  /** @param {string} language such as 'de' */
+  constructor(language) {
+    this.language = language;
+    this.made = new Map();
+  }
+
+  /** A number with so many decimals; what is no number is a dash. */
+  number(value, decimals = 0) {
+    if (typeof value !== 'number' || !Number.isFinite(value)) {
+      return '–';
+    }
+    const options = {minimumFractionDigits: decimals, maximumFractionDigits: decimals};
+    return this.maker('NumberFormat', `number${decimals}`, options).format(value);
+  }
+
+  /** A share of 0 to 1 as percent. */
+  percent(share, decimals = 0) {
+    if (typeof share !== 'number' || !Number.isFinite(share)) {
+      return '–';
+    }
+    return this.maker('NumberFormat', `percent${decimals}`,
+      {style: 'percent', maximumFractionDigits: decimals}).format(share);
+  }
+
+  /** How long, in the largest unit that fits: 12 s, 3 min, 5 hr, 2 days. */
+  duration(seconds) {
+    if (typeof seconds !== 'number' || !Number.isFinite(seconds)) {
+      return '–';
+    }
+    const [unit, size] = unitOf(Math.max(0, seconds));
+    return this.maker('NumberFormat', unit,
+      {style: 'unit', unit, unitDisplay: 'short', maximumFractionDigits: 0})
+      .format(Math.floor(Math.max(0, seconds) / size));
+  }
+
+  /** How long ago: 3 min. ago. */
+  ago(seconds) {
+    if (typeof seconds !== 'number' || !Number.isFinite(seconds)) {
+      return '–';
+    }
+    const [unit, size] = unitOf(Math.max(0, seconds));
+    return this.maker('RelativeTimeFormat', 'ago', {style: 'short', numeric: 'always'})
+      .format(-Math.floor(Math.max(0, seconds) / size), unit);
+  }
+
+  /** The time of the day; with the date unless it was today. */
+  time(ms, withSeconds = true) {
+    const when = new Date(ms);
+    const clock = {hour: '2-digit', minute: '2-digit', ...(withSeconds && {second: '2-digit'})};
+    const isToday = when.toDateString() === new Date().toDateString();
+    const date = isToday ? {} : {day: 'numeric', month: 'short'};
+    return this.maker('DateTimeFormat', `time${withSeconds}${isToday}`, {...date, ...clock})
+      .format(when);
+  }
+
+  /** Date and time, whole. */
+  dateTime(ms) {
+    return this.maker('DateTimeFormat', 'whole', {dateStyle: 'medium', timeStyle: 'medium'})
+      .format(new Date(ms));
+  }
+
+  maker(kind, key, options) {
+    const name = `${kind} ${key}`;
+    if (!this.made.has(name)) {
+      this.made.set(name, new Intl[kind](this.language, options));
+    }
+    return this.made.get(name);
+  }
+}
+
+function unitOf(seconds) {
+  return UNITS.find(([, size]) => seconds >= size) || UNITS[UNITS.length - 1];
+}
