@@ -152,5 +152,5 @@ addEventListener('keydown', (event) => {
 
 await words.use(Words.preferred());
 const first = api.get('/api/session').catch((error) => error);
-await words.load('shell', 'words');
+await words.load('shell', 'words', 'alarms');
 await begin(first);

@@ -151,9 +151,9 @@ function update(element, node, {t, format}, nodes) {
   setBadge(state.firstChild, TONES[word] || 'none', t.word('node_state', word), ICONS[word]);
   write(battery, Number.isFinite(node.battery_v) ? `${format.number(node.battery_v, 2)} V` : '–');
   write(days, Number.isFinite(node.days_left) ? format.number(node.days_left) : '–');
-  days.classList.toggle('is-low', node.days_left < 14);
+  days.classList.toggle('is-low', node.days_left !== null && node.days_left < 14);
   write(delivery, format.percent(node.recent ?? node.delivery));
-  delivery.classList.toggle('is-low', (node.recent ?? node.delivery) < 0.8);
+  delivery.classList.toggle('is-low', (node.recent ?? node.delivery ?? 1) < 0.8);
   write(packets, format.number(node.received));
   write(lost, format.number(node.lost));
   write(heard, Number.isFinite(node.age_s) ? format.ago(node.age_s) : t('network.never'));
