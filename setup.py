@@ -72,6 +72,7 @@ setup(
             'core = rt_robot_os.core.program:main',
             'doctor = rt_robot_os.tools.doctor.program:main',
             'echo = rt_robot_os.clients.ros.echo_program:main',
+            'gateway = rt_robot_os.clients.gateway.program:main',
             'health = rt_robot_os.tools.health.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'monitor = rt_robot_os.monitor.program:main',

@@ -57,6 +57,7 @@ class CdrReader:
 
     :param cdr: little-endian, with its encapsulation; may hold anything.
     :raises ValueError: here and below: they are no such message.
+    :ivar cdr: the bytes.
     :ivar at: where the next field begins, in the bytes.
     """
 
@@ -64,7 +65,7 @@ class CdrReader:
         if cdr[:2] != LITTLE_ENDIAN[:2] or len(cdr) < ENCAPSULATION:
             raise ValueError(f'the encapsulation {bytes(cdr[:4]).hex(" ")} is not that of '
                              'little-endian CDR')
-        self._cdr = cdr
+        self.cdr = cdr
         self.at = ENCAPSULATION
 
     def skip(self, alignment: int, size: int) -> int:
@@ -74,25 +75,25 @@ class CdrReader:
         :return: where it begins.
         """
         start = self.at + padding(self.at - ENCAPSULATION, alignment)
-        if start + size > len(self._cdr):
-            raise ValueError(f'{len(self._cdr)} bytes end within the message')
+        if start + size > len(self.cdr):
+            raise ValueError(f'{len(self.cdr)} bytes end within the message')
         self.at = start + size
         return start
 
     def count(self) -> int:
         """Read a number of items, or of bytes."""
-        count: int = _COUNT.unpack_from(self._cdr, self.skip(_COUNT.size, _COUNT.size))[0]
+        count: int = _COUNT.unpack_from(self.cdr, self.skip(_COUNT.size, _COUNT.size))[0]
         return count
 
     def text(self) -> str:
         """Read a text."""
         length = self.count()
         start = self.skip(1, length)
-        return self._cdr[start:start + max(0, length - 1)].decode(errors='replace')
+        return self.cdr[start:start + max(0, length - 1)].decode(errors='replace')
 
     def doubles(self, count: int) -> tuple[float, ...]:
         """Read numbers."""
         if not count:
             return ()  # nothing is aligned for them
         start = self.skip(_DOUBLE, count * _DOUBLE)
-        return struct.unpack_from(f'<{count}d', self._cdr, start)
+        return struct.unpack_from(f'<{count}d', self.cdr, start)

@@ -157,11 +157,16 @@ def to_path(frame_id: str) -> Outward:
 
 
 def _numbers(cdr: memoryview) -> tuple[float, ...]:
-    return _labelled_numbers(cdr)[1]
+    return labelled_numbers(cdr)[1]
 
 
-def _labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
-    """Return the label of the first dimension and the numbers."""
+def labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
+    """
+    Read a ``std_msgs/msg/Float64MultiArray``.
+
+    :return: the label of the first dimension, and the numbers.
+    :raises ValueError: it is none.
+    """
     reader = CdrReader(bytes(cdr))
     label = ''
     for dimension in range(reader.count()):
@@ -249,7 +254,7 @@ def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
 
 def to_network(frame_id: str) -> Outward:
     """Make what turns the rows of a sensor network into markers."""
-    return to_markers(_labelled_numbers, frame_id)
+    return to_markers(labelled_numbers, frame_id)
 
 
 # ---- which there are -------------------------------------------------------------------------

@@ -24,7 +24,9 @@ kind        direction  content
 ==========  =========  ==========================================================================
 hello       up         version, robot (UUID), name, boot (UUID of this start), utc_ns, people,
                        cameras, capabilities, nodes, map (SHA-256), limits
-records     up         batch, records (each: seq, importance, type, utc_ns, content), lost
+records     up         batch, boot (of these records; an earlier start's after a restart), records
+                       (each: seq, importance, type, utc_ns, content), lost ({importance: how many
+                       records gave way so far})
 live        up         n, utc_ns, signals ({name: [utc_ns, value]})
 answer      up         id, ok, text
 map         up         a map, as :mod:`rt_robot_os.uplink.maps` packs it; after want_map
@@ -33,7 +35,8 @@ welcome     down       utc_ns, want_map
 stored      down       batch: it is on the server's disk
 refused     down       batch, text, retry_s
 taken       down       n: the next ``live`` may come
-want        down       signals_hz, cameras ({name: pictures a second})
+want        down       signals_hz, cameras ({name: pictures a second}), signals (patterns of
+                       names that somebody looks at; optional)
 command     down       id, do, args, by
 drive       down       seq, beat, linear_m_s, angular_rad_s, by
 drive_end   down       by, why

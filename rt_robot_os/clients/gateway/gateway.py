@@ -1,0 +1,136 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The gateway of one robot: its parts, the link on one side and the server on the other."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.clients.gateway.connection import Connection
+from rt_robot_os.clients.gateway.connection import Talk
+from rt_robot_os.clients.gateway.heartbeat import Heartbeat
+from rt_robot_os.clients.gateway.identity import Identity
+from rt_robot_os.clients.gateway.live import Live
+from rt_robot_os.clients.gateway.part import Part
+from rt_robot_os.clients.gateway.part import Record
+from rt_robot_os.clients.gateway.part import Ways
+from rt_robot_os.clients.gateway.people import people_in
+from rt_robot_os.clients.gateway.robot_link import RobotLink
+from rt_robot_os.clients.gateway.settings import GatewaySettings
+from rt_robot_os.clients.gateway.state_connection import StateConnection
+from rt_robot_os.uplink.messages import encode
+
+#: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
+PARTS: Final[tuple[Callable[[Ways], Part], ...]] = ()
+_STOP_LOOK_S: Final = 0.1
+
+
+class _LiveSource:
+    """Signals as the sender wants them."""
+
+    def __init__(self, live: Live) -> None:
+        self._live = live
+
+    def next_text(self) -> str | None:
+        """Return the next message."""
+        content = self._live.next_message()
+        return None if content is None else encode('live', content)
+
+
+class Gateway:
+    """
+    Carry between a core and a server.
+
+    :param name: of the robot, as people call it.
+    :param path: of the core's socket.
+    :param folder: of its own files; made, for this user alone.
+    :param tell: takes a line of text about what goes wrong.
+    :raises StartError: the folder cannot be used.
+    """
+
+    def __init__(self, settings: GatewaySettings, name: str, path: Path, folder: Path,
+                 tell: Callable[[str], None]) -> None:
+        self._settings = settings
+        self._name = settings.name or name
+        self.identity = Identity(folder)
+        self.robot = RobotLink(path, tell)
+        self.server = StateConnection(settings, self._hello, tell)
+        self._extra: list[Connection] = []
+        ways = Ways(self.robot, self.server, settings, self._keep, self._connect, tell, folder)
+        self.live = Live(ways)
+        self.parts: tuple[Part, ...] = (
+            *(make(ways) for make in PARTS), self.live, Heartbeat(ways, self.statistics))
+        self._tell = tell
+
+    def _keep(self, record: Record) -> None:
+        """Keep a record."""
+
+    def _connect(self, path: str, talk: Talk) -> Connection:
+        """Add a connection of a part's own; before :meth:`run`."""
+        made = Connection(self._settings, path, talk, self._tell)
+        self._extra.append(made)
+        return made
+
+    def _hello(self) -> dict[str, Any]:
+        """Say who this is, and what it can."""
+        topics = self.robot.topics
+        found: dict[str, Any] = {
+            'robot': self.identity.robot, 'name': self._name, 'boot': self.identity.boot,
+            'utc_ns': time.time_ns(), 'cameras': [], 'nodes': [], 'map': '', 'limits': {},
+            'people': list(self._settings.people or people_in(topics))}
+        capabilities: list[str] = []
+        for part in self.parts:
+            more: Mapping[str, Any] = part.hello()
+            capabilities += more.get('capabilities', ())
+            found.update((key, value) for key, value in more.items() if key != 'capabilities')
+        return {**found, 'capabilities': list(dict.fromkeys(capabilities))}
+
+    async def run(self, stopping: Callable[[], bool]) -> None:
+        """
+        Carry until somebody stops it.
+
+        :raises Exception: a part has ended, which none should.
+        """
+        self.robot.start(self.parts)
+        tasks = [asyncio.ensure_future(each) for each in (
+            self.server.run(self.parts, (_LiveSource(self.live),)),
+            *(part.run() for part in self.parts if type(part).run is not Part.run),
+            *(each.run() for each in self._extra))]
+        try:
+            while not stopping():
+                done, _ = await asyncio.wait(tasks, timeout=_STOP_LOOK_S,
+                                             return_when=asyncio.FIRST_COMPLETED)
+                for each in done:
+                    each.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            with suppress(asyncio.CancelledError):
+                await asyncio.gather(*tasks, return_exceptions=True)
+            self.robot.stop()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return the counters of all parts. Any thread."""
+        found = {**self.robot.statistics(), **self.server.statistics()}
+        for part in self.parts:
+            found.update(part.statistics())
+        return found
