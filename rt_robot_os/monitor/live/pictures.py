@@ -1,0 +1,223 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The newest picture of each camera, and who looks: newest wins, for each viewer by itself.
+
+No network in here. A viewer has one picture of a camera on its way at most, and gets the next when
+it has said that it drew that one: what waits at a slow viewer is never older than its last answer,
+and no other viewer notices it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.units import NS_PER_S
+
+#: Of a robot and a camera.
+Key = tuple[str, str]
+
+#: A viewer gets no more pictures a second of one camera.
+RATE_MOST_HZ: Final = 30.0
+RATE_LEAST_HZ: Final = 0.1
+#: Cameras that a viewer looks at; more are refused.
+CAMERAS_MOST: Final = 16
+
+
+class Picture(NamedTuple):
+    """
+    A picture as viewers get it.
+
+    :ivar n: counts the pictures of its camera, here.
+    :ivar frame: header and JPEG; encoded once for all viewers.
+    """
+
+    key: Key
+    n: int
+    frame: bytes
+
+
+@dataclass
+class _Look:
+    """What a viewer sees of a camera; ``awaited`` is the number on its way, 0 for none."""
+
+    period_ns: int
+    next_ns: int = 0
+    sent: int = 0
+    awaited: int = 0
+
+
+class Viewer:
+    """
+    Somebody who looks at cameras.
+
+    :param gallery: where the pictures are.
+    :param wake: called when there may be something for :meth:`next_picture`.
+    :ivar sent: pictures so far.
+    :ivar skipped: pictures that it never got, because a newer one was there first.
+    """
+
+    def __init__(self, gallery: Gallery, wake: Callable[[], None]) -> None:
+        self.sent = self.skipped = 0
+        self.wake = wake
+        self._gallery = gallery
+        self._looks: dict[Key, _Look] = {}
+        self._turn = 0
+        self._asked_ns = 0
+
+    def look(self, key: Key, rate_hz: float) -> None:
+        """
+        Look at a camera, or change how often.
+
+        :raises ValueError: these are too many.
+        """
+        if key not in self._looks and len(self._looks) >= CAMERAS_MOST:
+            raise ValueError(f'{CAMERAS_MOST} cameras at once are the most')
+        period_ns = round(NS_PER_S / min(RATE_MOST_HZ, max(RATE_LEAST_HZ, rate_hz)))
+        known = self._looks.get(key)
+        if known is None:
+            self._looks[key] = _Look(period_ns)
+        else:
+            known.period_ns = period_ns
+        self._gallery.changed(key[0])
+        self.wake()
+
+    def leave(self, key: Key) -> None:
+        """Look at a camera no more; may be called twice."""
+        if self._looks.pop(key, None) is not None:
+            self._gallery.changed(key[0])
+
+    def taken(self, key: Key, n: int) -> None:
+        """Note that it has drawn a picture; the next may go."""
+        look = self._looks.get(key)
+        if look is not None and look.awaited and n == look.awaited:
+            look.awaited = 0
+            self.wake()
+
+    def keys(self) -> tuple[Key, ...]:
+        """Return what it looks at."""
+        return tuple(self._looks)
+
+    def rate_hz(self, key: Key) -> float:
+        """Return how often it wants a picture; 0 for not at all."""
+        look = self._looks.get(key)
+        return NS_PER_S / look.period_ns if look is not None else 0.0
+
+    def waiting(self, now_ns: int) -> int:
+        """Return for how long it has left a picture without an answer; 0: it has not."""
+        awaited = any(look.awaited for look in self._looks.values())
+        return now_ns - self._asked_ns if awaited else 0
+
+    def next_picture(self, now_ns: int) -> tuple[Picture | None, int]:
+        """
+        Return what it gets now, and then when to ask again.
+
+        :param now_ns: of any clock that never goes back.
+        :return: a picture or None; of None also in how many nanoseconds something is due that is
+            there already, 0 for nothing.
+        """
+        keys = list(self._looks)
+        soonest_ns = 0
+        for place in range(len(keys)):
+            # Each in turn, so that one quick camera does not starve the others.
+            key = keys[(self._turn + place) % len(keys)]
+            look, picture = self._looks[key], self._gallery.newest(key)
+            if picture is None or look.awaited or picture.n <= look.sent:
+                continue
+            # A little early is in time: pictures come with a jitter of their own.
+            early_ns = look.next_ns - now_ns - look.period_ns // 8
+            if early_ns > 0:
+                soonest_ns = min(soonest_ns or early_ns, early_ns)
+                continue
+            self._turn = (self._turn + place + 1) % len(keys)
+            if look.sent:
+                self.skipped += picture.n - look.sent - 1
+            look.sent = look.awaited = picture.n
+            look.next_ns = max(look.next_ns + look.period_ns, now_ns)
+            self._asked_ns = now_ns
+            self.sent += 1
+            return picture, 0
+        return None, soonest_ns
+
+
+class Gallery:
+    """
+    The newest picture of each camera.
+
+    :param on_wanted: called with a robot when what is wanted of its cameras may have changed.
+    :ivar pictures: taken so far.
+    """
+
+    def __init__(self, on_wanted: Callable[[str], None]) -> None:
+        self.pictures = 0
+        self.viewers: set[Viewer] = set()
+        self._on_wanted = on_wanted
+        self._newest: dict[Key, Picture] = {}
+        self._counts: dict[Key, int] = {}
+
+    def open_viewer(self, wake: Callable[[], None]) -> Viewer:
+        """Return somebody new who looks; to be given to :meth:`close_viewer`."""
+        viewer = Viewer(self, wake)
+        self.viewers.add(viewer)
+        return viewer
+
+    def close_viewer(self, viewer: Viewer) -> None:
+        """Forget a viewer; may be called twice."""
+        self.viewers.discard(viewer)
+        for robot in {robot for robot, _ in viewer.keys()}:
+            self.changed(robot)
+
+    def changed(self, robot: str) -> None:
+        """Note that somebody looks at something else."""
+        looked_at = {key for viewer in self.viewers for key in viewer.keys()}
+        for key in [key for key in self._newest if key[0] == robot and key not in looked_at]:
+            # Who looks later would take it for new; it shows people besides.
+            del self._newest[key]
+        self._on_wanted(robot)
+
+    def wanted(self, robot: str) -> dict[str, float]:
+        """Return the pictures a second that are wanted of each camera of a robot."""
+        rates: dict[str, float] = {}
+        for viewer in self.viewers:
+            for key in viewer.keys():
+                if key[0] == robot:
+                    rates[key[1]] = max(rates.get(key[1], 0.0), round(viewer.rate_hz(key), 3))
+        return rates
+
+    def next_n(self, key: Key) -> int:
+        """Return the number of the next picture of a camera."""
+        return self._counts.get(key, 0) + 1
+
+    def put(self, picture: Picture) -> int:
+        """
+        Take a picture; the one before it is gone.
+
+        :return: how many look at it; of 0 it is not kept.
+        """
+        self.pictures += 1
+        looking = [viewer for viewer in self.viewers if picture.key in viewer.keys()]
+        if looking:
+            self._counts[picture.key] = picture.n
+            self._newest[picture.key] = picture
+        for viewer in looking:
+            viewer.wake()
+        return len(looking)
+
+    def newest(self, key: Key) -> Picture | None:
+        """Return the newest picture of a camera."""
+        return self._newest.get(key)
