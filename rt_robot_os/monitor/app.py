@@ -31,6 +31,7 @@ from fastapi.staticfiles import StaticFiles
 from rt_robot_os.monitor.api import health
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.live import client_connection
+from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.services import Services
 from starlette.exceptions import HTTPException
@@ -40,6 +41,7 @@ PAGE: Final = Path(__file__).parent / 'page'
 API: Final = (
     client_connection,
     health,
+    media_connection,
     robot_connection,
     robots,
 )

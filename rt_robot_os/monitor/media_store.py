@@ -97,7 +97,7 @@ class MediaStore:
     """
     A folder of files; its functions block, and any thread may call them.
 
-    :param folder: it is made, for its owner alone.
+    :param folder: it is made with the first file, for its owner alone.
     :param most_mb: so much is kept, in megabytes.
     :param keep_days: and so long; 0 for ever.
     """
@@ -109,7 +109,6 @@ class MediaStore:
         self._lock = threading.Lock()
         self._made_room = self._expired = self._refused = 0
         self._sizes: dict[Path, tuple[float, int]] = {}
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         for path in folder.glob('*/*'):
             if _SHA.fullmatch(path.name) and path.is_file() and not path.is_symlink():
                 found = path.stat()
@@ -160,6 +159,7 @@ class MediaStore:
         if whole in self._sizes:
             return offered.size
         part = whole.with_suffix(_PART)
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         whole.parent.mkdir(mode=0o700, exist_ok=True)
         there = part.stat().st_size if part.exists() else 0
         if not there:
@@ -282,4 +282,3 @@ def _check(offered: Offered) -> None:
         raise FileRefused('its SHA-256 is none')
     if not 0 < offered.size <= FILE_BYTES:
         raise FileRefused(f'{offered.size} bytes; 1 to {FILE_BYTES} are taken')
-

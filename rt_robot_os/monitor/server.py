@@ -22,6 +22,8 @@ import sys
 from rt_robot_os.errors import StartError
 from rt_robot_os.monitor.app import create_app
 from rt_robot_os.monitor.live.hub import Hub
+from rt_robot_os.monitor.live.media_connection import MediaHub
+from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.stand_in import Accounts
@@ -38,7 +40,8 @@ def make_services(settings: MonitorSettings) -> Services:
     """Open the database and make the parts."""
     store = Store()
     return Services(settings, store, Writer(store), Hub(settings.heartbeat_s, settings.command_s),
-                    Accounts(), Audit())
+                    Accounts(), Audit(), MediaHub(MediaStore(
+                        settings.where / 'media', settings.media_mb, settings.media_days)))
 
 
 def serve(settings: MonitorSettings) -> None:

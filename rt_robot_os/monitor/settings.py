@@ -73,6 +73,9 @@ class MonitorSettings:
                                  'is shown as silent', 's', 0.2, 600.0)
     command_s: float = setting(8.0, 'How long a command may wait for the answer of the robot',
                                's', 0.5, 60.0)
+    media_mb: float = setting(10_000.0, 'Pictures and clips of alarms that are kept; beyond that '
+                              'the oldest of the robot with the most make room', 'MB', 1.0, 1e7)
+    media_days: float = setting(0.0, 'How long they are kept; 0 for ever', 'd', 0.0, 36500.0)
     where: Path = field(default=Path())
 
     @property

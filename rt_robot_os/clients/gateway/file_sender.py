@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Send files in parts: offered, sent from where the server has them to, until it has them whole."""
+"""Send files in parts: offered, then sent from where the server is, until it has them whole."""
 
 from __future__ import annotations
 

@@ -136,10 +136,11 @@ class Spool:
             matched = _NAME.fullmatch(name)
             if matched is None or name in self._known or matched[1] < self._since:
                 continue
-            *subject, alarm, kind = ['', '', *matched[2].split('_')]
+            words = matched[2].split('_')
             moment = datetime.strptime(matched[1], _NOW).replace(tzinfo=timezone.utc)
-            yield {'file': str(self._observations / name), 'kind': kind, 'alarm': alarm,
-                   'subject': '_'.join(filter(None, subject)),
+            yield {'file': str(self._observations / name), 'kind': words[-1],
+                   'alarm': words[-2] if len(words) > 1 else '',
+                   'subject': '_'.join(words[:-2]),
                    't_ns': round(moment.timestamp()) * 1_000_000_000}
 
     def _keep(self, name: str, told: Mapping[str, Any]) -> dict[str, Any]:

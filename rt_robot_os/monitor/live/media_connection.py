@@ -31,23 +31,82 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
-from starlette.websockets import WebSocketDisconnect
-
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Key
 from rt_robot_os.monitor.live.pictures import Viewer
 from rt_robot_os.monitor.live.robot_media import RobotMedia
+from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.stand_in import Permission
+from rt_robot_os.monitor.stand_in import robot_of
+from rt_robot_os.monitor.stand_in import websocket_actor
+from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
-from rt_robot_os.units import NS_PER_S
+from starlette.websockets import WebSocketDisconnect
 
 #: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.
 ANSWER_S: Final = 30.0
 VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
 _NAME_MOST: Final = 64
+
+
+def router(services: Services) -> APIRouter:
+    """Return the endpoints of robots and browsers."""
+    found = APIRouter()
+    hub: MediaHub = services.media
+    browsers: set[BrowserMedia] = set()
+
+    def revoked(what: Any) -> None:
+        for each in list(browsers):
+            if each.session == what.id:
+                each.close(what.code, what.text)
+        hub.revoke(what)
+
+    services.accounts.on_revoked(revoked)
+
+    @found.websocket('/robot/media')
+    async def robot_media(websocket: WebSocket) -> None:
+        robot = await robot_of(websocket)
+        if robot is None:
+            return
+        await websocket.accept()
+        await serve_robot(websocket, robot.id, hub)
+
+    @found.websocket('/camera')
+    async def camera(websocket: WebSocket) -> None:
+        actor = await websocket_actor(websocket, Permission.CAMERA)
+        if actor is None:
+            return
+        await websocket.accept()
+        if len(browsers) >= VIEWERS_MOST:
+            await websocket.close(1013, 'too many browsers look at cameras')
+            return
+        browser = BrowserMedia(
+            websocket, hub.gallery, actor.session,
+            lambda robot: may_look(actor.people, services.hub.robots.get(robot)),
+            lambda key: services.audit.note(actor, 'camera.look', f'{key[0]}/{key[1]}'))
+        browsers.add(browser)
+        try:
+            await browser.serve()
+        finally:
+            browsers.discard(browser)
+
+    return found
+
+
+def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:
+    """
+    Return whether somebody may look through the cameras of a robot.
+
+    :param people: whom they may see; None for everybody.
+    :param robot: None for one that nobody knows.
+    :return: a camera sees whoever is there: they have to be granted everybody who lives with it.
+    """
+    return robot is not None and (people is None or (
+        robot.people is not None and robot.people <= people))
 
 
 class MediaHub:
@@ -79,6 +138,12 @@ class MediaHub:
         """Forget a connection, unless there is a newer one."""
         if self.robots.get(media.robot) is media:
             del self.robots[media.robot], self._closing[media.robot]
+
+    def revoke(self, what: Any) -> None:
+        """End the connection of a robot whose token has ended."""
+        end = self._closing.get(what.id)
+        if end is not None:
+            end()
 
     def status(self) -> dict[str, Any]:
         """Return it in numbers."""
@@ -116,23 +181,37 @@ class BrowserMedia:
     """
     One browser's connection.
 
-    :param may_look: whether somebody may see the pictures of a robot, now.
+    :param session: whose it is.
+    :param may_look: whether they may see the pictures of a robot, now.
+    :param note: notes that they begin to look through a camera; may block.
     """
 
-    def __init__(self, websocket: WebSocket, gallery: Gallery, may_look: Callable[[str], bool]
-                 ) -> None:
+    def __init__(self, websocket: WebSocket, gallery: Gallery, session: str,
+                 may_look: Callable[[str], bool], note: Callable[[Key], object]) -> None:
         self.odd = 0
+        self._note = note
+        self.session = session
+        self._ending: tuple[int, str] | None = None
+        self._ended = asyncio.Event()
         self._websocket = websocket
         self._gallery = gallery
         self._may_look = may_look
         self._wake = asyncio.Event()
         self._viewer: Viewer = gallery.open_viewer(self._wake.set)
 
-    async def serve(self, revoked: asyncio.Event | None = None) -> None:
+    def close(self, code: int, text: str) -> None:
+        """End it."""
+        if self._ending is None:
+            self._ending = code, text
+            self._ended.set()
+
+    async def serve(self) -> None:
         """Serve it until it ends."""
         try:
-            await _until_one_ends(self._receive(), self._send(),
-                                  (revoked or asyncio.Event()).wait())
+            await _until_one_ends(self._receive(), self._send(), self._ended.wait())
+            if self._ending is not None:
+                with suppress(RuntimeError):  # it has gone by itself
+                    await self._websocket.close(*self._ending)
         finally:
             self._gallery.close_viewer(self._viewer)
 
@@ -167,10 +246,14 @@ class BrowserMedia:
             # The same for a robot that does not exist.
             await self._gone(key, 'there is no such camera, or you may not look through it')
             return
+        is_new = key not in self._viewer.keys()
         try:
             self._viewer.look(key, rate_hz if rate_hz == rate_hz else 0.0)
         except ValueError as error:
             await self._gone(key, str(error))
+            return
+        if is_new:
+            await asyncio.to_thread(self._note, key)
 
     async def _gone(self, key: Key, text: str) -> None:
         await self._websocket.send_text(encode('gone', {
@@ -188,7 +271,7 @@ class BrowserMedia:
                 await self._websocket.send_bytes(picture.frame)
                 continue
             if self._viewer.waiting(now_ns) > ANSWER_S * NS_PER_S:
-                await self._websocket.close(4408, 'pictures were left without an answer')
+                self.close(4408, 'pictures were left without an answer')
                 return
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._wake.wait(),

@@ -148,7 +148,9 @@ class Viewer:
             if look.sent:
                 self.skipped += picture.n - look.sent - 1
             look.sent = look.awaited = picture.n
-            look.next_ns = max(look.next_ns + look.period_ns, now_ns)
+            # A grid while pictures keep up; after a pause it begins anew.
+            look.next_ns = look.period_ns + (
+                look.next_ns if look.next_ns + look.period_ns > now_ns else now_ns)
             self._asked_ns = now_ns
             self.sent += 1
             return picture, 0
