@@ -47,8 +47,8 @@ OPTIONAL = {
     'mypy_extensions': 'compile', 'mypyc': 'compile', 'simpy': 'peers',
     'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
-    **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'sqlalchemy', 'starlette',
-                     'uvicorn'),
+    **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'pydantic', 'sqlalchemy',
+                     'starlette', 'uvicorn'),
                     'monitor'),
     'aiortc': 'voice', 'psycopg': 'postgres', 'websockets': 'gateway',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
@@ -60,7 +60,8 @@ DISTRIBUTIONS = {
     'horus': 'horus-robotics',
     'mypy_extensions': 'mypy', 'serial': 'pyserial', 'yaml': 'PyYAML'}
 # What the one brings with it.
-BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'starlette': 'fastapi', 'zstandard': 'mcap'}
+BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'pydantic': 'fastapi', 'starlette': 'fastapi',
+           'zstandard': 'mcap'}
 # What runs setup.py is there when it runs.
 BUILD = {'setuptools'}
 

@@ -1,0 +1,257 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Everything about who may come in, in one object that the server hands to its parts."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+import logging
+import os
+from pathlib import Path
+import secrets
+import threading
+import time
+from typing import Any
+from typing import Final
+from typing import Literal
+
+from argon2 import PasswordHasher
+from rt_robot_os.errors import StartError
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.security.audit import Audit
+from rt_robot_os.monitor.security.emergencies import Emergencies
+from rt_robot_os.monitor.security.invitations import Invitations
+from rt_robot_os.monitor.security.limits import LockOut
+from rt_robot_os.monitor.security.passwords import Passwords
+from rt_robot_os.monitor.security.robots import Robots
+from rt_robot_os.monitor.security.sessions import Limits
+from rt_robot_os.monitor.security.sessions import Session
+from rt_robot_os.monitor.security.sessions import Sessions
+from rt_robot_os.monitor.security.users import Users
+from sqlalchemy import Engine
+
+_LOG: Final = logging.getLogger(__name__)
+ENDED: Final = 4401
+CHANGED: Final = 4403
+#: How soon the server notes what another process changed.
+WATCH_S: Final = 1.0
+_KEY: Final = 'audit.key'
+_KEY_BYTES: Final = 32
+#: Sessions and robots that hold connections; more than the server takes.
+_FOLLOWED: Final = 20_000
+
+
+@dataclass(frozen=True)
+class Revoked:
+    """
+    A session or a robot whose connections must end now.
+
+    :ivar code: with which a WebSocket closes: 4401 it ended, 4403 its rights changed (the page
+        connects again, and has what it may have).
+    """
+
+    kind: Literal['session', 'robot']
+    id: str  # noqa: A003
+    code: int
+    text: str
+
+
+Callback = Callable[[Revoked], object]
+
+
+class Accounts:
+    """Users, sessions, invitations, robots, emergencies and the audit; safe for threads."""
+
+    def __init__(self, engine: Engine, key: bytes, *, hasher: PasswordHasher | None = None,
+                 limits: Limits | None = None, now_ns: Callable[[], int] = time.time_ns) -> None:
+        """
+        Make it.
+
+        :param key: of the audit.
+        :param hasher: quicker ones are for tests.
+        :param now_ns: the clock, UTC.
+        """
+        self.now_ns = now_ns
+        self.audit = Audit(engine, key, now_ns)
+        self.users = Users(engine, now_ns)
+        self.sessions = Sessions(engine, limits or Limits(), now_ns)
+        self.invitations = Invitations(engine, self.users, now_ns)
+        self.robots = Robots(engine, now_ns)
+        self.emergencies = Emergencies(engine, now_ns)
+        self.passwords = Passwords(hasher)
+        self.lock_out = LockOut()
+        self._lock = threading.Lock()
+        self._callbacks: list[Callback] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
+        #: What each session with a connection may do, and the token of each robot with one.
+        self._sessions: dict[str, tuple[Any, ...]] = {}
+        self._robots: dict[str, str] = {}
+
+    @classmethod
+    def open(cls, engine: Engine, folder: Path, **options: Any) -> Accounts:  # noqa: A003
+        """
+        Make it, with the key of the audit from a folder; it is made when there is none.
+
+        :param options: of the constructor.
+        :raises StartError: the key cannot be read or made.
+        """
+        return cls(engine, audit_key(folder), **options)
+
+    def setup_link(self, base_url: str) -> str | None:
+        """
+        Make the link for the first account.
+
+        :param base_url: such as ``https://monitor.local:8443``.
+        :return: None when there is somebody who administers.
+        """
+        if not self.users.is_empty():
+            return None
+        return link_of(base_url, self.invitations.make(None))
+
+    def on_revoked(self, callback: Callback) -> None:
+        """Have something called, on the event loop, when a session or a robot must go."""
+        self._callbacks.append(callback)
+
+    def follow(self, session: Session) -> None:
+        """Look after a session that holds a connection open."""
+        with self._lock:
+            if len(self._sessions) < _FOLLOWED:
+                self._sessions.setdefault(session.id, _rights(session))
+
+    def follow_robot(self, robot: str, kept_token: str) -> None:
+        """Look after a robot that holds a connection open."""
+        with self._lock:
+            if len(self._robots) < _FOLLOWED:
+                self._robots[robot] = kept_token
+
+    def alive(self, session: str) -> bool:
+        """Return whether a session that holds a connection was not ended; looks in memory."""
+        with self._lock:
+            return session in self._sessions
+
+    def end_sessions(self, session: str | None = None, user: str | None = None,
+                     but: str = '') -> int:
+        """
+        End sessions, with their connections; see :meth:`Sessions.end`.
+
+        :return: how many.
+        """
+        ended = self.sessions.end(session, user, but)
+        for each in ended:
+            self._tell(Revoked('session', each, ENDED, 'the session has ended'))
+        return len(ended)
+
+    def rights_changed(self, session: str) -> None:
+        """Tell connections of a session that what it may see has changed."""
+        self._tell(Revoked('session', session, CHANGED, 'what you may see has changed'))
+
+    def revoke_robot(self, name_or_id: str) -> str:
+        """
+        Let a robot in no more, and end its connection.
+
+        :return: its name.
+        :raises AccountError: there is no such robot.
+        """
+        robot = self.robots.revoke(name_or_id)
+        self._tell(Revoked('robot', robot.id, ENDED, 'the token of this robot was revoked'))
+        return robot.name
+
+    async def watch(self) -> None:
+        """Look each second for what ended by time or by another process, until cancelled."""
+        self._loop = asyncio.get_running_loop()
+        try:
+            while True:
+                await asyncio.sleep(WATCH_S)
+                try:
+                    await asyncio.to_thread(self.look)
+                except StoreError as error:
+                    _LOG.warning('sessions cannot be looked after: %s', error)
+        finally:
+            self._loop = None
+
+    def look(self) -> None:
+        """Look once: end what is good no more."""
+        with self._lock:
+            followed, robots = dict(self._sessions), dict(self._robots)
+        if followed:
+            now = self.sessions.get(followed)
+            for each, rights in followed.items():
+                if each not in now:
+                    self._tell(Revoked('session', each, ENDED, 'the session has ended'))
+                elif _rights(now[each]) != rights:
+                    self.rights_changed(each)
+        if robots:
+            tokens = self.robots.tokens()
+            for each, token in robots.items():
+                if tokens.get(each) != token:
+                    self._tell(Revoked('robot', each, ENDED,
+                                       'the token of this robot was revoked'))
+
+    def close(self) -> None:
+        """Let go of threads."""
+        self.passwords.close()
+
+    def _tell(self, revoked: Revoked) -> None:
+        with self._lock:
+            (self._sessions if revoked.kind == 'session' else self._robots).pop(revoked.id, None)
+        for callback in list(self._callbacks):
+            loop = self._loop
+            if loop is None:
+                callback(revoked)
+            else:
+                loop.call_soon_threadsafe(callback, revoked)
+
+
+def link_of(base_url: str, secret: str) -> str:
+    """Write a one-time link; behind the ``#`` it is in no log, since browsers do not send it."""
+    return f'{base_url.rstrip("/")}/#/setup/{secret}'
+
+
+def audit_key(folder: Path) -> bytes:
+    """
+    Read the key of the audit; it is made when there is none.
+
+    :raises StartError: it cannot be read or made, or is none.
+    """
+    path = folder / _KEY
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        # Complete before it has its name: two that start at once take the same key.
+        fresh = folder / f'.{_KEY}.{os.getpid()}.{secrets.token_hex(4)}'
+        if not path.exists():
+            with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:
+                file.write(secrets.token_hex(_KEY_BYTES) + '\n')
+                file.flush()
+                os.fsync(file.fileno())
+            try:
+                os.link(fresh, path)
+            except FileExistsError:
+                pass
+            finally:
+                fresh.unlink()
+        key = bytes.fromhex(path.read_text().strip())
+    except (OSError, ValueError) as error:
+        raise StartError(f'the key of the audit, {path}: {error}; restore it from the backup of '
+                         'the folder') from error
+    if len(key) < _KEY_BYTES:
+        raise StartError(f'the key of the audit, {path}, is too short: restore it from the '
+                         'backup of the folder')
+    return key
+
+
+def _rights(session: Session) -> tuple[Any, ...]:
+    return session.permissions, session.people, session.role

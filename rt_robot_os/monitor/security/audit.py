@@ -1,0 +1,331 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The audit: who did and saw what, as a chain that shows each change.
+
+Each row carries an HMAC over itself and over that of the row before. Who can write into the
+database but does not have the key cannot change, remove, insert or swap a row without
+:meth:`Audit.verify` finding it; the head, which is sealed by the key as well, says how long the
+chain is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections import OrderedDict
+from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
+import hashlib
+import hmac
+import json
+import logging
+import threading
+import time
+from typing import Any
+from typing import Final
+from typing import Protocol
+
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.security.tables import audit
+from rt_robot_os.monitor.security.tables import audit_head
+from rt_robot_os.monitor.store.engine import reading
+from rt_robot_os.monitor.store.engine import writing
+from rt_robot_os.safe_text import safe_text
+from sqlalchemy import Engine
+from sqlalchemy import Row
+from sqlalchemy import select
+
+_LOG: Final = logging.getLogger(__name__)
+_FIRST: Final = '0' * 64
+_HEAD: Final = 1
+_PAGE: Final = 1000
+#: Rows that could not be written and wait for the disk.
+_WAITING: Final = 1000
+#: Who reads the same thing again within this time leaves one row.
+READ_AGAIN_S: Final = 600
+_READS: Final = 10_000
+_COLUMNS: Final = ('seq', 't_ns', 'actor', 'name', 'role', 'address', 'action', 'object',
+                   'details', 'previous')
+
+
+class Subject(Protocol):
+    """Who did it; a :class:`~rt_robot_os.monitor.security.guard.Actor` is one."""
+
+    @property
+    def id(self) -> str:  # noqa: A003
+        """Return the id of the account."""
+
+    @property
+    def name(self) -> str:
+        """Return its name."""
+
+    @property
+    def role(self) -> str:
+        """Return its role."""
+
+    @property
+    def address(self) -> str:
+        """Return where it came from."""
+
+
+@dataclass(frozen=True)
+class Somebody:
+    """Somebody without a session: at the console, or who tries to log in."""
+
+    name: str
+    address: str = ''
+    id: str = ''  # noqa: A003
+    role: str = ''
+
+
+CONSOLE: Final = Somebody('console', 'console')
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    What a check of the chain found.
+
+    :ivar rows: how many were read.
+    :ivar head: the last number and its HMAC: to be noted elsewhere.
+    :ivar problems: a line each; none when it is whole.
+    """
+
+    rows: int
+    head: str
+    problems: tuple[str, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Return whether nothing was changed."""
+        return not self.problems
+
+
+class Audit:
+    """The audit; safe for several threads and several processes."""
+
+    def __init__(self, engine: Engine, key: bytes,
+                 now_ns: Callable[[], int] = time.time_ns) -> None:
+        """
+        Make it.
+
+        :param key: of the HMAC, from a file beside the database.
+        """
+        self._engine = engine
+        self._key = key
+        self._now_ns = now_ns
+        self._lock = threading.Lock()
+        self._waiting: deque[dict[str, Any]] = deque()
+        self._reads: OrderedDict[tuple[str, str, str], int] = OrderedDict()
+        #: Rows that were lost since the disk took none for too long.
+        self.lost = 0
+
+    @property
+    def waiting(self) -> int:
+        """Return how many rows wait for the disk."""
+        return len(self._waiting)
+
+    def note(self, actor: Subject, action: str, object: str,  # noqa: A002
+             **details: Any) -> None:
+        """
+        Write a row; on the disk when this returns.
+
+        When the database takes none, it is kept and written before the next one, and the log has
+        it: to stop a robot or to answer an alarm does not wait for a disk.
+
+        :param action: such as ``alarm.acknowledge``.
+        :param object: what it was done to.
+        """
+        self._put(_row(self._now_ns(), actor, action, object, details), False)
+
+    def read(self, actor: Subject, action: str, object: str,  # noqa: A002
+             **details: Any) -> None:
+        """
+        Write that somebody read health data; one row for the same within ten minutes.
+
+        :raises StoreError: it cannot be written: then it must not be read either.
+        """
+        now = time.monotonic_ns()
+        key = (getattr(actor, 'session', '') or actor.id, action, object)
+        with self._lock:
+            last = self._reads.get(key)
+            if last is not None and now - last < READ_AGAIN_S * 1_000_000_000:
+                return
+        self._put(_row(self._now_ns(), actor, action, object, details), True)
+        with self._lock:
+            self._reads[key] = now
+            self._reads.move_to_end(key)
+            while len(self._reads) > _READS:
+                self._reads.popitem(last=False)
+
+    def _put(self, row: dict[str, Any], is_strict: bool) -> None:
+        with self._lock:
+            while self._waiting:
+                try:
+                    self._write(self._waiting[0])
+                except StoreError:
+                    break
+                self._waiting.popleft()
+            try:
+                if not self._waiting:
+                    self._write(row)
+                    return
+            except StoreError as error:
+                _LOG.error('the audit cannot be written (%s): %s', error, json.dumps(row))
+                if is_strict:
+                    raise
+            if len(self._waiting) >= _WAITING:
+                self.lost += 1
+            else:
+                self._waiting.append(row)
+
+    def _write(self, row: dict[str, Any]) -> None:
+        with writing(self._engine) as connection:
+            head = connection.execute(select(audit_head).where(audit_head.c.id == _HEAD)).one()
+            seq = head.seq + 1
+            full = {'seq': seq, **row, 'previous': head.mac or _FIRST}
+            mac = self._mac([full[name] for name in _COLUMNS])
+            connection.execute(audit.insert().values(mac=mac, **full))
+            connection.execute(audit_head.update().where(audit_head.c.id == _HEAD)
+                               .values(seq=seq, mac=mac, seal=self._seal(seq, mac)))
+
+    def rows(self, after: int = 0, limit: int = _PAGE, *, newest_first: bool = False,
+             name: str = '', action: str = '', before: int | None = None) -> list[dict[str, Any]]:
+        """
+        Read rows.
+
+        :param after: with a greater number than that; ``before``: with a smaller one.
+        :param name: of that actor only.
+        :param action: of those actions only that begin so.
+        """
+        query = select(audit).where(audit.c.seq > after)
+        if before is not None:
+            query = query.where(audit.c.seq < before)
+        if name:
+            query = query.where(audit.c.name == name)
+        if action:
+            query = query.where(audit.c.action.startswith(action, autoescape=True))
+        order = audit.c.seq.desc() if newest_first else audit.c.seq
+        with reading(self._engine) as connection:
+            found = connection.execute(query.order_by(order).limit(limit)).all()
+        return [_shown(row) for row in found]
+
+    def all_rows(self) -> Iterator[dict[str, Any]]:
+        """Read all rows, in parts."""
+        after = 0
+        while rows := self.rows(after):
+            yield from rows
+            after = rows[-1]['seq']
+
+    def verify(self, noted: str = '') -> Verdict:
+        """
+        Check the chain from its first row to its head.
+
+        :param noted: a head that an earlier check printed: that row must be there as it was.
+        """
+        check = _Check(self._mac, noted)
+        with reading(self._engine) as connection:
+            after = 0
+            head = connection.execute(select(audit_head)).one_or_none()
+            last = head.seq if head is not None else 0
+            while rows := connection.execute(select(audit).where(
+                    audit.c.seq > after, audit.c.seq <= last).order_by(audit.c.seq)
+                    .limit(_PAGE)).all():
+                for row in rows:
+                    check.add(row)
+                after = rows[-1].seq
+            beyond = connection.execute(select(audit.c.seq).where(audit.c.seq > last).limit(1)
+                                        ).first()
+        if head is None:
+            check.problems.append('the head is missing')
+        elif (head.seq, head.mac or _FIRST) != (check.seq, check.mac):
+            check.problems.append(f'it ends with row {check.seq}, and its head says {head.seq}')
+        elif head.seq and not hmac.compare_digest(head.seal, self._seal(head.seq, head.mac)):
+            check.problems.append('the seal of the head is wrong')
+        if beyond is not None and not self._came_since(last):
+            check.problems.append(f'rows follow behind its head, {last}')
+        return check.verdict()
+
+    def _came_since(self, last: int) -> bool:
+        """Return whether the head went on while the chain was read."""
+        with reading(self._engine) as connection:
+            head = connection.execute(select(audit_head.c.seq)).scalar_one_or_none()
+        return head is not None and head > last
+
+    def _mac(self, values: list[Any]) -> str:
+        text = json.dumps(values, ensure_ascii=True, separators=(',', ':'))
+        return hmac.new(self._key, text.encode(), hashlib.sha256).hexdigest()
+
+    def _seal(self, seq: int, mac: str) -> str:
+        return self._mac(['head', seq, mac])
+
+
+class _Check:
+    """Follows the chain; of problems it keeps the first hundred."""
+
+    def __init__(self, mac: Callable[[list[Any]], str], noted: str) -> None:
+        self._mac_of = mac
+        self._noted = noted
+        self._noted_seq = int(noted.partition(':')[0]) if noted else 0
+        self.seq = 0
+        self.mac = _FIRST
+        self.rows = 0
+        self.problems: list[str] = []
+
+    def add(self, row: Row[Any]) -> None:
+        self.rows += 1
+        if row.seq != self.seq + 1:
+            self._tell(f'row {self.seq + 1} is missing' if row.seq == self.seq + 2 else
+                       f'rows {self.seq + 1} to {row.seq - 1} are missing')
+        elif row.previous != self.mac:
+            self._tell(f'row {row.seq} does not follow on row {self.seq}')
+        if not hmac.compare_digest(
+                row.mac, self._mac_of([getattr(row, name) for name in _COLUMNS])):
+            self._tell(f'row {row.seq} was changed')
+        if row.seq == self._noted_seq and f'{row.seq}:{row.mac}' != self._noted:
+            self._tell(f'row {row.seq} is not the one that was noted')
+        self.seq, self.mac = row.seq, row.mac
+
+    def _tell(self, problem: str) -> None:
+        if len(self.problems) < 100:
+            self.problems.append(problem)
+
+    def verdict(self) -> Verdict:
+        if self._noted_seq > self.seq:
+            self._tell(f'row {self._noted_seq}, which was noted, is missing')
+        return Verdict(self.rows, f'{self.seq}:{self.mac}', tuple(self.problems))
+
+
+def _row(now_ns: int, actor: Subject, action: str, what: str,
+         details: dict[str, Any]) -> dict[str, Any]:
+    # What PostgreSQL cannot keep, or a terminal would obey, comes from clients.
+    text = json.dumps(details, ensure_ascii=True, default=str, sort_keys=True)
+    if len(text) > 4000:
+        text = json.dumps({'cut': text[:3800]})
+    return {'t_ns': now_ns, 'actor': _text(actor.id, 32), 'name': _text(actor.name, 64),
+            'role': _text(str(getattr(actor.role, 'value', actor.role)), 16),
+            'address': _text(actor.address, 64), 'action': _text(action, 64),
+            'object': _text(what, 200), 'details': text}
+
+
+def _text(text: str, longest: int) -> str:
+    return safe_text(text)[:longest]
+
+
+def _shown(row: Row[Any]) -> dict[str, Any]:
+    found = dict(row._mapping)
+    found['details'] = json.loads(found['details'])
+    return found

@@ -1,0 +1,225 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who asks, and whether they may: what each endpoint and each WebSocket begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import hmac
+from typing import Any
+from typing import Final
+
+from fastapi import HTTPException
+from fastapi import Request
+from fastapi import WebSocket
+from fastapi import WebSocketException
+from fastapi.concurrency import run_in_threadpool
+from rt_robot_os.monitor.security.accounts import Accounts
+from rt_robot_os.monitor.security.accounts import ENDED
+from rt_robot_os.monitor.security.origins import is_expected_host
+from rt_robot_os.monitor.security.origins import is_same_origin
+from rt_robot_os.monitor.security.origins import is_secure
+from rt_robot_os.monitor.security.robots import Robot
+from rt_robot_os.monitor.security.roles import Permission
+from rt_robot_os.monitor.security.roles import PERMISSIONS
+from rt_robot_os.monitor.security.roles import Role
+from rt_robot_os.monitor.security.sessions import Session
+from rt_robot_os.monitor.security.tokens import csrf_token
+from rt_robot_os.monitor.security.tokens import kept
+from starlette.requests import HTTPConnection
+
+__all__ = ('Actor', 'Permission', 'Robot', 'allowed', 'robot_of', 'websocket_actor')
+
+SAFE: Final = frozenset({'GET', 'HEAD', 'OPTIONS'})
+_FORBIDDEN: Final = 4403
+_BEARER: Final = 'bearer '
+
+
+@dataclass(frozen=True)
+class Actor:
+    """
+    Who asks.
+
+    :ivar people: whom they may see; None is everybody.
+    :ivar session: the id of their session, which is no secret.
+    :ivar emergency: whom they see by an emergency only.
+    """
+
+    id: str  # noqa: A003
+    name: str
+    role: Role
+    permissions: frozenset[Permission]
+    people: frozenset[str] | None
+    session: str
+    address: str
+    emergency: frozenset[str] = frozenset()
+
+    def may(self, permission: Permission) -> bool:
+        """Return whether they may do that."""
+        return permission in self.permissions
+
+    def may_see(self, person: str) -> bool:
+        """Return whether they may see, and hear of, a person."""
+        return self.people is None or person in self.people
+
+
+def refusal(status: int, text: str, remedy: str, reason: str = '',
+            wait_s: float = 0.0) -> HTTPException:
+    """
+    Make the answer to a request that is refused.
+
+    :param reason: for the page: ``login`` or ``locked``.
+    :param wait_s: when to try again.
+    """
+    detail = {'text': text, 'remedy': remedy}
+    if reason:
+        detail['reason'] = reason
+    headers = {'Retry-After': str(int(wait_s) + 1)} if wait_s else None
+    return HTTPException(status, detail, headers)
+
+
+def accounts_of(connection: HTTPConnection) -> Accounts:
+    """Return the accounts of the server that a request came to."""
+    found: Accounts = connection.app.state.services.accounts
+    return found
+
+
+def cookie_name(connection: HTTPConnection) -> str:
+    """
+    Return how the cookie is called.
+
+    With TLS the browser itself sees to it, by the prefix, that no other host and nobody without
+    TLS has set it. On loopback without TLS it would not take it by that name.
+    """
+    return '__Host-session' if is_secure(connection.scope['scheme']) else 'session'
+
+
+def secret_of(connection: HTTPConnection) -> str:
+    """Return the secret in the cookie; empty without one."""
+    return connection.cookies.get(cookie_name(connection), '')
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """Return the address that a request came from."""
+    return connection.client.host if connection.client is not None else ''
+
+
+def check_origin(connection: HTTPConnection) -> None:
+    """
+    Refuse what another site made the browser send.
+
+    :raises HTTPException: it did.
+    """
+    headers, scheme = connection.headers, connection.scope['scheme']
+    if not is_expected_host(scheme, headers):
+        raise refusal(421, 'this server has no such name',
+                      'open it by the address that it printed when it started')
+    if not is_same_origin(scheme, headers):
+        raise refusal(403, 'this came from the page of another site',
+                      'open the page of this server itself')
+
+
+def allowed(permission: Permission | None) -> Callable[..., Actor]:
+    """
+    Make the dependency that gives the actor of a request.
+
+    It looks for a good session, for the permission, and at whatever changes something also for
+    the token that only the page knows and for the origin.
+
+    :param permission: None: anybody who is logged in.
+    """
+    def dependency(request: Request) -> Actor:
+        if not is_expected_host(request.scope['scheme'], request.headers):
+            check_origin(request)
+        accounts = accounts_of(request)
+        secret = secret_of(request)
+        session = accounts.sessions.find(secret) if secret else None
+        if session is None:
+            raise refusal(401, 'you are not logged in', 'log in', 'login')
+        if request.method not in SAFE:
+            check_origin(request)
+            if not hmac.compare_digest(request.headers.get('x-csrf-token', '').encode(),
+                                       csrf_token(secret).encode()):
+                raise refusal(403, 'the header X-CSRF-Token is missing or wrong',
+                              'load the page anew')
+        if permission is not None and permission not in session.permissions:
+            if session.is_locked and permission in PERMISSIONS[session.role]:
+                raise refusal(401, 'nobody has used this session for a while',
+                              'type your password again', 'locked')
+            raise refusal(403, f'your role, {session.role.value}, does not have the permission '
+                          f'{permission.value}', 'ask an admin')
+        if 'x-background' not in request.headers:
+            accounts.sessions.touch(session)
+        return actor_of(session, request)
+    dependency.permission = permission  # type: ignore[attr-defined]
+    return dependency
+
+
+async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor:
+    """
+    Return who opens a WebSocket; to be called before it is accepted.
+
+    :raises WebSocketException: another site did, there is no session, or it may not. The browser
+        sees 403; the page finds out which by ``GET /api/session``.
+    """
+    try:
+        check_origin(websocket)
+    except HTTPException as error:
+        raise WebSocketException(_FORBIDDEN, error.detail['text']  # type: ignore[index]
+                                 ) from None
+    accounts = accounts_of(websocket)
+    secret = secret_of(websocket)
+    session = await run_in_threadpool(accounts.sessions.find, secret) if secret else None
+    if session is None:
+        raise WebSocketException(ENDED, 'you are not logged in')
+    if permission not in session.permissions:
+        raise WebSocketException(_FORBIDDEN, f'your role, {session.role.value}, does not have '
+                                 f'the permission {permission.value}')
+    accounts.follow(session)
+    return actor_of(session, websocket)
+
+
+async def robot_of(websocket: WebSocket) -> Robot:
+    """
+    Return which robot opens a WebSocket, by its token; to be called before it is accepted.
+
+    :raises WebSocketException: the token is missing, wrong or revoked.
+    """
+    header = websocket.headers.get('authorization', '')
+    token = header[len(_BEARER):].strip() if header[:len(_BEARER)].lower() == _BEARER else ''
+    accounts = accounts_of(websocket)
+    robot = await run_in_threadpool(accounts.robots.find, token) if token else None
+    if robot is None:
+        raise WebSocketException(ENDED, 'no robot has this token: monitor robot add NAME makes '
+                                 'one')
+    accounts.follow_robot(robot.id, kept(token))
+    return robot
+
+
+def actor_of(session: Session, connection: HTTPConnection) -> Actor:
+    """Return the actor of a session."""
+    return Actor(session.user, session.name, session.role, session.permissions, session.people,
+                 session.id, address_of(connection), session.emergency)
+
+
+def described(session: Session, secret: str) -> dict[str, Any]:
+    """Return what the page is told about its session."""
+    people = ['*'] if session.people is None else sorted(session.people)
+    return {'id': session.id, 'user': session.name, 'role': session.role.value,
+            'permissions': sorted(each.value for each in session.permissions), 'people': people,
+            'csrf': csrf_token(secret), 'locked': session.is_locked,
+            'emergency': sorted(session.emergency),
+            'emergency_ends_ns': session.emergency_ends_ns, 'expires_ns': session.expires_ns}

@@ -1,0 +1,58 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The headers that tell a browser what the page may do, and what nobody may do with it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rt_robot_os.monitor.security.origins import is_loopback
+
+#: Nothing but from this server; nothing inline; in nobody's frame.
+POLICY: Final = '; '.join((
+    "default-src 'none'", "script-src 'self'", "style-src 'self'", "img-src 'self' blob: data:",
+    "media-src 'self' blob:", "connect-src 'self'", "font-src 'self'", "manifest-src 'self'",
+    "worker-src 'self'", "base-uri 'none'", "form-action 'self'", "frame-ancestors 'none'",
+    "object-src 'none'"))
+#: Microphone and camera for the voice of the one who drives; nothing else that is not used.
+FEATURES: Final = ', '.join((
+    'microphone=(self)', 'camera=(self)', 'gamepad=(self)', 'autoplay=(self)',
+    'fullscreen=(self)', 'screen-wake-lock=(self)', 'geolocation=()', 'payment=()', 'usb=()',
+    'serial=()', 'hid=()', 'bluetooth=()', 'midi=()', 'display-capture=()'))
+_YEAR_S: Final = 365 * 86400
+_ALWAYS: Final = (
+    (b'content-security-policy', POLICY.encode()),
+    (b'permissions-policy', FEATURES.encode()),
+    (b'x-content-type-options', b'nosniff'),
+    (b'x-frame-options', b'DENY'),
+    (b'referrer-policy', b'no-referrer'),
+    (b'cross-origin-opener-policy', b'same-origin'),
+    (b'cross-origin-resource-policy', b'same-origin'))
+_NO_STORE: Final = (b'cache-control', b'no-store')
+
+
+def headers_for(path: str, is_tls: bool, host: str) -> list[tuple[bytes, bytes]]:
+    """
+    Return the headers of an answer.
+
+    :param host: as the request had it.
+    """
+    found = list(_ALWAYS)
+    if path.startswith('/api/') or path == '/metrics':
+        found.append(_NO_STORE)
+    # A browser takes it for a name only; this machine's own is shared with other programs.
+    if is_tls and not is_loopback(host):
+        found.append((b'strict-transport-security', f'max-age={_YEAR_S}'.encode()))
+    return found
