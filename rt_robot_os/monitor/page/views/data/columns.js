@@ -6,6 +6,9 @@
  */
 
 const CAPACITY = 16_384;
+// A gateway records what stays the same once a minute; live it says it every second or so.
+const RECORDED_MS = 75_000;
+const LIVE_MS = 2_500;
 
 export class Columns {
   constructor(capacity = CAPACITY) {
@@ -18,24 +21,29 @@ export class Columns {
     this.length = 0;
     /** Samples that are nearer than this to a bucket's start are part of it. */
     this.bucketMs = 0;
-    /** What lies further apart than this is not joined. */
+    /** What lies further apart is not joined: up to the last time of the history, and after it. */
     this.gapMs = Infinity;
+    this.liveGapMs = Infinity;
+    this.historyEnd = -Infinity;
+    this.longestGapMs = Infinity;
     this.version = 0;
     this.dropped = 0;
   }
 
   /**
-   * Take a history; what is live and newer than it is kept.
+   * Take a history; what is live and newer than it is kept when it goes on from there.
    *
    * @param {{t: number[], low: number[], mean: number[], high: number[], count: number[]}} chart
-   * @param {number} bucketMs the width of its buckets, 0: single values.
-   * @param {number} longestGapMs what is further apart is never joined.
+   * @param {Object} how
+   * @param {number} how.bucketMs the width of its buckets, 0: single values.
+   * @param {number} how.longestGapMs what is further apart is never joined.
+   * @param {boolean} how.isNow whether it goes up to the present.
    */
-  replace(chart, bucketMs, longestGapMs) {
+  replace(chart, {bucketMs, longestGapMs, isNow}) {
     const taken = Math.min(chart.t.length, this.capacity >> 1);
     const from = chart.t.length - taken;
     const last = taken ? chart.t[chart.t.length - 1] + bucketMs : -Infinity;
-    const keep = this.indexAfter(last);
+    const keep = isNow ? this.indexAfter(last) : this.length;
     const tail = Math.min(this.length - keep, this.capacity >> 2);
     const names = ['t', 'low', 'mean', 'high', 'count'];
     for (const name of names) {
@@ -47,7 +55,10 @@ export class Columns {
     }
     this.length = taken + tail;
     this.bucketMs = bucketMs;
-    this.gapMs = gapOf(this.t, this.length, bucketMs, longestGapMs);
+    this.historyEnd = taken ? this.t[taken - 1] : -Infinity;
+    this.longestGapMs = longestGapMs;
+    this.gapMs = gapOf(this.t, 0, taken, bucketMs, longestGapMs, RECORDED_MS);
+    this._measureLive();
     this.version += 1;
   }
 
@@ -66,6 +77,9 @@ export class Columns {
       this._dropOldest();
     }
     const i = this.length;
+    if (i % 16 === 0) {
+      this._measureLive();
+    }
     this.t[i] = t;
     this.low[i] = this.mean[i] = this.high[i] = value;
     this.count[i] = 1;
@@ -103,7 +117,14 @@ export class Columns {
 
   /** @return whether value i and the one before it are one stretch. */
   isJoined(i) {
-    return i > 0 && this.t[i] - this.t[i - 1] <= this.gapMs;
+    if (i < 1) {
+      return false;
+    }
+    let limit = this.t[i] <= this.historyEnd ? this.gapMs : this.liveGapMs;
+    if (this.t[i - 1] === this.historyEnd) {
+      limit = Math.max(limit, this.gapMs);
+    }
+    return this.t[i] - this.t[i - 1] <= limit;
   }
 
   /** @return what there is between two times: lowest, mean, highest, count; null without any. */
@@ -129,8 +150,13 @@ export class Columns {
   clear() {
     this.length = 0;
     this.bucketMs = 0;
-    this.gapMs = Infinity;
+    this.historyEnd = -Infinity;
     this.version += 1;
+  }
+
+  _measureLive() {
+    const from = Math.max(this.indexAfter(this.historyEnd), this.length - 256);
+    this.liveGapMs = gapOf(this.t, from, this.length, this.bucketMs, this.longestGapMs, LIVE_MS);
   }
 
   _fold(i, value) {
@@ -154,16 +180,19 @@ export class Columns {
 /**
  * How far apart two values may be to be joined: three of their usual distances.
  *
- * Never further than a value says anything (the sign's own limit), nor nearer than one and a half
- * buckets.
+ * Never further than a value says anything (the sign's own limit), nor nearer than what is usual
+ * of its source, and than one and a half buckets.
+ *
+ * @param {ArrayLike<number>} t times, of which those from `from` to `to` count.
  */
-export function gapOf(t, length, bucketMs, longestGapMs) {
+export function gapOf(t, from, to, bucketMs, longestGapMs, leastMs) {
   const steps = [];
-  const stride = Math.max(1, Math.floor(length / 512));
-  for (let i = stride; i < length; i += stride) {
+  const stride = Math.max(1, Math.floor((to - from) / 256));
+  for (let i = from + stride; i < to; i += stride) {
     steps.push(t[i] - t[i - 1]);
   }
   steps.sort((a, b) => a - b);
-  const usual = steps.length ? steps[steps.length >> 1] : longestGapMs;
-  return Math.max(1.5 * bucketMs, Math.min(3 * usual, Math.max(longestGapMs, 1.5 * bucketMs)));
+  const usual = steps.length ? steps[steps.length >> 1] : 0;
+  const longest = Math.max(1.25 * longestGapMs, leastMs);
+  return Math.max(1.5 * bucketMs, Math.min(Math.max(3 * usual, leastMs), longest));
 }

@@ -57,6 +57,10 @@ export function drawMarks(u, plot, palette) {
   for (const each of plot.bad) {
     drawBad(u, each, plot, palette);
   }
+  if (plot.isEmpty) {
+    text(ctx, plot.look.empty, bbox.left + bbox.width / 2, bbox.top + bbox.height / 2 + 4 * ratio,
+         palette.muted, palette, 'center');
+  }
   ctx.lineWidth = 1.5 * ratio;
   for (const alarm of plot.alarms) {
     const x = Math.round(u.valToPos(alarm.t, 'x', true));
@@ -75,7 +79,7 @@ function drawBad(u, {from, to, quality}, plot, palette) {
   const {ctx, bbox} = u;
   const ratio = devicePixelRatio;
   const left = Math.max(bbox.left, u.valToPos(from, 'x', true));
-  const right = Math.min(bbox.left + bbox.width, u.valToPos(to ?? plot.end, 'x', true));
+  const right = Math.min(bbox.left + bbox.width, u.valToPos(to ?? plot.now, 'x', true));
   if (right <= left) {
     return;
   }

@@ -6,7 +6,7 @@ import {bandPaths, meanPaths} from './paths.js';
 import {drawMarks, drawZones} from './drawing.js';
 
 export const AXIS_WIDTH = 46;
-const PADDING_RIGHT = 10;
+export const PADDING_RIGHT = 10;
 const TIME_HEIGHT = 40;
 
 export class Plot {
@@ -30,6 +30,7 @@ export class Plot {
     /** Times without a connection: {from, to}. */
     this.cuts = [];
     this.range = [0, 1];
+    this.isEmpty = true;
     this.drawn = -1;
     this.start = this.end = 0;
     this.views = null;
@@ -48,8 +49,8 @@ export class Plot {
     this.uplot = null;
   }
 
-  /** Draw it if anything is new. @return whether it was drawn. */
-  draw(start, end, force = false) {
+  /** Draw it if anything is new; what goes on goes on to `now`. @return whether it was drawn. */
+  draw(start, end, now, force = false) {
     if (!force && this.drawn === this.columns.version && start === this.start
         && end === this.end) {
       return false;
@@ -58,6 +59,8 @@ export class Plot {
     this.drawn = this.columns.version;
     this.start = start;
     this.end = end;
+    this.now = now;
+    this.isEmpty = this.columns.indexAfter(start) === this.columns.indexAfter(end);
     this.range = valueRange(this.columns, this.style, this.zones, start, end);
     const u = this.uplot;
     u.batch(() => {
@@ -85,7 +88,7 @@ export class Plot {
     const axis = {stroke: palette.muted, font, grid: line, ticks: {show: false}, gap: 6};
     return {
       width, height: height + (withTime ? TIME_HEIGHT : 0), ms: 1,
-      padding: [8, PADDING_RIGHT, withTime ? 0 : 8, 0],
+      padding: [withTime ? 0 : 7, PADDING_RIGHT, 7, 0],
       legend: {show: false}, cursor: {show: false}, select: {show: false},
       scales: {
         x: {time: true, auto: false, range: (u, min, max) => [min ?? 0, max ?? 1]},
@@ -98,9 +101,9 @@ export class Plot {
          fill: palette.line, width: 1.5, points: {show: false}, auto: false},
       ],
       axes: [
-        {...axis, size: withTime ? TIME_HEIGHT : 0, space: 84,
+        {...axis, side: 0, gap: 22, size: withTime ? TIME_HEIGHT : 0, space: 84,
          values: (u, splits, index, space, step) => (withTime ? labels(splits, step) : [])},
-        {...axis, size: AXIS_WIDTH, space: 26, incrs: incrementsOf(this.style),
+        {...axis, size: AXIS_WIDTH, space: 20, incrs: incrementsOf(this.style),
          values: (u, splits) => splits.map((each) => number(each, this.style.digits))},
       ],
       hooks: {
@@ -132,7 +135,7 @@ export function valueRange(columns, style, zones, start, end) {
     high = Math.max(high, columns.high[i]);
   }
   if (low > high) {
-    return style.lowest === undefined ? [0, style.least] : [style.lowest, style.lowest + style.least];
+    return padded(style.usual[0], style.usual[1], style);
   }
   const near = Math.max(style.least, high - low) * 0.4;
   for (const zone of zones) {

@@ -4,20 +4,23 @@ const MINUTE = 60_000;
 const HOUR = 60 * MINUTE;
 
 /**
- * In the order of the page: unit (UCUM for people), digits, the least height of the axis, and how
- * long a value says anything (so far apart values are never joined).
+ * In the order of the page: the axis without values, unit, digits, the least height of the axis,
+ * and how long a value says anything (so far apart values are never joined).
  */
 export const SIGNS = {
-  pulse_per_min: {unit: '1/min', digits: 0, least: 30, staleMs: 2 * MINUTE},
-  spo2_percent: {unit: '%', digits: 0, least: 10, staleMs: 2 * MINUTE, most: 100},
-  respiration_per_min: {unit: '1/min', digits: 0, least: 12, staleMs: 2 * MINUTE},
-  systolic_mmhg: {unit: 'mmHg', digits: 0, least: 40, staleMs: HOUR},
-  diastolic_mmhg: {unit: 'mmHg', digits: 0, least: 30, staleMs: HOUR},
-  body_temperature: {unit: '°C', digits: 1, least: 2, staleMs: 4 * HOUR},
-  news2: {unit: '', digits: 0, least: 8, staleMs: 2 * MINUTE, lowest: 0, most: 20, steps: true},
-  consciousness: {unit: '', digits: 0, least: 4, staleMs: 4 * HOUR, lowest: 0, most: 4,
+  pulse_per_min: {usual: [60, 90], unit: '1/min', digits: 0, least: 30, staleMs: 2 * MINUTE},
+  spo2_percent: {usual: [92, 100], unit: '%', digits: 0, least: 10, staleMs: 2 * MINUTE, most: 100},
+  respiration_per_min: {usual: [10, 22], unit: '1/min', digits: 0, least: 12, staleMs: 2 * MINUTE},
+  systolic_mmhg: {usual: [100, 150], unit: 'mmHg', digits: 0, least: 40, staleMs: HOUR},
+  diastolic_mmhg: {usual: [60, 95], unit: 'mmHg', digits: 0, least: 30, staleMs: HOUR},
+  body_temperature: {usual: [36, 38], unit: '°C', digits: 1, least: 2, staleMs: 4 * HOUR},
+  news2: {usual: [0, 8], unit: '', digits: 0, least: 8,
+          staleMs: 2 * MINUTE, lowest: 0, most: 20, steps: true},
+  consciousness: {usual: [0, 4], unit: '', digits: 0, least: 4,
+                  staleMs: 4 * HOUR, lowest: 0, most: 4,
                   steps: true},
-  oxygen_l_per_min: {unit: 'l/min', digits: 1, least: 4, staleMs: 12 * HOUR, lowest: 0},
+  oxygen_l_per_min: {usual: [0, 4], unit: 'l/min', digits: 1, least: 4,
+                     staleMs: 12 * HOUR, lowest: 0},
 };
 
 // [up to this value, inclusive; points], as the chart has them: values are rounded first.
@@ -68,7 +71,7 @@ export function inOrder(names) {
 
 /** Return how to draw a sign, of one that is not known as well. */
 export function styleOf(sign) {
-  return SIGNS[sign] || {unit: '', digits: 1, least: 1, staleMs: 5 * MINUTE};
+  return SIGNS[sign] || {usual: [0, 1], unit: '', digits: 1, least: 1, staleMs: 5 * MINUTE};
 }
 
 /**

@@ -1,0 +1,133 @@
+/**
+ * The history of signs: asked for when what is shown leaves what is known, or needs a finer one.
+ *
+ * A request covers half a range more on both sides, so that whoever moves a little waits for nothing.
+ */
+
+import {limitZone, styleOf} from './signs.js';
+
+const MARGIN = 0.5;
+const WAIT_MS = 120;
+// What robots send later, after a lost connection, and alarms that end, come in by then.
+const REFRESH_MS = 60_000;
+const FINER = 1.6;
+const NS_PER_MS = 1e6;
+
+export class History {
+  /**
+   * @param {Object} api of the page.
+   * @param {import('./timeline.js').Timeline} timeline
+   * @param {(sign: string, chart: Object) => void} took gets what came.
+   * @param {(error: Error | null) => void} failed
+   */
+  constructor(api, timeline, took, failed) {
+    Object.assign(this, {api, timeline, took, failed});
+    this.person = '';
+    this.signs = [];
+    this.pixels = 800;
+    this.loaded = null;
+    this.timer = 0;
+    this.asked = 0;
+    this.requests = 0;
+    this.lastMs = 0;
+  }
+
+  /** Show the signs of a person. */
+  of(person, signs) {
+    this.person = person;
+    this.signs = signs;
+    this.refresh();
+  }
+
+  /** Ask again, soon. */
+  refresh(waitMs = 0) {
+    this.loaded = null;
+    this._soon(waitMs);
+  }
+
+  /** What is shown has changed. */
+  look() {
+    if (!this._isEnough()) {
+      this._soon(WAIT_MS);
+    }
+  }
+
+  close() {
+    clearTimeout(this.timer);
+    this.asked += 1;
+  }
+
+  _isEnough() {
+    const {start, end, span, follows} = this.timeline;
+    const {loaded} = this;
+    if (!loaded) {
+      return false;
+    }
+    const isFresh = !follows || performance.now() - this.lastMs < Math.max(REFRESH_MS, span / 100);
+    const isCovered = start >= loaded.start && (end <= loaded.end || (follows && loaded.isNow));
+    const finer = loaded.span / span;
+    return isFresh && isCovered && finer < FINER && finer > 1 / FINER;
+  }
+
+  _soon(waitMs) {
+    if (!this.timer) {
+      this.timer = setTimeout(() => {
+        this.timer = 0;
+        this._ask();
+      }, waitMs);
+    }
+  }
+
+  async _ask() {
+    const {start, end, span} = this.timeline;
+    if (!this.person || (this.loaded && this._isEnough())) {
+      return;
+    }
+    const mine = this.asked += 1;
+    const now = this.timeline.now();
+    const from = start - MARGIN * span;
+    const to = Math.min(end + MARGIN * span, now + span * 0.1);
+    this.loaded = {start: from, end: to, span, isNow: to >= now};
+    this.lastMs = performance.now();
+    const found = await Promise.allSettled(this.signs.map((sign) => this._one(sign, from, to, mine)));
+    if (mine !== this.asked) {
+      return;
+    }
+    const wrong = found.find((each) => each.status === 'rejected');
+    this.failed(wrong ? wrong.reason : null);
+    if (wrong) {
+      this.loaded = null;
+    }
+    this.look();
+  }
+
+  async _one(sign, from, to, mine) {
+    const pixels = Math.round(this.pixels * ((to - from) / this.timeline.span));
+    this.requests += 1;
+    const found = await this.api.get(`/api/people/${encodeURIComponent(this.person)}/charts`, {
+      sign, start: BigInt(Math.round(from)) * 1_000_000n, end: BigInt(Math.round(to)) * 1_000_000n,
+      pixels: Math.max(16, Math.min(4000, pixels))});
+    if (mine === this.asked) {
+      this.took(sign, chartOf(found, sign, (to - from) / pixels, to >= this.timeline.now()));
+    }
+  }
+}
+
+/** Make what plots use of an answer: times in ms. */
+export function chartOf(found, sign, pixelMs, isNow) {
+  const ms = (times) => (times || []).map((each) => each / NS_PER_MS);
+  const bucketMs = found.bucket_ns === undefined ? pixelMs : found.bucket_ns / NS_PER_MS;
+  const range = ({from_ns: from, to_ns: to, ...rest}) => ({
+    from: from / NS_PER_MS, to: to === null || to === undefined ? null : to / NS_PER_MS, ...rest});
+  return {
+    columns: {t: ms(found.t_ns), low: found.low || [], mean: found.mean || [],
+              high: found.high || [], count: found.count || (found.t_ns || []).map(() => 1)},
+    // Live values are no finer than what a pixel can show.
+    how: {bucketMs: Math.max(bucketMs, pixelMs / 2), longestGapMs: styleOf(sign).staleMs, isNow},
+    bad: (found.bad || []).map(range),
+    limits: (found.limits || []).map((each) => (typeof each === 'string' ? limitZone(each) : each))
+      .filter((each) => each && each.sign === sign),
+    alarms: (found.alarms || []).map((each) => ({...each,
+      t: (each.opened_ns ?? each.t_ns) / NS_PER_MS})),
+  };
+}
