@@ -30,7 +30,8 @@ records     up         batch, boot (of these records; an earlier start's after a
 live        up         n, utc_ns, signals ({name: [utc_ns, value]})
 answer      up         id, ok, text
 map         up         a map, as :mod:`rt_robot_os.uplink.maps` packs it; after want_map
-beat        up         n, the ticket that a command to drive must carry; utc_ns; motion
+beat        up         n, utc_ns; while somebody may drive also lease, motion, ...: n is the
+                       ticket that a command to drive must carry
 welcome     down       utc_ns, want_map
 stored      down       batch: it is on the server's disk
 refused     down       batch, text, retry_s
@@ -38,8 +39,9 @@ taken       down       n: the next ``live`` may come
 want        down       signals_hz, cameras ({name: pictures a second}), signals (patterns of
                        names that somebody looks at; optional)
 command     down       id, do, args, by
-drive       down       seq, beat, linear_m_s, angular_rad_s, by
-drive_end   down       by, why
+drive_begin down       lease, by: this one may drive from now on
+drive       down       lease, seq, beat, held_ms, grip, linear_m_s, angular_rad_s, by
+drive_end   down       lease, by, why
 voice       both       call, what the two ends of a call say to set it up
 ==========  =========  ==========================================================================
 """
@@ -58,8 +60,8 @@ MESSAGE_BYTES: Final = 1 << 20
 
 #: Kinds that go up, and down.
 UP: Final = frozenset({'hello', 'records', 'live', 'answer', 'map', 'beat', 'voice'})
-DOWN: Final = frozenset({'welcome', 'stored', 'refused', 'taken', 'want', 'command', 'drive',
-                         'drive_end', 'voice'})
+DOWN: Final = frozenset({'welcome', 'stored', 'refused', 'taken', 'want', 'command',
+                         'drive_begin', 'drive', 'drive_end', 'voice'})
 
 
 def encode(kind: str, content: Mapping[str, Any]) -> str:
