@@ -15,8 +15,9 @@
 """
 Tele-operation: from the server's connection to the topic that the multiplexer of velocities hears.
 
-Runs in the gateway's event loop. What may move the robot decides
-:mod:`rt_robot_os.clients.gateway.pilot`; docs/teleoperation.md says what stops it when.
+:class:`Driving` is the gateway's part; :class:`Drive`, which knows no gateway, does the work, in
+the gateway's event loop. What may move the robot decides :mod:`rt_robot_os.clients.gateway.pilot`;
+docs/teleoperation.md says what stops it when.
 """
 
 from __future__ import annotations
@@ -24,17 +25,26 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from collections.abc import Mapping
+from collections.abc import Sequence
+from functools import partial
 import struct
 import time
 from typing import Any
 from typing import Final
 
+from rt_robot_os.clients.gateway.convert import value_of
 from rt_robot_os.clients.gateway.drive_limits import BEAT_HZ
 from rt_robot_os.clients.gateway.drive_limits import CANCEL_TOPIC
 from rt_robot_os.clients.gateway.drive_limits import Limits
 from rt_robot_os.clients.gateway.drive_limits import TOPIC
+from rt_robot_os.clients.gateway.part import Part
+from rt_robot_os.clients.gateway.part import Ways
 from rt_robot_os.clients.gateway.pilot import Order
 from rt_robot_os.clients.gateway.pilot import Pilot
+from rt_robot_os.clients.gateway.reading import Reads
+from rt_robot_os.clients.gateway.reading import Sample
+from rt_robot_os.errors import LayoutError
+from rt_robot_os.errors import LinkError
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
@@ -50,7 +60,9 @@ Last = Callable[[str], Any]
 KINDS: Final = frozenset({'drive_begin', 'drive', 'drive_end'})
 _TWIST: Final = struct.Struct('<6d')
 _TRUE: Final = LITTLE_ENDIAN + b'\x01'
-_SHOWN: Final = ('speed', 'stop_reason', 'steering')
+#: What goes with a beat, and of which topic it is.
+_SHOWN: Final = {'speed': 'odom', 'stop_reason': 'stop_reason', 'steering': 'steering'}
+_SHOWN_HZ: Final = 20.0
 
 
 def twist(linear_m_s: float, angular_rad_s: float) -> bytes:
@@ -114,7 +126,7 @@ class Drive:
             self._driven = False
 
     async def run(self) -> None:
-        """Give out tickets while somebody may drive; ended by cancelling, which stops the robot."""
+        """Give out tickets while somebody may drive; to cancel it stops the robot."""
         period_s = 1.0 / BEAT_HZ
         due_s = time.monotonic()
         try:
@@ -133,7 +145,8 @@ class Drive:
         pilot = self.pilot
         if not pilot.lease or not self._limits.may_drive:
             return
-        shown = {name: value for name in _SHOWN if (value := self._last(name)) is not None}
+        shown = {name: value for name in (*_SHOWN, 'runs')
+                 if (value := self._last(name)) is not None}
         self._send('beat', {
             'n': pilot.beat(self._clock()), 'utc_ns': time.time_ns(), 'lease': pilot.lease,
             'seq': pilot.seq, 'armed': pilot.is_armed, 'moves': pilot.moves,
@@ -169,3 +182,67 @@ class Drive:
             # A millisecond more, so that it is over when the timer says so.
             after_s = (until_ns - self._clock() + NS_PER_MS) / NS_PER_S
             self._end_of_hold = loop.call_later(max(0.0, after_s), self.check_hold)
+
+
+class Driving(Part):
+    """The part of the gateway that lets somebody drive."""
+
+    kinds = KINDS
+
+    def __init__(self, ways: Ways) -> None:
+        super().__init__(ways)
+        settings = ways.settings
+        self._limits = Limits(settings.drive_linear_m_s, settings.drive_angular_rad_s,
+                              settings.drive_hold_s)
+        self.drive = Drive(self._limits, self._publish, ways.server.send_newest, self._last)
+        # By signal; written by the link's thread, read by the loop.
+        self._shown: dict[str, tuple[str, bytes]] = {}
+
+    def reads(self) -> Sequence[Reads]:
+        """Read what whoever drives wants to see at once."""
+        return [Reads(topic, partial(self._take, signal), rate_hz=_SHOWN_HZ)
+                for signal, topic in _SHOWN.items()]
+
+    def publishes(self) -> Sequence[str]:
+        """Publish commands, and that a goal is given up."""
+        return (TOPIC, CANCEL_TOPIC)
+
+    def hello(self) -> Mapping[str, Any]:
+        """Tell how fast one may drive."""
+        told = self._limits.told()
+        return {'limits': told, 'capabilities': ['drive'] if told else []}
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a message of the one who drives."""
+        self.drive.take(message)
+
+    def lost_server(self) -> None:
+        """Let nobody drive."""
+        self.drive.lost()
+
+    async def run(self) -> None:
+        """Give out tickets."""
+        await self.drive.run()
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Return the counters."""
+        return {'drive': self.drive.statistics()}
+
+    def _take(self, signal: str, sample: Sample) -> None:
+        self._shown[signal] = sample.type, bytes(sample.cdr)
+
+    def _last(self, signal: str) -> Any:
+        found = self._shown.get(signal)
+        if signal == 'runs' or found is None:
+            return self.ways.robot.has(TOPIC) if signal == 'runs' else None
+        try:
+            return value_of(_SHOWN[signal], *found)
+        except (LayoutError, ValueError):
+            return None
+
+    def _publish(self, topic: str, cdr: bytes, stamp_ns: int) -> bool:
+        try:
+            self.ways.robot.publish(topic, cdr, stamp_ns)
+        except LinkError:
+            return False
+        return True

@@ -27,6 +27,7 @@ from typing import Final
 
 from rt_robot_os.clients.gateway.connection import Connection
 from rt_robot_os.clients.gateway.connection import Talk
+from rt_robot_os.clients.gateway.drive import Driving
 from rt_robot_os.clients.gateway.heartbeat import Heartbeat
 from rt_robot_os.clients.gateway.identity import Identity
 from rt_robot_os.clients.gateway.live import Live
@@ -40,7 +41,7 @@ from rt_robot_os.clients.gateway.state_connection import StateConnection
 from rt_robot_os.uplink.messages import encode
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
-PARTS: Final[tuple[Callable[[Ways], Part], ...]] = ()
+PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Driving,)
 _STOP_LOOK_S: Final = 0.1
 
 

@@ -13,8 +13,7 @@
 # limitations under the License.
 
 """
-Tele-operation at the robot's end: who drives, whether what they say is young enough, and for how
-long it holds.
+Who drives the robot from afar, whether what they say is young enough, and for how long it holds.
 
 Pure decisions with a clock that is handed in; :mod:`rt_robot_os.clients.gateway.drive` connects
 them. What moves the robot has to pass all of this, in this order: it belongs to the lease of the
@@ -174,7 +173,7 @@ class Pilot:
             self._gap_ns = 0
             return self.stop()
         if self._gap_ns and now_ns - self._gap_ns > self.limits.ticket_ns:
-            # The robot has stood meanwhile: it does not start under a hand that does not expect it.
+            # It has stood meanwhile: it does not start under a hand that does not expect it.
             self.is_armed = False
         if not self.is_armed:
             raise _NotTaken(NOT_ARMED)

@@ -100,6 +100,12 @@ class GatewaySettings:
                                0.5, 60.0)
     command_s: float = setting(5.0, 'How long the robot may take to answer a command', 's', 0.1,
                                60.0)
+    drive_linear_m_s: float = setting(0.3, 'Fastest speed at which somebody may drive it from '
+                                      'afar; 0: nobody may', 'm/s', 0.0, 5.0)
+    drive_angular_rad_s: float = setting(0.8, 'Fastest turn that somebody may drive', 'rad/s', 0.0,
+                                         10.0)
+    drive_hold_s: float = setting(0.1, 'A command to drive holds for so long: shorter than the '
+                                  'time-out of teleop in velocity_mux', 's', 0.05, 0.3)
     avoid_cpus: tuple[int, ...] = setting((), 'CPUs that it leaves to the core')
 
     def live_rates(self) -> tuple[tuple[str, float], ...]:

@@ -90,7 +90,7 @@ export class Line extends EventTarget {
     if (!this.isOpen) {
       return 'away';
     }
-    if (!this.seat.connected) {
+    if (!this.seat.connected || (this.isMine && this.beat?.runs === false)) {
       return 'absent';
     }
     if (!this.isMine) {
