@@ -179,8 +179,9 @@ class Cab:
 
 def _limit(limits: Mapping[str, Any], name: str) -> float:
     value = limits.get(name)
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return float(value) if is_number and math.isfinite(value) and value > 0.0 else 0.0
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return 0.0
+    return float(value) if math.isfinite(value) and value > 0.0 else 0.0
 
 
 def _command(message: Mapping[str, Any]) -> dict[str, Any] | None:
