@@ -24,22 +24,26 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import StartError
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.monitor import needs
+from rt_robot_os.monitor.security.commands import WORDS
 from rt_robot_os.monitor.settings import load
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import OK
+from rt_robot_os.programs import run_command
 from rt_robot_os.programs import tell
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'monitor'
-_EPILOG = """Its settings stand in a parameter file under /**/monitor; see docs/monitor.md.
+_ABOUT = ('Serve the remote monitor: robots call it, people open its page. No medical '
+          'device.')
+_EPILOG = """Commands, each with --help: monitor user | robot | certificate | audit.
+Its settings stand in a parameter file under /**/monitor; see docs/monitor.md.
 Exit code: 0 ended by a signal, 1 it cannot run, 2 wrong settings."""
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=_NAME, description='Serve the remote monitor: robots call it, people open its page. '
-        'No medical device.', epilog=_EPILOG, allow_abbrev=False,
+        prog=_NAME, description=_ABOUT, epilog=_EPILOG, allow_abbrev=False,
         usage='monitor [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]')
     parser.add_argument('--host', help='address to listen on (default: 127.0.0.1)')
     parser.add_argument('--port', type=int, help='port (default: 8443 with TLS, 8080 without)')
@@ -58,6 +62,10 @@ def run(argv: Sequence[str]) -> int:
     :return: the exit code.
     :raises RtRobotError: it cannot run.
     """
+    if argv and argv[0] in WORDS:
+        needs.check()
+        from rt_robot_os.monitor.security.commands.table import COMMANDS
+        return run_command(_NAME, _ABOUT, COMMANDS, argv)
     try:
         ros = parse_ros_args(argv, _NAME)
         arguments = _parser().parse_args(ros.rest)
