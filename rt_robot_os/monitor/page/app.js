@@ -135,7 +135,13 @@ function unreachable() {
   unreachable.timer = setTimeout(begin, 2000);
 }
 
-api.onSignedOut = () => session && signedOut();
+api.onSignedOut = (reason) => {
+  if (session && reason === 'locked') {
+    context.go('#/login');
+  } else if (session) {
+    signedOut();
+  }
+};
 live.addEventListener('revoked', () => signedOut());
 
 function signedOut() {

@@ -36,6 +36,13 @@ export async function confirmAlarm(context, alarm) {
   }
 }
 
+/** Have the next step of the escalation told now. */
+export async function escalate(context, alarm) {
+  if (await order(context, alarm, 'escalate')) {
+    toast(context.t('alarms.escalated'));
+  }
+}
+
 /** Say that a suspicion is none. */
 export async function cancelAlarm(context, alarm) {
   const {t} = context;

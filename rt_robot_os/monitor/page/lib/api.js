@@ -19,12 +19,20 @@ export class ApiError extends Error {
 export class Api {
   constructor() {
     this.csrf = '';
-    /** Called when the server no longer knows who we are. */
+    /** Called when the server no longer knows who we are: reason login, or locked. */
     this.onSignedOut = () => {};
   }
 
-  get(path, parameters) {
-    return this.send('GET', path + query(parameters));
+  /**
+   * Read something.
+   * @param {string} path
+   * @param {Object} [parameters] of the query; null and undefined are left out
+   * @param {{background?: boolean}} [how] background: a timer asks, not a person, so that it does
+   *   not keep the session alive
+   */
+  get(path, parameters, how = {}) {
+    return this.send('GET', path + query(parameters), undefined,
+      how.background ? {'X-Background': '1'} : {});
   }
 
   post(path, body = {}) {
@@ -48,8 +56,8 @@ export class Api {
    * @returns {Promise<*>} the JSON of the answer, null for none
    * @throws {ApiError}
    */
-  async send(method, path, body) {
-    const headers = {Accept: 'application/json'};
+  async send(method, path, body, more = {}) {
+    const headers = {Accept: 'application/json', ...more};
     if (method !== 'GET') {
       headers['X-CSRF-Token'] = this.csrf;
     }
@@ -73,10 +81,10 @@ export class Api {
     if (answer.ok) {
       return found;
     }
-    if (answer.status === 401 && !path.startsWith('/api/session')) {
-      this.onSignedOut();
-    }
     const detail = (found && found.detail) || {};
+    if (answer.status === 401 && !path.startsWith('/api/session')) {
+      this.onSignedOut(detail.reason || 'login');
+    }
     throw new ApiError(answer.status, detail.text || String(detail.message || answer.status),
       detail.remedy || '');
   }

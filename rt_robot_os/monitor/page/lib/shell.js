@@ -139,7 +139,9 @@ export class Shell {
     if (!this.isSignedIn) {
       return view && view.place === 'alone' ? view : viewNamed('login');
     }
-    if (view && view.place !== 'alone' && mayOpen(view, this.context.permissions)) {
+    // Alone inside of the shell: a session that is locked asks for the password again.
+    if (view && (view.place !== 'alone' || this.context.isLocked?.())
+        && mayOpen(view, this.context.permissions)) {
       return view;
     }
     return viewsFor('rail', this.context.permissions)[0] || viewNamed('account');

@@ -1,0 +1,88 @@
+/** The list of alarms: each a link to its time line, with the button to acknowledge it. */
+
+import {acknowledge} from '../../lib/alarm_actions.js';
+import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
+import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
+import {icon} from '../../lib/icons.js';
+import {button, levelIcon, notice} from '../../lib/parts.js';
+import {problemText} from '../../lib/problem.js';
+
+/**
+ * Show alarms.
+ * @param {HTMLElement} element
+ * @param {Object} context
+ * @param {Array} alarms in their order
+ * @param {{isAll: boolean, chosen: string, isLoading: boolean, problem: ?Error}} how
+ */
+export function list(element, context, alarms, how) {
+  if (!element.rows) {
+    element.rows = h('ul.alarm-rows');
+    element.note = h('div');
+    replace(element, element.rows, element.note);
+  }
+  keep(element.rows, alarms, keyOf, (alarm) => row(alarm),
+    (item, alarm) => update(item, alarm, context, how.chosen), true);
+  element.rows.hidden = !alarms.length;
+  explain(element.note, context, alarms, how);
+}
+
+function keyOf(alarm) {
+  return `${alarm.robot}/${alarm.id}`;
+}
+
+/** The address of an alarm's time line. */
+export function addressOf(alarm) {
+  return `#/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}`;
+}
+
+function row(alarm) {
+  const parts = {title: h('strong'), words: h('span.alarm-text'), when: h('span.alarm-when.number'),
+    mark: h('span.alarm-mark'), act: h('div.alarm-act')};
+  parts.link = h('a.alarm-link', {href: addressOf(alarm)}, parts.mark, h('span.alarm-words',
+    parts.title, parts.words, parts.when));
+  const made = h('li.alarm-row', parts.link, parts.act);
+  made.parts = parts;
+  return made;
+}
+
+function update(item, alarm, context, chosen) {
+  const {t, format, state, permissions} = context;
+  const {parts} = item;
+  const isOver = !isOpen(alarm);
+  tone(item, 'tone', isLoud(alarm) ? alarm.level : 'plain');
+  item.classList.toggle('is-over', isOver);
+  attribute(parts.link, 'aria-current', keyOf(alarm) === chosen ? 'true' : null);
+  write(parts.title, `${t.word('level', alarm.level)}: ${alarm.subject} – ${kindsText(alarm, t)}`);
+  write(parts.words, [stateText(alarm, t), alarm.text].filter(Boolean).join(' · '));
+  const began = openedNs(alarm) / 1e6;
+  const ageS = state.nowNs() / 1e9 - began / 1e3;
+  write(parts.when, isOver ? format.time(began, false)
+    : `${format.time(began, false)} · ${format.ago(ageS)}`);
+  const key = `${alarm.state}${alarm.level}`;
+  if (item.dataset.key !== key) {
+    item.dataset.key = key;
+    replace(parts.mark, icon(isOver ? 'check' : levelIcon(alarm.level)));
+    replace(parts.act, isLoud(alarm) && permissions.has('acknowledge')
+      && button(t('alarms.acknowledge'), () => acknowledge(context, alarm)));
+  }
+}
+
+/** The state of an alarm with who did it. */
+export function stateText(alarm, t) {
+  const by = alarm.by && alarm.state !== 'raised' ? ` (${alarm.by})` : '';
+  return t.word('state', alarm.state) + by;
+}
+
+function explain(element, context, alarms, {isAll, isLoading, problem}) {
+  const {t} = context;
+  const key = isLoading ? 'loading' : problem && isAll ? 'problem' : alarms.length ? ''
+    : isAll ? 'none_ever' : 'none_open';
+  if (element.dataset.key === key) {
+    return;
+  }
+  element.dataset.key = key;
+  replace(element, key === 'loading' ? notice('loading', t('shell.loading'))
+    : key === 'problem' ? notice('error', t('alarms.no_past'), problemText(problem, t))
+      : key === 'none_open' ? notice('calm', t('alarms.none_open'), t('alarms.none_open_text'))
+        : key && notice('empty', t('alarms.none_ever'), t('alarms.none_ever_text')));
+}

@@ -1,0 +1,42 @@
+/** How a robot is, in words and as a number to sort by. */
+
+import {isLoud, rank} from '../../lib/alarms.js';
+
+/** Below this share of its battery a robot should be charged. */
+export const LOW_BATTERY = 0.2;
+
+/** Whether a robot is reached: connected, and heard of. */
+export function isUp(robot) {
+  return Boolean(robot.connected) && !robot.silent;
+}
+
+/** The charge as a share from 0 to 1, or NaN; some drivers say percent. */
+export function charge(state, robot) {
+  const value = state.signal(robot.id, 'battery')?.value;
+  const share = typeof value === 'number' ? value : Number(value?.percentage ?? NaN);
+  return share > 1.5 ? share / 100 : share;
+}
+
+/** What it does: the state of the agent and the rest of the text. */
+export function doing(state, robot, t) {
+  const text = String(state.signal(robot.id, 'agent/state')?.value ?? '');
+  const [first, ...rest] = text.split(' ');
+  if (!first) {
+    return t('overview.doing_unknown');
+  }
+  const about = rest.join(' ').replace(/:$/, '');
+  return about ? `${t.word('agent', first)} · ${about}` : t.word('agent', first);
+}
+
+/** Open alarms of a robot that are about no person. */
+export function otherAlarms(state, robot) {
+  return state.openAlarms().filter((each) => each.robot === robot.id
+    && !state.people.has(each.subject));
+}
+
+/** The larger, the more a robot needs somebody. */
+export function badnessOf(state, robot) {
+  const worst = otherAlarms(state, robot).find(isLoud);
+  return (worst ? 10 + 10 * rank(worst.level) : 0) + (isUp(robot) ? 0 : 35)
+    + (charge(state, robot) < LOW_BATTERY ? 5 : 0);
+}
