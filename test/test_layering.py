@@ -96,6 +96,7 @@ LIBRARIES = {
     'argon2': (f'{PACKAGE}.monitor.security',),
     'cryptography': (f'{PACKAGE}.monitor.security',),
     'fastapi': (f'{PACKAGE}.monitor',),
+    'pydantic': (f'{PACKAGE}.monitor',),
     'sqlalchemy': (f'{PACKAGE}.monitor',),
     'starlette': (f'{PACKAGE}.monitor',),
     'uvicorn': (f'{PACKAGE}.monitor',),

@@ -28,8 +28,11 @@ from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.staticfiles import StaticFiles
-from rt_robot_os.monitor.api import health
+from rt_robot_os.monitor.api import alarms
+from rt_robot_os.monitor.api import commands
+from rt_robot_os.monitor.api import observations
 from rt_robot_os.monitor.api import robots
+from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
@@ -39,11 +42,18 @@ from starlette.exceptions import HTTPException
 PAGE: Final = Path(__file__).parent / 'page'
 #: What has a ``router(services)``; a line each.
 API: Final = (
+    alarms,
     client_connection,
+<<<<<<< HEAD
     health,
     media_connection,
+=======
+    commands,
+    observations,
+>>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
     robot_connection,
     robots,
+    status,
 )
 
 
@@ -51,6 +61,7 @@ def create_app(services: Services) -> FastAPI:
     """Make the application of a server."""
     app = FastAPI(title='rt_robot_os monitor', lifespan=_lifespan(services), docs_url=None,
                   redoc_url=None, openapi_url='/api/openapi.json')
+    app.state.services = services
     for each in API:
         app.include_router(each.router(services))
     app.add_exception_handler(HTTPException, _problem)
@@ -63,12 +74,13 @@ def create_app(services: Services) -> FastAPI:
 def _lifespan(services: Services) -> Any:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        services.accounts.on_revoked(services.hub.revoked)
         looking = asyncio.create_task(_look(services))
         try:
             yield
         finally:
             looking.cancel()
-            await services.writer.close()
+            await asyncio.to_thread(services.writer.close)
             services.store.close()
 
     return lifespan
@@ -78,6 +90,7 @@ async def _look(services: Services) -> None:
     while True:
         await asyncio.sleep(services.settings.heartbeat_s / 2)
         services.hub.look()
+        services.hub.storing(services.writer.fault)
 
 
 def _answer(status: int, text: str, remedy: str, headers: object = None) -> JSONResponse:

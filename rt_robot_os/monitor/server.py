@@ -22,26 +22,42 @@ import sys
 from rt_robot_os.errors import StartError
 from rt_robot_os.monitor.app import create_app
 from rt_robot_os.monitor.live.hub import Hub
+<<<<<<< HEAD
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.media_store import MediaStore
+=======
+from rt_robot_os.monitor.maps import Maps
+>>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.stand_in import Accounts
 from rt_robot_os.monitor.stand_in import Audit
-from rt_robot_os.monitor.stand_in import Store
-from rt_robot_os.monitor.stand_in import Writer
+from rt_robot_os.monitor.store.store import Store
+from rt_robot_os.monitor.store.writer import Writer
 from rt_robot_os.uplink.frames import FRAME_BYTES
 import uvicorn
 
 _BACKLOG = 512
+#: Of the default database, in the folder.
+DATABASE = 'monitor.db'
 
 
 def make_services(settings: MonitorSettings) -> Services:
     """Open the database and make the parts."""
+<<<<<<< HEAD
     store = Store()
     return Services(settings, store, Writer(store), Hub(settings.heartbeat_s, settings.command_s),
                     Accounts(), Audit(), MediaHub(MediaStore(
                         settings.where / 'media', settings.media_mb, settings.media_days)))
+=======
+    folder = settings.where
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    store = Store.open(settings.database or str(folder / DATABASE))
+    hub = Hub(settings.heartbeat_s, settings.command_s)
+    hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
+    return Services(settings, store, Writer(store), hub, Accounts(), Audit(),
+                    Maps(folder / 'maps'))
+>>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
 
 
 def serve(settings: MonitorSettings) -> None:

@@ -36,6 +36,7 @@ class Services:
     :ivar hub: what is live; for the event loop alone.
     :ivar accounts: users, sessions, robots' tokens.
     :ivar audit: ``audit.note(actor, action, object, **details)``.
+    :ivar maps: of robots.
     :ivar media: pictures and files; None without.
     """
 
@@ -45,4 +46,5 @@ class Services:
     hub: Hub
     accounts: Any
     audit: Any
+    maps: Any = None
     media: Any = None

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -101,58 +100,6 @@ class Audit:
         """Note what somebody did."""
         self.rows.append((actor.name, action, what, details))
 
-
-class Store:
-    """Keeps records in memory."""
-
-    def __init__(self) -> None:
-        self.records: dict[tuple[str, str, int], Mapping[str, Any]] = {}
-
-    def add(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]]) -> int:
-        """Keep records; return how many are new."""
-        before = len(self.records)
-        for each in records:
-            self.records.setdefault((robot, boot, each['seq']), each)
-        return len(self.records) - before
-
-    def alarms(self, *, people: frozenset[str] | None, robot: str | None = None,
-               is_open: bool | None = None, since_ns: int = 0, limit: int = 200
-               ) -> list[dict[str, Any]]:
-        """Return alarms."""
-        return []
-
-    def alarm(self, robot: str, alarm: str) -> dict[str, Any] | None:
-        """Return an alarm."""
-        return None
-
-    def observations(self, person: str, sign: str | None = None, start: int = 0,
-                     end: int = 1 << 62, limit: int = 1000, after: int = 0
-                     ) -> list[dict[str, Any]]:
-        """Return observations of a person."""
-        return [dict(each['content']) for each in self.records.values()
-                if each['type'] == 'observation' and each['content'].get('person') == person]
-
-    def people(self) -> list[dict[str, Any]]:
-        """Return the people."""
-        return []
-
-    def robots(self) -> list[dict[str, Any]]:
-        """Return the robots."""
-        return []
-
-    def close(self) -> None:
-        """Let go of it."""
-
-
-class Writer:
-    """Writes at once."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-
-    async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]]) -> None:
-        """Keep records."""
-        self._store.add(robot, boot, records)
-
-    async def close(self) -> None:
-        """Let go of it."""
+    def read(self, actor: Actor, action: str, what: str, **details: Any) -> None:
+        """Note what somebody has read."""
+        self.note(actor, action, what, **details)

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from fake_robot import FakeRobot
 from monitor_server import Page
@@ -28,8 +29,8 @@ from rt_robot_os.monitor.settings import MonitorSettings
 
 
 @pytest.fixture
-def services() -> Services:
-    return make_services(MonitorSettings(port=0))
+def services(tmp_path: Path) -> Services:
+    return make_services(MonitorSettings(port=0, where=tmp_path))
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Robots: which there are, and what they are told to do."""
+"""Robots and people: who there is, as far as one may see them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from typing import Any
 
 from fastapi import APIRouter
 from fastapi import Depends
-
+from rt_robot_os.monitor.api.answers import unknown
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.stand_in import Actor
 from rt_robot_os.monitor.stand_in import allowed
@@ -29,7 +29,7 @@ from rt_robot_os.monitor.stand_in import Permission
 
 def router(services: Services) -> APIRouter:
     """Return the endpoints."""
-    found = APIRouter(prefix='/api')
+    found = APIRouter(prefix='/api', tags=['robots'])
     hub = services.hub
 
     @found.get('/robots')
@@ -37,5 +37,18 @@ def router(services: Services) -> APIRouter:
         """Return the robots that one may see."""
         rights = hub.rights_of(actor)
         return [each.shown(rights) for each in hub.seen(rights)]
+
+    @found.get('/robots/{robot}')
+    async def one_robot(robot: str, actor: Actor = Depends(allowed(Permission.SEE))
+                        ) -> dict[str, Any]:
+        """Return a robot."""
+        if not hub.may_see_robot(actor, robot):
+            raise unknown('robot')
+        return hub.robots[robot].shown(hub.rights_of(actor))
+
+    @found.get('/people')
+    async def people(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
+        """Return the people that one may see, each with the robots they live with."""
+        return hub.people(hub.rights_of(actor))
 
     return found

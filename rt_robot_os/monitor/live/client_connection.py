@@ -56,6 +56,10 @@ def router(services: Services) -> APIRouter:
         if actor is None:
             return
         await websocket.accept()
+        if len(services.hub.clients) >= services.settings.clients:
+            services.hub.counts['refused'] += 1
+            await websocket.close(1013, 'as many browsers as there may be have live data')
+            return
         await ClientConnection(services, websocket, actor).run()
 
     return found

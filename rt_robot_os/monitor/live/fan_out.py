@@ -71,6 +71,7 @@ class Group:
         self.robot = robot
         self.watches: dict[Watch, None] = {}
         self.rate_hz = rate_hz
+        self.patterns = patterns
         self._rights = rights
         self._hidden: frozenset[str] = frozenset()
         self._wanted = matcher(patterns)
@@ -127,11 +128,11 @@ class Group:
     def _choose(self) -> None:
         """Choose the signals anew when there are others, or other people."""
         robot = self.robot
-        state = (robot.names, robot.people)
+        state = (robot.names, robot.ever)
         if state == self._names_at:
             return
         self._names_at = state
-        self._hidden = self._rights.hidden(robot.people or ())
+        self._hidden = self._rights.hidden(robot.ever)
         visible = self._rights.sees_robot(robot.people)
         self._names = [name for name in robot.signals if visible and self._wanted(name)
                        and self._rights.sees_signal(name, self._hidden)]
@@ -159,10 +160,11 @@ class FanOut:
             if each.watches:
                 each.changed()
 
-    def rate_hz(self, robot: str) -> float:
-        """Return the highest rate at which somebody watches it; 0 for nobody."""
-        return max((each.rate_hz for each in self._groups.get(robot, {}).values()
-                    if each.watches), default=0.0)
+    def wanted(self, robot: str) -> tuple[float, tuple[str, ...]]:
+        """Return the highest rate at which somebody watches a robot, and what they watch."""
+        groups = [each for each in self._groups.get(robot, {}).values() if each.watches]
+        return (max((each.rate_hz for each in groups), default=0.0),
+                tuple(sorted({name for each in groups for name in each.patterns})))
 
 
 def matcher(patterns: tuple[str, ...]) -> Callable[[str], bool]:

@@ -25,6 +25,7 @@ import asyncio
 from collections.abc import Callable
 from collections.abc import Iterable
 from collections.abc import Mapping
+from functools import partial
 import time
 from typing import Any
 from typing import Final
@@ -57,6 +58,9 @@ class Connection(Protocol):
     def say(self, kind: str, content: Mapping[str, Any]) -> bool:
         """Send a message; False when there is no room for it."""
 
+    def say_now(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Send a message before all others; the newest of a kind wins."""
+
     def close(self, code: int, reason: str) -> None:
         """Close it."""
 
@@ -64,7 +68,11 @@ class Connection(Protocol):
 class Client(Protocol):
     """What the hub needs of a browser's connection."""
 
+    actor: Actor
     rights: Rights
+
+    def close(self, code: int, reason: str) -> None:
+        """Close it."""
 
     def say(self, text: str) -> bool:
         """Send something urgent."""
@@ -91,12 +99,30 @@ class Hub:
         self._answers: dict[str, tuple[str, asyncio.Future[dict[str, Any]]]] = {}
         self._commands = time.time_ns()
 
+        self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0}
+        #: Called with the id of a robot and what it has sent, for each ``beat``.
+        self.on_beat: list[Callable[[str, Mapping[str, Any]], object]] = []
+        #: Called with the id of a robot and whether it is connected now.
+        self.on_robot: list[Callable[[str, bool], object]] = []
+        self._server: dict[str, Any] = {'storing': True, 'text': ''}
+
     @staticmethod
     def rights_of(actor: Actor) -> Rights:
         """Return what somebody may see."""
         return Rights(actor.people, actor.may(Permission.HEALTH))
 
-    def robot(self, robot: str, name: str = '') -> RobotState:
+    def remember(self, robots: Iterable[Mapping[str, Any]],
+                 alarms: Iterable[Mapping[str, Any]]) -> None:
+        """Take the robots and open alarms that the database has of before this start."""
+        for each in robots:
+            robot = self.known(each['id'], each.get('name') or '')
+            robot.lives_with(each.get('people') or ())
+            robot.last_seen_ns = each.get('last_seen_ns') or 0
+            robot.silent = True
+        for each in alarms:
+            self.known(each['robot']).alarms[each['id']] = dict(each)
+
+    def known(self, robot: str, name: str = '') -> RobotState:
         """Return a robot; one that is new becomes known to those who watch all."""
         found = self.robots.get(robot)
         if found is None:
@@ -105,14 +131,23 @@ class Hub:
                 each.robot_came(found)
         return found
 
+    def robot(self, robot: str) -> dict[str, Any] | None:
+        """Return a robot as who may see everything is shown it; None when there is none."""
+        found = self.robots.get(robot)
+        return None if found is None else found.shown(Rights(None, True))
+
+    def may_see_robot(self, actor: Actor, robot: str) -> bool:
+        """Return whether a robot exists for somebody."""
+        found = self.robots.get(robot)
+        return found is not None and self.rights_of(actor).sees_robot(found.people)
+
     def seen(self, actor_rights: Rights) -> list[RobotState]:
         """Return the robots that exist for those with these rights."""
         return [each for each in self.robots.values() if actor_rights.sees_robot(each.people)]
 
     # Robots
 
-    def connect(self, robot: RobotState, connection: Connection, hello: Mapping[str, Any],
-                now_ns: int) -> None:
+    def connect(self, robot: RobotState, connection: Connection, now_ns: int) -> None:
         """Take a robot that has said hello; a connection that it had before is closed."""
         before = self._connections.get(robot.id)
         if before is not None and before is not connection:
@@ -121,7 +156,9 @@ class Hub:
         gone_ns = robot.last_seen_ns
         robot.connected = True
         self.heard(robot, now_ns, quietly=True)
+        robot.wanted = (-1.0, ())
         self.tell_robot(robot)
+        self._tell_listeners(robot)
         if gone_ns:
             self._tell(robot, {'kind': 'gap', 'robot': robot.id, 'from_ns': gone_ns,
                                'to_ns': now_ns})
@@ -137,6 +174,7 @@ class Hub:
             if whose == robot.id and not future.done():
                 future.set_exception(_away(robot.name))
         self.tell_robot(robot)
+        self._tell_listeners(robot)
 
     def heard(self, robot: RobotState, now_ns: int, quietly: bool = False) -> None:
         """Note that something has come from a robot."""
@@ -160,18 +198,39 @@ class Hub:
         """Send what is new of a robot to whom it concerns."""
         self.fan_out.changed(robot)
 
-    def alarm(self, robot: RobotState, event: Mapping[str, Any], utc_ns: int) -> None:
-        """Take an event of an alarm, and tell everybody who may see it."""
-        alarm = robot.take_alarm(event, utc_ns)
-        if alarm is not None:
-            self._tell_each(lambda rights: robot.alarm_shown(alarm, rights), 'alarm')
+    def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]]) -> None:
+        """
+        Take events of alarms, and tell everybody who may see them what each alarm has come to.
+
+        :param events: as they are in ``alarms/events``, each with its UTC in ns.
+        """
+        changed: dict[str, dict[str, Any]] = {}
+        for event, utc_ns in events:
+            alarm = robot.take_alarm(event, utc_ns)
+            if alarm is not None:
+                changed[alarm['id']] = alarm
+        for each in changed.values():
+            self._tell_each(partial(robot.alarm_shown, each), 'alarm')
+
+    def beat(self, robot: RobotState, message: Mapping[str, Any]) -> None:
+        """Hand a heart-beat to whom it concerns."""
+        for each in self.on_beat:
+            each(robot.id, message)
 
     def want(self, robot: RobotState) -> None:
-        """Tell a robot how often its signals are wanted."""
-        rate = self.fan_out.rate_hz(robot.id)
+        """Tell a robot which signals are wanted, and how often."""
         connection = self._connections.get(robot.id)
-        if connection is not None:
-            connection.say('want', {'signals_hz': rate})
+        wanted = self.fan_out.wanted(robot.id)
+        if connection is not None and wanted != robot.wanted:
+            robot.wanted = wanted
+            connection.say('want', {'signals_hz': wanted[0], 'signals': list(wanted[1])})
+
+    def storing(self, fault: str) -> None:
+        """Tell everybody whether records can be stored; ``fault`` is empty when they can."""
+        server = {'storing': not fault, 'text': fault}
+        if server != self._server:
+            self._server = server
+            self._tell_each(lambda rights: server, 'server')
 
     # Commands
 
@@ -214,10 +273,29 @@ class Hub:
         connection = self._connections.get(robot.id)
         return connection is not None and connection.say(kind, content)
 
+    def drive(self, robot: str, kind: str, content: Mapping[str, Any]) -> bool:
+        """
+        Hand something of driving straight to a robot, before all that waits for it.
+
+        What has not been sent yet when the next of the same kind comes is not sent at all.
+
+        :return: whether the robot is connected.
+        """
+        connection = self._connections.get(robot)
+        if connection is None:
+            return False
+        connection.say_now(kind, content)
+        return True
+
+    def _tell_listeners(self, robot: RobotState) -> None:
+        for each in self.on_robot:
+            each(robot.id, robot.connected)
+
     # Clients
 
     def join(self, client: Client) -> None:
         """Tell a client the whole state; from now on it gets what changes."""
+        self.counts['joined'] += 1
         client.say(encoded(self.state(client.rights)))
         self.clients[client] = None
 
@@ -225,12 +303,27 @@ class Hub:
         """Forget a client."""
         self.clients.pop(client, None)
 
+    def revoked(self, revoked: Any) -> None:
+        """
+        Close what was opened by a session or a token that counts no more.
+
+        :param revoked: with ``kind`` (``session`` or ``robot``), ``id``, ``code`` and ``text``.
+        """
+        if revoked.kind == 'robot' and revoked.id in self._connections:
+            self._connections[revoked.id].close(revoked.code, revoked.text)
+        for each in list(self.clients):
+            if revoked.kind == 'session' and each.actor.session == revoked.id:
+                self.counts['revoked'] += 1
+                self.leave(each)
+                each.close(revoked.code, revoked.text)
+
     def state(self, rights: Rights) -> dict[str, Any]:
         """Return all that those with these rights see at first."""
         robots = self.seen(rights)
         return {'kind': 'state', 'utc_ns': time.time_ns(),
                 'robots': [each.shown(rights) for each in robots],
-                'people': self.people(rights), 'alarms': self.alarms(rights)}
+                'people': self.people(rights), 'alarms': self.alarms(rights),
+                'server': self._server}
 
     def people(self, rights: Rights) -> list[dict[str, Any]]:
         """Return the people that they see, each with the robots they live with."""
@@ -267,8 +360,9 @@ class Hub:
                     found = {**found, 'kind': kind}
                 texts[rights] = None if found is None else encoded(found)
             text = texts[rights]
-            if text is not None:
-                client.say(text)
+            if text is not None and not client.say(text):
+                self.counts['overrun'] += 1
+                self.leave(client)
 
 
 def _away(name: str) -> AwayError:

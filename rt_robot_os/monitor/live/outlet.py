@@ -49,6 +49,7 @@ class Outlet:
         self._websocket = websocket
         self._urgent: deque[str] = deque()
         self._urgent_size = 0
+        self._now: dict[str, str] = {}
         self._ready: dict[Callable[[], str | None], None] = {}
         self._wake = asyncio.Event()
         self._close: tuple[int, str] | None = None
@@ -73,6 +74,12 @@ class Outlet:
         self._urgent_size += len(text)
         self._wake.set()
         return True
+
+    def say_now(self, key: str, text: str) -> None:
+        """Send something before all that waits; the newest of a key takes the place of others."""
+        self._now.pop(key, None)
+        self._now[key] = text
+        self._wake.set()
 
     def offer(self, make: Callable[[], str | None]) -> None:
         """Send what that makes when its turn comes; offered again before that it is sent once."""
@@ -102,7 +109,9 @@ class Outlet:
 
     async def _send_all(self) -> None:
         while self._close is None:
-            if self._urgent:
+            if self._now:
+                text = self._now.pop(next(iter(self._now)))
+            elif self._urgent:
                 text = self._urgent.popleft()
                 self._urgent_size -= len(text)
             elif self._ready:

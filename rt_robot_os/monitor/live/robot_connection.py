@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Coroutine
 from collections.abc import Mapping
 import logging
 import time
@@ -25,7 +26,9 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.services import Services
@@ -41,6 +44,11 @@ HELLO_S: Final = 10.0
 #: Batches that may wait for the disk; more are refused, and come again.
 BATCHES_MOST: Final = 8
 RETRY_S: Final = 2.0
+PEOPLE_MOST: Final = 64
+NAME_CHARACTERS: Final = 64
+ABOUT_CHARACTERS: Final = 32 << 10
+#: A clock that is further from ours is told.
+CLOCK_S: Final = 5.0
 _ABOUT: Final = ('cameras', 'capabilities', 'nodes', 'map', 'limits', 'version')
 
 
@@ -54,7 +62,7 @@ def router(services: Services) -> APIRouter:
         if robot is None:
             return
         await websocket.accept()
-        await RobotConnection(services, websocket, services.hub.robot(robot.id, robot.name)).run()
+        await RobotConnection(services, websocket, services.hub.known(robot.id, robot.name)).run()
 
     return found
 
@@ -69,10 +77,16 @@ class RobotConnection:
         self._outlet = Outlet(websocket)
         self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
+        self._map_taken = False
+        self._tasks: set[asyncio.Task[None]] = set()
 
     def say(self, kind: str, content: Mapping[str, Any]) -> bool:
         """Send a message; False when the robot does not read."""
         return self._outlet.say(encode(kind, content))
+
+    def say_now(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Send a message before all others; the newest of a kind wins."""
+        self._outlet.say_now(kind, encode(kind, content))
 
     def close(self, code: int, reason: str) -> None:
         """Close it."""
@@ -112,17 +126,44 @@ class RobotConnection:
             return False
         self._boot = boot
         now_ns = time.time_ns()
+        self._take_about(hello, now_ns)
+        self.say('welcome', {'utc_ns': now_ns, 'version': VERSION,
+                             'want_map': await self._wants_map(hello.get('map'))})
+        self._services.hub.connect(self._robot, self, now_ns)
+        self._start(asyncio.to_thread(self._note_hello))
+        return True
+
+    def _take_about(self, hello: Mapping[str, Any], now_ns: int) -> None:
         robot = self._robot
-        robot.boot = boot
+        robot.boot = self._boot
         people = hello.get('people')
-        robot.people = frozenset(each for each in people if isinstance(each, str)) if isinstance(
-            people, list) else frozenset()
-        robot.about = {key: hello[key] for key in _ABOUT if key in hello}
+        robot.lives_with([each for each in people[:PEOPLE_MOST] if isinstance(each, str)
+                          and 0 < len(each) <= NAME_CHARACTERS]
+                         if isinstance(people, list) else ())
+        robot.about = {}
+        for key in _ABOUT:
+            # Everybody who watches is sent it with each change of the robot.
+            if key in hello and len(encoded(hello[key])) <= ABOUT_CHARACTERS:
+                robot.about[key] = hello[key]
+            elif key in hello:
+                robot.count('hello_too_long')
         if is_time(hello.get('utc_ns')):
             robot.offset_s = (hello['utc_ns'] - now_ns) / 1e9
-        self.say('welcome', {'utc_ns': now_ns, 'want_map': False, 'version': VERSION})
-        self._services.hub.connect(robot, self, hello, now_ns)
-        return True
+            if abs(robot.offset_s) > CLOCK_S:
+                _LOG.warning('%s: its clock is %+.1f s from ours', robot.name, robot.offset_s)
+
+    async def _wants_map(self, sha256: object) -> bool:
+        maps = self._services.maps
+        return bool(sha256) and maps is not None and not await asyncio.to_thread(
+            maps.has, self._robot.id, sha256)
+
+    def _note_hello(self) -> None:
+        robot = self._robot
+        try:
+            self._services.store.hello(robot.id, self._boot, name=robot.name,
+                                       people=sorted(robot.people or ()), details=robot.about)
+        except StoreError as error:
+            _LOG.warning('%s: what it is cannot be stored: %s', robot.name, error)
 
     def _take(self, message: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
@@ -134,7 +175,11 @@ class RobotConnection:
             self._take_records(message)
         elif kind == 'answer':
             hub.answered(robot, message)
-        elif kind != 'beat':
+        elif kind == 'beat':
+            hub.beat(robot, message)
+        elif kind == 'map':
+            self._take_map(message)
+        else:
             robot.count('messages_unknown')
 
     def _take_live(self, message: dict[str, Any]) -> None:
@@ -146,6 +191,27 @@ class RobotConnection:
         self._services.hub.live(self._robot)
         self.say('taken', {'n': n})
 
+    def _take_map(self, message: dict[str, Any]) -> None:
+        if self._services.maps is None or self._map_taken:
+            self._robot.count('messages_unknown')
+            return
+        self._map_taken = True  # one is asked for
+        self._start(self._keep_map(message))
+
+    async def _keep_map(self, message: dict[str, Any]) -> None:
+        try:
+            await asyncio.to_thread(self._services.maps.put, self._robot.id, message)
+        except (ValueError, OSError) as error:
+            self._robot.count('maps_wrong')
+            _LOG.warning('%s: its map cannot be kept: %s', self._robot.name, error)
+            return
+        self._services.hub.tell_robot(self._robot)
+
+    def _start(self, what: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(what)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
     def _take_records(self, message: dict[str, Any]) -> None:
         records = message.get('records')
         if not isinstance(records, list) or 'batch' not in message:
@@ -156,10 +222,9 @@ class RobotConnection:
             self._robot.count('records_wrong', len(records) - len(good))
             _LOG.warning('%s: %d records that are none are left out', self._robot.name,
                          len(records) - len(good))
-        for each in good:
-            if each['type'] == 'alarm_event':
-                # Shown before it is stored: a full disk keeps nobody from being told.
-                self._services.hub.alarm(self._robot, each['content'], each['utc_ns'])
+        # Shown before it is stored: a full disk keeps nobody from being told.
+        self._services.hub.events(self._robot, [(each['content'], each['utc_ns']) for each in good
+                                                if each['type'] == 'alarm_event'])
         try:
             self._batches.put_nowait({'batch': message['batch'], 'records': good})
         except asyncio.QueueFull:
@@ -170,7 +235,7 @@ class RobotConnection:
             each = await self._batches.get()
             try:
                 await self._services.writer.put(self._robot.id, self._boot, each['records'])
-            except Exception as error:
+            except StoreError as error:
                 self._robot.count('batches_refused')
                 _LOG.warning('%s: records cannot be stored: %s', self._robot.name, error)
                 self._refuse(each['batch'], 'the server cannot store records now')

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
@@ -75,6 +76,7 @@ class RobotState:
     A robot.
 
     :ivar people: who live with it; None until it has said so once.
+    :ivar ever: who have lived with it as far as is known.
     :ivar version: counts what came live; a signal has that with which it came.
     :ivar heard: when something came last, on the loop's clock.
     :ivar offset_s: how far its clock is ahead of ours.
@@ -83,6 +85,7 @@ class RobotState:
     id: str  # noqa: A003
     name: str
     people: frozenset[str] | None = None
+    ever: frozenset[str] = frozenset()
     connected: bool = False
     silent: bool = False
     last_seen_ns: int = 0
@@ -97,10 +100,16 @@ class RobotState:
     signals: dict[str, Signal] = field(default_factory=dict)
     alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    wanted: tuple[float, tuple[str, ...]] = (-1.0, ())
 
     def count(self, what: str, how_many: int = 1) -> None:
         """Count something of it, for `/api/status`."""
         self.counts[what] = self.counts.get(what, 0) + how_many
+
+    def lives_with(self, people: Iterable[str]) -> None:
+        """Note who live with it now."""
+        self.people = frozenset(people)
+        self.ever |= self.people
 
     def take(self, utc_ns: int, n: int, signals: Mapping[str, Any]) -> None:
         """Take the signals of a ``live``; what is no signal is counted."""
@@ -129,7 +138,8 @@ class RobotState:
         before = self.alarms.get(alarm)
         seq = event.get('seq')
         seq = seq if isinstance(seq, int) else 0
-        if before is not None and seq <= before.get('seq', 0):
+        if before is not None and (seq <= before['seq'] if 'seq' in before
+                                   else utc_ns < before['utc_ns']):
             return None
         now = {**(before or {}), **event, 'id': alarm, 'robot': self.id, 'seq': seq,
                'utc_ns': utc_ns, 'opened_ns': (before or {}).get('opened_ns', utc_ns),
@@ -146,7 +156,7 @@ class RobotState:
 
     def shown(self, rights: Rights) -> dict[str, Any]:
         """Return it as those with these rights see it."""
-        hidden = rights.hidden(self.people or ())
+        hidden = rights.hidden(self.ever)
         return {'id': self.id, 'name': without(self.name, hidden), 'connected': self.connected,
                 'silent': self.silent, 'last_seen_ns': self.last_seen_ns,
                 'people': sorted(filter(rights.sees_person, self.people or ())),
@@ -156,7 +166,7 @@ class RobotState:
         """Return an alarm as those with these rights see it; None when it is not for them."""
         if not rights.sees_robot(self.people):
             return None
-        hidden = rights.hidden(self.people or ())
+        hidden = rights.hidden(self.ever)
         if alarm.get('subject') in hidden:
             return None
         shown: dict[str, Any] = without(alarm, hidden)

@@ -1,0 +1,93 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Alarms: those that are open, those that were, and what somebody noted about them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi import Depends
+from fastapi import Query
+from pydantic import BaseModel
+from pydantic import Field
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.api.answers import away
+from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.stand_in import Actor
+from rt_robot_os.monitor.stand_in import allowed
+from rt_robot_os.monitor.stand_in import Permission
+
+TIME_MOST = (1 << 63) - 1
+Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
+
+
+class Note(BaseModel):
+    """What somebody notes."""
+
+    text: str = Field(min_length=1, max_length=1000)
+
+
+def router(services: Services) -> APIRouter:
+    """Return the endpoints."""
+    found = APIRouter(prefix='/api/alarms', tags=['alarms'])
+    hub = services.hub
+
+    def seen(actor: Actor, alarm: dict[str, Any] | None) -> dict[str, Any] | None:
+        robot = hub.robots.get(alarm['robot']) if alarm else None
+        if alarm is None or robot is None:
+            return None
+        return robot.alarm_shown(alarm, hub.rights_of(actor))
+
+    @found.get('')
+    def alarms(robot: str | None = None, is_open: Annotated[bool | None, Query(alias='open')]
+               = None, since_ns: Time = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+               actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
+        """Return alarms, those that changed last first."""
+        try:
+            rows = services.store.alarms(people=actor.people, robot=robot, is_open=is_open,
+                                         since_ns=since_ns, limit=limit)
+        except StoreError as error:
+            raise away(error) from error
+        return [each for each in (seen(actor, row) for row in rows) if each is not None]
+
+    @found.get('/{robot}/{alarm}')
+    def one_alarm(robot: str, alarm: str, actor: Actor = Depends(allowed(Permission.SEE))
+                  ) -> dict[str, Any]:
+        """Return an alarm with its events, notes and media."""
+        try:
+            shown = seen(actor, services.store.alarm(robot, alarm))
+        except StoreError as error:
+            raise away(error) from error
+        if shown is None:
+            raise unknown('alarm')
+        return shown
+
+    @found.post('/{robot}/{alarm}/notes', status_code=201)
+    def note(robot: str, alarm: str, note: Note,
+             actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
+        """Note something about an alarm."""
+        try:
+            if seen(actor, services.store.alarm(robot, alarm)) is None:
+                raise unknown('alarm')
+            services.store.add_note(robot, alarm, actor.name, note.text)
+        except StoreError as error:
+            raise away(error) from error
+        services.audit.note(actor, 'alarm.note', f'{robot}/{alarm}', text=note.text)
+        return {'ok': True}
+
+    return found
