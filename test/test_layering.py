@@ -89,7 +89,6 @@ LIBRARIES = {
     'sounddevice': (f'{PACKAGE}.devices.capture.sound',),
     'mcap': (f'{PACKAGE}.clients.recording',),
     'smbus2': (f'{PACKAGE}.devices.i2c.linux_bus',),
-    'pydantic': (f'{PACKAGE}.monitor',),
     'rich': (f'{PACKAGE}.clients.top.live',),
     'aiortc': (f'{PACKAGE}.clients.gateway',),
     'alembic': (f'{PACKAGE}.monitor.store',),

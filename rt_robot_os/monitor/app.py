@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from collections.abc import Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -29,13 +30,17 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.staticfiles import StaticFiles
 from rt_robot_os.monitor.api import alarms
+from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import commands
 from rt_robot_os.monitor.api import observations
 from rt_robot_os.monitor.api import robots
+from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
+from rt_robot_os.monitor.api import users
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
+from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
 from starlette.exceptions import HTTPException
 
@@ -43,17 +48,16 @@ PAGE: Final = Path(__file__).parent / 'page'
 #: What has a ``router(services)``; a line each.
 API: Final = (
     alarms,
+    audit,
     client_connection,
-<<<<<<< HEAD
-    health,
-    media_connection,
-=======
     commands,
+    media_connection,
     observations,
->>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
     robot_connection,
     robots,
+    session,
     status,
+    users,
 )
 
 
@@ -68,6 +72,7 @@ def create_app(services: Services) -> FastAPI:
     app.add_exception_handler(RequestValidationError, _wrong_request)
     app.add_exception_handler(Exception, _defect)
     app.mount('/', StaticFiles(directory=PAGE, html=True))
+    protect(app)
     return app
 
 
@@ -75,12 +80,16 @@ def _lifespan(services: Services) -> Any:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         services.accounts.on_revoked(services.hub.revoked)
-        looking = asyncio.create_task(_look(services))
+        tasks = [asyncio.create_task(_look(services)),
+                 asyncio.create_task(services.accounts.watch())]
         try:
             yield
         finally:
-            looking.cancel()
+            for each in tasks:
+                each.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
             await asyncio.to_thread(services.writer.close)
+            services.accounts.close()
             services.store.close()
 
     return lifespan
@@ -93,19 +102,17 @@ async def _look(services: Services) -> None:
         services.hub.storing(services.writer.fault)
 
 
-def _answer(status: int, text: str, remedy: str, headers: object = None) -> JSONResponse:
-    return JSONResponse({'detail': {'text': text, 'remedy': remedy}}, status,
-                        headers)  # type: ignore[arg-type]
+def _answer(status: int, text: str, remedy: str, headers: Mapping[str, str] | None = None,
+            **more: object) -> JSONResponse:
+    return JSONResponse({'detail': {'text': text, 'remedy': remedy, **more}}, status, headers)
 
 
 async def _problem(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     detail: object = error.detail
-    if isinstance(detail, dict) and 'text' in detail:
-        return _answer(error.status_code, str(detail['text']), str(detail.get('remedy', '')),
-                       error.headers)
-    return _answer(error.status_code, str(detail), 'see the list of endpoints in docs/monitor.md',
-                   error.headers)
+    found = detail if isinstance(detail, dict) and 'text' in detail else {'text': str(detail)}
+    return _answer(error.status_code, **{'remedy': 'see docs/monitor.md for what there is',
+                                         **found}, headers=error.headers)
 
 
 async def _wrong_request(request: Request, error: Exception) -> JSONResponse:

@@ -22,16 +22,12 @@ import sys
 from rt_robot_os.errors import StartError
 from rt_robot_os.monitor.app import create_app
 from rt_robot_os.monitor.live.hub import Hub
-<<<<<<< HEAD
 from rt_robot_os.monitor.live.media_connection import MediaHub
-from rt_robot_os.monitor.media_store import MediaStore
-=======
 from rt_robot_os.monitor.maps import Maps
->>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
+from rt_robot_os.monitor.media_store import MediaStore
+from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
-from rt_robot_os.monitor.stand_in import Accounts
-from rt_robot_os.monitor.stand_in import Audit
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.writer import Writer
 from rt_robot_os.uplink.frames import FRAME_BYTES
@@ -44,20 +40,15 @@ DATABASE = 'monitor.db'
 
 def make_services(settings: MonitorSettings) -> Services:
     """Open the database and make the parts."""
-<<<<<<< HEAD
-    store = Store()
-    return Services(settings, store, Writer(store), Hub(settings.heartbeat_s, settings.command_s),
-                    Accounts(), Audit(), MediaHub(MediaStore(
-                        settings.where / 'media', settings.media_mb, settings.media_days)))
-=======
     folder = settings.where
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     store = Store.open(settings.database or str(folder / DATABASE))
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
-    return Services(settings, store, Writer(store), hub, Accounts(), Audit(),
-                    Maps(folder / 'maps'))
->>>>>>> feee09a (Serve robots, people, alarms, observations, commands and status from the database)
+    accounts = Accounts.open(store.engine, folder)
+    media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
+    return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
+                    Maps(folder / 'maps'), media)
 
 
 def serve(settings: MonitorSettings) -> None:
@@ -66,12 +57,22 @@ def serve(settings: MonitorSettings) -> None:
 
     :raises StartError: it cannot.
     """
-    server = make_server(make_services(settings))
+    services = make_services(settings)
+    server = make_server(services)
     listening = listen(settings)
-    scheme = 'https' if settings.has_tls else 'http'
-    print(f'monitor: {scheme}://{settings.host}:{listening.getsockname()[1]}/', file=sys.stderr,
-          flush=True)
+    print(f'monitor: {address(settings, listening)}', file=sys.stderr, flush=True)
+    link = services.accounts.setup_link(address(settings, listening))
+    if link is not None:
+        print(f'monitor: nobody has an account yet; open this once to make the first:\n  {link}',
+              file=sys.stderr, flush=True)
     server.run([listening])
+
+
+def address(settings: MonitorSettings, listening: socket.socket) -> str:
+    """Return what is typed into a browser."""
+    scheme = 'https' if settings.has_tls else 'http'
+    host = f'[{settings.host}]' if ':' in settings.host else settings.host
+    return f'{scheme}://{host}:{listening.getsockname()[1]}'
 
 
 def make_server(services: Services) -> uvicorn.Server:

@@ -20,17 +20,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fake_robot import FakeRobot
+from monitor_server import logged_in
 from monitor_server import Page
+from monitor_server import quick_services
 from monitor_server import served
 import pytest
-from rt_robot_os.monitor.server import make_services
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.settings import MonitorSettings
 
 
 @pytest.fixture
 def services(tmp_path: Path) -> Services:
-    return make_services(MonitorSettings(port=0, where=tmp_path))
+    return quick_services(tmp_path)
 
 
 @pytest.fixture
@@ -39,8 +39,9 @@ def address(services: Services) -> Iterator[str]:
         yield found
 
 
-def test_a_signal_and_an_alarm_of_a_robot_come_to_a_browser(address: str) -> None:
-    with Page(address) as page:
+def test_a_signal_and_an_alarm_of_a_robot_come_to_a_browser(
+        address: str, services: Services) -> None:
+    with Page(address, logged_in(services)) as page:
         assert page.next('state')['robots'] == []
         with FakeRobot(f'ws://{address}') as robot:
             assert page.next('robot')['connected'] is True

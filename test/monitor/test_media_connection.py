@@ -27,31 +27,33 @@ from typing import Any
 
 from fake_robot import FakeRobot
 from fake_robot import RobotScript
+from fake_robot import token_of
+from monitor_server import logged_in
+from monitor_server import quick_services
 from monitor_server import served
 import pytest
 from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.live.robot_media import captured_ns
 from rt_robot_os.monitor.live.robot_state import RobotState
-from rt_robot_os.monitor.server import make_services
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.uplink.frames import decode_frame
 from rt_robot_os.uplink.frames import encode_frame
 from rt_robot_os.uplink.messages import encode
 from websockets.sync.client import connect
 
 JPEG = b'\xff\xd8\xff\xe0' + bytes(1000)
+Headers = dict[str, str]
 KEY = {'robot': 'robot', 'camera': 'hall'}
 
 
 class Peer:
     """One end of a connection with texts and frames."""
 
-    def __init__(self, address: str, path: str) -> None:
+    def __init__(self, address: str, path: str, headers: dict[str, str] | None = None) -> None:
         self._stack = ExitStack()
         self._socket = self._stack.enter_context(connect(
             f'ws://{address}{path}', compression=None, proxy=None,
-            additional_headers={'Authorization': 'Bearer robot'}))
+            additional_headers=headers or {'Authorization': f"Bearer {token_of('robot')}"}))
 
     def say(self, kind: str, **content: Any) -> None:
         self._socket.send(encode(kind, content))
@@ -75,13 +77,22 @@ class Peer:
 
 @pytest.fixture
 def services(tmp_path: Path) -> Services:
-    return make_services(MonitorSettings(port=0, where=tmp_path))
+    return quick_services(tmp_path)
 
 
 @pytest.fixture
 def address(services: Services) -> Iterator[str]:
     with served(services) as found:
         yield found
+
+
+def look(address: str, me: Headers) -> Peer:
+    return Peer(address, '/camera', me)
+
+
+@pytest.fixture
+def me(services: Services) -> Headers:
+    return logged_in(services)
 
 
 @pytest.fixture
@@ -94,8 +105,8 @@ def robot(address: str) -> Iterator[Peer]:
 
 
 def test_a_camera_is_wanted_while_somebody_looks_and_its_picture_comes_with_its_moment(
-        address: str, robot: Peer) -> None:
-    with closing(Peer(address, '/camera')) as browser:
+        address: str, me: Headers, robot: Peer) -> None:
+    with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=10)
         assert robot.next('want')['cameras'] == {'hall': 10.0}
         before_ns = time.time_ns()
@@ -109,8 +120,9 @@ def test_a_camera_is_wanted_while_somebody_looks_and_its_picture_comes_with_its_
         assert robot.next('want')['cameras'] == {}
 
 
-def test_a_browser_that_never_answers_holds_nobody_up(address: str, robot: Peer) -> None:
-    with closing(Peer(address, '/camera')) as dead, closing(Peer(address, '/camera')) as quick:
+def test_a_browser_that_never_answers_holds_nobody_up(
+        address: str, me: Headers, robot: Peer) -> None:
+    with closing(look(address, me)) as dead, closing(look(address, me)) as quick:
         for each in (dead, quick):
             each.say('look', **KEY, rate_hz=30)
         robot.next('want')
@@ -128,9 +140,9 @@ def test_a_browser_that_never_answers_holds_nobody_up(address: str, robot: Peer)
         assert dead.next('picture')['n'] == seen[-1]
 
 
-def test_what_is_no_picture_of_a_camera_of_this_robot_reaches_nobody(address: str, robot: Peer
-                                                                     ) -> None:
-    with closing(Peer(address, '/camera')) as browser:
+def test_what_is_no_picture_of_a_camera_of_this_robot_reaches_nobody(
+        address: str, me: Headers, robot: Peer) -> None:
+    with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=30)
         robot.next('want')
         robot.frame('picture', b'<svg onload="alert(1)"/>', camera='hall', n=1, age_ns=0)
@@ -142,8 +154,8 @@ def test_what_is_no_picture_of_a_camera_of_this_robot_reaches_nobody(address: st
         assert browser.next('picture')['payload'] == JPEG
 
 
-def test_odd_messages_of_a_browser_end_nothing(address: str, robot: Peer) -> None:
-    with closing(Peer(address, '/camera')) as browser:
+def test_odd_messages_of_a_browser_end_nothing(address: str, me: Headers, robot: Peer) -> None:
+    with closing(look(address, me)) as browser:
         for odd in ('', '[]', '{"kind": "look"}', '{"kind": "look", "robot": [], "camera": {}}',
                     '{"kind": "taken", "robot": "robot", "camera": "hall", "n": "x"}',
                     '{"kind": "clock", "t": []}', 'x' * 10_000):
@@ -152,19 +164,21 @@ def test_odd_messages_of_a_browser_end_nothing(address: str, robot: Peer) -> Non
         assert browser.next('clock')['t'] == 3.5
 
 
-def test_a_robot_that_nobody_knows_has_no_camera(address: str, robot: Peer) -> None:
-    with closing(Peer(address, '/camera')) as browser:
+def test_a_robot_that_nobody_knows_has_no_camera(address: str, me: Headers, robot: Peer) -> None:
+    with closing(look(address, me)) as browser:
         browser.say('look', robot='other', camera='hall', rate_hz=5)
         assert 'no such camera' in browser.next('gone')['text']
 
 
-def test_looking_is_in_the_audit(address: str, robot: Peer, services: Services) -> None:
-    with closing(Peer(address, '/camera')) as browser:
+def test_looking_is_in_the_audit(
+        address: str, me: Headers, robot: Peer, services: Services) -> None:
+    with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=5)
         robot.next('want')
         browser.say('clock', t=1)
         browser.next('clock')
-        assert [row[1:3] for row in services.audit.rows] == [('camera.look', 'robot/hall')]
+        assert [(row['action'], row['object']) for row in services.audit.all_rows()
+                if row['action'].startswith('camera')] == [('camera.look', 'robot/hall')]
 
 
 def test_a_camera_is_for_those_who_may_see_everybody_who_lives_there() -> None:
@@ -188,7 +202,7 @@ def test_a_picture_is_as_old_as_the_older_of_two_clocks_says(
 
 
 def test_a_file_comes_in_parts_goes_on_after_a_break_and_is_kept_once(
-        address: str, services: Services) -> None:
+        address: str, me: Headers, services: Services) -> None:
     content = JPEG[:4] + bytes(200_000)
     sha256 = hashlib.sha256(content).hexdigest()
     offer = {'id': 'f1', 'sha256': sha256, 'size': len(content)}

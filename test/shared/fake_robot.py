@@ -36,6 +36,11 @@ from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 
 
+def token_of(name: str) -> str:
+    """Return the token of a robot of the tests; one that is real nobody could guess."""
+    return name.ljust(43, '-')
+
+
 class RobotScript:
     """The messages of a robot, numbered as they have to be."""
 
@@ -95,12 +100,12 @@ class FakeRobot:
     A robot that is connected to a server, in a thread of its own.
 
     :param url: such as ``ws://127.0.0.1:8080``.
-    :param token: of the robot.
+    :param token: of the robot; that of the tests when there is none.
     :param answer: makes the answer to a command: ``(ok, text)``.
     :ivar received: what came, the newest last.
     """
 
-    def __init__(self, url: str, token: str = 'robot', script: RobotScript | None = None,
+    def __init__(self, url: str, token: str = '', script: RobotScript | None = None,
                  answer: Callable[[dict[str, Any]], tuple[bool, str]] | None = None,
                  **options: Any) -> None:
         self.script = script or RobotScript()
@@ -108,7 +113,7 @@ class FakeRobot:
         self.commands: list[dict[str, Any]] = []
         self._answer = answer or (lambda command: (True, 'done'))
         self._url = url
-        self._token = token
+        self._token = token or token_of(self.script.robot)
         self._options = options
         self._came = threading.Condition()
         self._thread: threading.Thread | None = None

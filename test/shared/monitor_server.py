@@ -17,15 +17,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Mapping
 from contextlib import contextmanager
+from functools import cache
 import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
 import threading
 import time
 from typing import Any
 
+from fake_robot import token_of
+from rt_robot_os.monitor.security.roles import Role
+from rt_robot_os.monitor.security.tables import robot_accounts
+from rt_robot_os.monitor.security.tokens import csrf_token
+from rt_robot_os.monitor.security.tokens import kept
+from rt_robot_os.monitor.server import DATABASE
 from rt_robot_os.monitor.server import listen
 from rt_robot_os.monitor.server import make_server
+from rt_robot_os.monitor.server import make_services
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.settings import MonitorSettings
+from rt_robot_os.monitor.store.store import Store
 from websockets.sync.client import ClientConnection
 from websockets.sync.client import connect
 
@@ -47,12 +60,51 @@ def served(services: Services) -> Iterator[str]:
         listening.close()
 
 
-class Page:
-    """The live connection of a browser."""
+def quick_services(folder: Path, **settings: Any) -> Services:
+    """Make the parts of a server that lets the robot ``robot`` in."""
+    (folder / DATABASE).write_bytes(_empty_database())
+    services = make_services(MonitorSettings(port=0, where=folder, **settings))
+    let_robot_in(services, 'robot')
+    return services
 
-    def __init__(self, address: str, **options: Any) -> None:
-        self._connecting = connect(f'ws://{address}/live', compression=None, proxy=None,
-                                   **options)
+
+@cache
+def _empty_database() -> bytes:
+    """Return a database without rows: to make one takes longer than most tests."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / DATABASE
+        Store.open(str(path)).close()
+        return path.read_bytes()
+
+
+def let_robot_in(services: Services, name: str) -> None:
+    """Let a robot in, whose id is its name, and whose token that of the tests."""
+    services.accounts.robots.add(name)
+    with services.store.writing() as connection:
+        connection.execute(robot_accounts.update().where(robot_accounts.c.name == name).values(
+            id=name, token=kept(token_of(name))))
+
+
+def logged_in(services: Services, name: str = 'olga', role: Role = Role.OWNER,
+              people: tuple[str, ...] = ('*',)) -> dict[str, str]:
+    """Add a user without a password, and return the headers of a browser with their session."""
+    user = services.accounts.users.add(name, role, people, 'test', 'no password')
+    _, secret = services.accounts.sessions.begin(user.id, '127.0.0.1', 'test')
+    return {'Cookie': f'session={secret}', 'X-CSRF-Token': csrf_token(secret)}
+
+
+class Page:
+    """
+    The live connection of a browser.
+
+    :param headers: of :func:`logged_in`.
+    """
+
+    def __init__(self, address: str, headers: Mapping[str, str], path: str = '/live',
+                 **options: Any) -> None:
+        self._connecting = connect(
+            f'ws://{address}{path}', compression=None, proxy=None,
+            additional_headers={**headers, 'Origin': f'http://{address}'}, **options)
 
     def __enter__(self) -> Page:
         """Connect."""

@@ -27,10 +27,10 @@ from pydantic import Field
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import allowed
-from rt_robot_os.monitor.stand_in import Permission
 
 TIME_MOST = (1 << 63) - 1
 Time = Annotated[int, Query(ge=0, le=TIME_MOST)]

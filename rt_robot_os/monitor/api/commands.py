@@ -38,17 +38,17 @@ from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
 from rt_robot_os.monitor.live.hub import AwayError
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import allowed
-from rt_robot_os.monitor.stand_in import Permission
 
 TEXT_CHARACTERS: Final = 400
 #: That the robot keeps of why.
 REASON_CHARACTERS: Final = 120
 #: Answers that are kept for who asks the same again.
 KEPT: Final = 1000
-_OF_AN_ALARM: Final = frozenset({ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, NOTE})
+_OF_AN_ALARM: Final = frozenset({ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, NOTE, 'escalate'})
 #: Metres; further than any building.
 _FAR_M: Final = 10_000.0
 

@@ -27,10 +27,10 @@ from rt_robot_os.monitor.api.alarms import Time
 from rt_robot_os.monitor.api.alarms import TIME_MOST
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import allowed
-from rt_robot_os.monitor.stand_in import Permission
 
 
 def router(services: Services) -> APIRouter:

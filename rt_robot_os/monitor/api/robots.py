@@ -21,10 +21,10 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import allowed
-from rt_robot_os.monitor.stand_in import Permission
 
 
 def router(services: Services) -> APIRouter:

@@ -23,10 +23,10 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from fastapi.responses import PlainTextResponse
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import allowed
-from rt_robot_os.monitor.stand_in import Permission
 
 
 def router(services: Services) -> APIRouter:
@@ -45,7 +45,8 @@ def router(services: Services) -> APIRouter:
         hub = services.hub
         writer = services.writer
         robots = [{'id': each.id, 'name': each.name, 'connected': each.connected,
-                   'counts': each.counts} for each in hub.seen(hub.rights_of(actor))]
+                   'lost': each.lost, 'counts': each.counts}
+                  for each in hub.seen(hub.rights_of(actor))]
         return {'utc_ns': time.time_ns(), 'started_ns': started_ns,
                 'clients': {'connected': len(hub.clients), **hub.counts},
                 'storing': {'ok': not writer.fault, 'text': writer.fault,

@@ -29,10 +29,10 @@ from rt_robot_os.monitor.live.fan_out import Watch
 from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import Permission
+from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import Permission
-from rt_robot_os.monitor.stand_in import websocket_actor
 from starlette.websockets import WebSocketDisconnect
 
 MESSAGE_CHARACTERS: Final = 64 << 10
@@ -53,8 +53,6 @@ def router(services: Services) -> APIRouter:
     @found.websocket('/live')
     async def live(websocket: WebSocket) -> None:
         actor = await websocket_actor(websocket, Permission.SEE)
-        if actor is None:
-            return
         await websocket.accept()
         if len(services.hub.clients) >= services.settings.clients:
             services.hub.counts['refused'] += 1

@@ -35,8 +35,8 @@ from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
-from rt_robot_os.monitor.stand_in import Actor
-from rt_robot_os.monitor.stand_in import Permission
+from rt_robot_os.monitor.security.guard import Actor
+from rt_robot_os.monitor.security.guard import Permission
 
 #: Heart-beats that may be missing before a robot is silent.
 BEATS: Final = 3

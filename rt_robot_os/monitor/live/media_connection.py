@@ -37,10 +37,10 @@ from rt_robot_os.monitor.live.pictures import Viewer
 from rt_robot_os.monitor.live.robot_media import RobotMedia
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
+from rt_robot_os.monitor.security.guard import Permission
+from rt_robot_os.monitor.security.guard import robot_of
+from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import Permission
-from rt_robot_os.monitor.stand_in import robot_of
-from rt_robot_os.monitor.stand_in import websocket_actor
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
@@ -70,16 +70,12 @@ def router(services: Services) -> APIRouter:
     @found.websocket('/robot/media')
     async def robot_media(websocket: WebSocket) -> None:
         robot = await robot_of(websocket)
-        if robot is None:
-            return
         await websocket.accept()
         await serve_robot(websocket, robot.id, hub)
 
     @found.websocket('/camera')
     async def camera(websocket: WebSocket) -> None:
         actor = await websocket_actor(websocket, Permission.CAMERA)
-        if actor is None:
-            return
         await websocket.accept()
         if len(browsers) >= VIEWERS_MOST:
             await websocket.close(1013, 'too many browsers look at cameras')

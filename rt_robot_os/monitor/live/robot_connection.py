@@ -31,9 +31,8 @@ from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.monitor.stand_in import robot_of
-from rt_robot_os.uplink.importance import Importance
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.messages import VERSION
@@ -59,8 +58,6 @@ def router(services: Services) -> APIRouter:
     @found.websocket('/robot/state')
     async def robot_state(websocket: WebSocket) -> None:
         robot = await robot_of(websocket)
-        if robot is None:
-            return
         await websocket.accept()
         await RobotConnection(services, websocket, services.hub.known(robot.id, robot.name)).run()
 
@@ -123,6 +120,9 @@ class RobotConnection:
         boot = hello.get('boot')
         if hello.get('kind') != 'hello' or not isinstance(boot, str) or not 0 < len(boot) <= 64:
             await self._websocket.close(1008, 'a hello with a boot is what comes first')
+            return False
+        if hello.get('version') != VERSION:
+            await self._websocket.close(4426, f'this server speaks version {VERSION}')
             return False
         self._boot = boot
         now_ns = time.time_ns()
@@ -217,6 +217,12 @@ class RobotConnection:
         if not isinstance(records, list) or 'batch' not in message:
             self._robot.count('messages_wrong')
             return
+        boot = message.get('boot', self._boot)  # an earlier start may have left some
+        if not isinstance(boot, str) or not 0 < len(boot) <= NAME_CHARACTERS:
+            boot = self._boot
+        if isinstance(message.get('lost'), dict):
+            self._robot.lost = {str(key)[:8]: each for key, each in sorted(
+                message['lost'].items())[:8] if is_time(each)}
         good = [each for each in records if is_record(each)]
         if len(good) < len(records):
             self._robot.count('records_wrong', len(records) - len(good))
@@ -224,9 +230,11 @@ class RobotConnection:
                          len(records) - len(good))
         # Shown before it is stored: a full disk keeps nobody from being told.
         self._services.hub.events(self._robot, [(each['content'], each['utc_ns']) for each in good
-                                                if each['type'] == 'alarm_event'])
+                                                if each.get('type') == 'alarm_event'
+                                                and is_time(each.get('utc_ns'))
+                                                and isinstance(each.get('content'), dict)])
         try:
-            self._batches.put_nowait({'batch': message['batch'], 'records': good})
+            self._batches.put_nowait({'batch': message['batch'], 'boot': boot, 'records': good})
         except asyncio.QueueFull:
             self._refuse(message['batch'], 'too many batches wait for the disk')
 
@@ -234,7 +242,7 @@ class RobotConnection:
         while True:
             each = await self._batches.get()
             try:
-                await self._services.writer.put(self._robot.id, self._boot, each['records'])
+                await self._services.writer.put(self._robot.id, each['boot'], each['records'])
             except StoreError as error:
                 self._robot.count('batches_refused')
                 _LOG.warning('%s: records cannot be stored: %s', self._robot.name, error)
@@ -248,8 +256,5 @@ class RobotConnection:
 
 
 def is_record(value: object) -> bool:
-    """Return whether a value is a record that every part can hold."""
-    return (isinstance(value, dict) and is_time(value.get('seq')) and is_time(value.get('utc_ns'))
-            and value.get('importance') in tuple(Importance)
-            and isinstance(value.get('type'), str) and 0 < len(value['type']) <= 64
-            and isinstance(value.get('content'), dict))
+    """Return whether a value has what the database needs to keep it, if only aside."""
+    return isinstance(value, dict) and is_time(value.get('seq'))

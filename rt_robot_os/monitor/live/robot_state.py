@@ -77,6 +77,7 @@ class RobotState:
 
     :ivar people: who live with it; None until it has said so once.
     :ivar ever: who have lived with it as far as is known.
+    :ivar lost: records that gave way at the robot, by importance, as it counts them.
     :ivar version: counts what came live; a signal has that with which it came.
     :ivar heard: when something came last, on the loop's clock.
     :ivar offset_s: how far its clock is ahead of ours.
@@ -100,6 +101,7 @@ class RobotState:
     signals: dict[str, Signal] = field(default_factory=dict)
     alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
     wanted: tuple[float, tuple[str, ...]] = (-1.0, ())
 
     def count(self, what: str, how_many: int = 1) -> None:
