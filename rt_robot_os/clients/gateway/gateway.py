@@ -30,11 +30,13 @@ from rt_robot_os.clients.gateway.connection import Talk
 from rt_robot_os.clients.gateway.drive import Driving
 from rt_robot_os.clients.gateway.heartbeat import Heartbeat
 from rt_robot_os.clients.gateway.identity import Identity
+from rt_robot_os.clients.gateway.keeper import Keeper
 from rt_robot_os.clients.gateway.live import Live
 from rt_robot_os.clients.gateway.part import Part
 from rt_robot_os.clients.gateway.part import Record
 from rt_robot_os.clients.gateway.part import Ways
 from rt_robot_os.clients.gateway.people import people_in
+from rt_robot_os.clients.gateway.records import Records
 from rt_robot_os.clients.gateway.robot_link import RobotLink
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.clients.gateway.state_connection import StateConnection
@@ -78,12 +80,15 @@ class Gateway:
         self._extra: list[Connection] = []
         ways = Ways(self.robot, self.server, settings, self._keep, self._connect, tell, folder)
         self.live = Live(ways)
+        self.keeper = Keeper(ways, self.identity.boot)
         self.parts: tuple[Part, ...] = (
-            *(make(ways) for make in PARTS), self.live, Heartbeat(ways, self.statistics))
+            *(make(ways) for make in PARTS), self.keeper, Records(ways, self.keeper),
+            self.live, Heartbeat(ways, self.statistics))
         self._tell = tell
 
     def _keep(self, record: Record) -> None:
-        """Keep a record."""
+        """Keep a record of a part."""
+        self.keeper.keep(record)
 
     def _connect(self, path: str, talk: Talk) -> Connection:
         """Add a connection of a part's own; before :meth:`run`."""
@@ -111,9 +116,10 @@ class Gateway:
 
         :raises Exception: a part has ended, which none should.
         """
+        self.keeper.start()
         self.robot.start(self.parts)
         tasks = [asyncio.ensure_future(each) for each in (
-            self.server.run(self.parts, (_LiveSource(self.live),)),
+            self.server.run(self.parts, (self.keeper, _LiveSource(self.live))),
             *(part.run() for part in self.parts if type(part).run is not Part.run),
             *(each.run() for each in self._extra))]
         try:
@@ -128,6 +134,7 @@ class Gateway:
             with suppress(asyncio.CancelledError):
                 await asyncio.gather(*tasks, return_exceptions=True)
             self.robot.stop()
+            self.keeper.stop()
 
     def statistics(self) -> dict[str, Any]:
         """Return the counters of all parts. Any thread."""

@@ -77,6 +77,9 @@ class Sending(Protocol):
     def send(self, kind: str, content: Mapping[str, Any]) -> bool:
         """Queue a message ahead of records and signals; False when too many wait already."""
 
+    def wake(self) -> None:
+        """Have the sender look for what is new."""
+
     def send_newest(self, kind: str, content: Mapping[str, Any]) -> None:
         """Queue a message in the place of the one of this kind that still waits."""
 
