@@ -71,6 +71,17 @@ def _visible(people: frozenset[str]) -> ColumnElement[bool]:
                ALARMS.c.robot_id.in_(theirs) & not_(ALARMS.c.subject.in_(others)))
 
 
+def alarms_within(connection: Connection, person: str, start_ns: int, end_ns: int
+                  ) -> list[dict[str, Any]]:
+    """Return the alarms about a person that were open at some time within, the oldest first."""
+    found = connection.execute(select(ALARMS, ROBOTS.c.robot).join(
+        ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
+            ALARMS.c.subject == person, ALARMS.c.opened_ns < end_ns,
+            or_(ALARMS.c.is_open, ALARMS.c.t_ns >= start_ns)).order_by(
+                ALARMS.c.opened_ns, ALARMS.c.id).limit(ALARMS_MOST)).mappings()
+    return [_alarm(row) for row in found]
+
+
 def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | None:
     """Return an alarm with its events, notes and media; None when there is none."""
     row = connection.execute(select(ALARMS, ROBOTS.c.robot).join(

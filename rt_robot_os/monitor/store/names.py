@@ -60,7 +60,7 @@ class Names:
         key = robot, boot
         if key not in self._boots:
             self._boots[key] = _number(connection, BOOTS, {'robot_id': robot, 'boot': boot},
-                                       {'first_ns': now_ns, 'last_ns': now_ns})
+                                       {'first_ns': now_ns, 'last_ns': now_ns, 'blocks': 0})
         return self._boots[key]
 
     def person(self, connection: Connection, robot: int, person: str, now_ns: int) -> int:

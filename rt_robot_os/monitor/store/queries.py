@@ -158,3 +158,15 @@ def nodes(connection: Connection, robot: str) -> list[dict[str, Any]]:
         found[row['node']] = {'node': row['node'], 't_ns': row['t_ns'],
                               'content': json.loads(row['content'])}
     return list(found.values())
+
+
+def limits(connection: Connection, person: str, sign: str) -> list[Any]:
+    """Return the limits of a person's sign, as their robots said when they connected last."""
+    found: list[Any] = []
+    for details in connection.execute(select(ROBOTS.c.details).select_from(
+            ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(PEOPLE.c.person == person)).scalars():
+        said = json.loads(details or '{}').get('limits')
+        of_person = said.get(person) if isinstance(said, dict) else None
+        of_sign = of_person.get(sign) if isinstance(of_person, dict) else None
+        found += of_sign if isinstance(of_sign, list) else []
+    return found

@@ -16,7 +16,8 @@
 Which numbers of a robot's start have been taken: a bit each, in blocks.
 
 A record is known for ever: retention thins rows and erasure deletes them, and neither lets one
-that comes again count anew.
+that comes again count anew. A full block is a row without bits, and those from the beginning on
+that are full are only a number, so that what is complete takes no room.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from rt_robot_os.monitor.store.tables import BOOTS
 from rt_robot_os.monitor.store.tables import RECEIVED
 from sqlalchemy import bindparam
 from sqlalchemy import Connection
+from sqlalchemy import delete
 from sqlalchemy import insert
 from sqlalchemy import select
 from sqlalchemy import update
@@ -34,6 +37,8 @@ from sqlalchemy import update
 #: Numbers in a block.
 BLOCK: Final = 2048
 _BYTES: Final = BLOCK // 8
+_FULL: Final = b'\xff' * _BYTES
+_PART: Final = 500
 
 
 class Received:
@@ -41,46 +46,73 @@ class Received:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._complete: dict[int, int] = {}
         self._blocks: dict[tuple[int, int], bytearray] = {}
         self._there: set[tuple[int, int]] = set()
         self._changed: set[tuple[int, int]] = set()
 
     def load(self, boot: int, numbers: Iterable[int]) -> None:
         """Read the blocks of these numbers of a start, at once."""
-        wanted = sorted({seq // BLOCK for seq in numbers}
-                        - {block for other, block in self._blocks if other == boot})
-        for begin in range(0, len(wanted), 500):
-            part = wanted[begin:begin + 500]
+        if boot not in self._complete:
+            self._complete[boot] = self._connection.execute(
+                select(BOOTS.c.blocks).where(BOOTS.c.id == boot)).scalar_one()
+        wanted = sorted(
+            block for block in {seq // BLOCK for seq in numbers}
+            if block >= self._complete[boot] and (boot, block) not in self._blocks)
+        for begin in range(0, len(wanted), _PART):
+            part = wanted[begin:begin + _PART]
             for block, bits in self._connection.execute(
                     select(RECEIVED.c.block, RECEIVED.c.bits).where(
                         RECEIVED.c.boot_id == boot, RECEIVED.c.block.in_(part))):
-                self._blocks[boot, block] = bytearray(bits)
+                self._blocks[boot, block] = bytearray(bits or _FULL)
                 self._there.add((boot, block))
             for block in part:
                 self._blocks.setdefault((boot, block), bytearray(_BYTES))
 
     def take(self, boot: int, seq: int) -> bool:
         """Return whether a number is new, and note it; its block has been loaded."""
-        key = boot, seq // BLOCK
-        bits = self._blocks[key]
+        block = seq // BLOCK
+        if block < self._complete[boot]:
+            return False
+        bits = self._blocks[boot, block]
         place, bit = seq % BLOCK // 8, 1 << seq % 8
         if bits[place] & bit:
             return False
         bits[place] |= bit
-        self._changed.add(key)
+        self._changed.add((boot, block))
         return True
 
     def save(self) -> None:
         """Write what has changed."""
-        fresh = [{'boot_id': key[0], 'block': key[1], 'bits': bytes(self._blocks[key])}
-                 for key in sorted(self._changed - self._there)]
-        known = [{'a_boot': key[0], 'a_block': key[1], 'bits': bytes(self._blocks[key])}
-                 for key in sorted(self._changed & self._there)]
+        for boot in sorted({boot for boot, _ in self._changed}):
+            self._shorten(boot)
+        rows = {key: b'' if self._blocks[key] == _FULL else bytes(self._blocks[key])
+                for key in sorted(self._changed)}
+        fresh = [{'boot_id': key[0], 'block': key[1], 'bits': bits}
+                 for key, bits in rows.items() if key not in self._there]
+        known = [{'a_boot': key[0], 'a_block': key[1], 'bits': bits}
+                 for key, bits in rows.items() if key in self._there]
         if fresh:
             self._connection.execute(insert(RECEIVED), fresh)
         if known:
             self._connection.execute(update(RECEIVED).where(
                 RECEIVED.c.boot_id == bindparam('a_boot'),
                 RECEIVED.c.block == bindparam('a_block')), known)
-        self._there |= self._changed
-        self._changed.clear()
+
+    def _shorten(self, boot: int) -> None:
+        """Make a number of the full blocks at the beginning."""
+        first = last = self._complete[boot]
+        if (boot, first) not in self._changed or self._blocks[boot, first] != _FULL:
+            return
+        while self._is_full(boot, last):
+            self._changed.discard((boot, last))
+            last += 1
+        self._connection.execute(delete(RECEIVED).where(
+            RECEIVED.c.boot_id == boot, RECEIVED.c.block >= first, RECEIVED.c.block < last))
+        self._connection.execute(update(BOOTS).where(BOOTS.c.id == boot), {'blocks': last})
+
+    def _is_full(self, boot: int, block: int) -> bool:
+        if (boot, block) in self._blocks:
+            return self._blocks[boot, block] == _FULL
+        return self._connection.execute(select(RECEIVED.c.bits).where(
+            RECEIVED.c.boot_id == boot, RECEIVED.c.block == block)).scalar() == b''

@@ -32,6 +32,7 @@ import json
 import threading
 import time
 from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
@@ -40,12 +41,18 @@ from rt_robot_os.monitor.store import queries
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Adding
 from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.charts import Chart
+from rt_robot_os.monitor.store.charts import chart
+from rt_robot_os.monitor.store.codes import unit_of
 from rt_robot_os.monitor.store.engine import open_engine
 from rt_robot_os.monitor.store.engine import read_url
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
 from rt_robot_os.monitor.store.migrate import upgrade
 from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.retention import apply
+from rt_robot_os.monitor.store.retention import Kept
+from rt_robot_os.monitor.store.rollups import roll_up
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import ROBOTS
 from sqlalchemy import Connection
@@ -53,6 +60,10 @@ from sqlalchemy import Engine
 from sqlalchemy import update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import IntegrityError
+
+#: The newest rows are rolled up when they are so many, or so old: charts read each of them.
+_ROLL_UP_ROWS: Final = 10_000
+_ROLL_UP_S: Final = 10.0
 
 
 class Store:
@@ -70,6 +81,8 @@ class Store:
         self.counts = {name: 0 for name in Added._fields}
         self._names = Names()
         self._lock = threading.Lock()
+        self._not_rolled = _ROLL_UP_ROWS
+        self._rolled_s = 0.0
 
     @classmethod
     def open(cls, url: str, now_ns: Callable[[], int] = time.time_ns) -> Store:  # noqa: A003
@@ -149,7 +162,17 @@ class Store:
         for each in added:
             for name, count in each._asdict().items():
                 self.counts[name] += count
+        self._not_rolled += sum(each.fresh for each in added)
+        if self._not_rolled >= _ROLL_UP_ROWS or self._rolled_s + _ROLL_UP_S < time.monotonic():
+            self.roll_up()
         return added
+
+    def roll_up(self) -> int:
+        """Roll up a part of what came since; return how many rows may be left."""
+        with self.writing() as connection:
+            left = roll_up(connection)
+        self._not_rolled, self._rolled_s = left, time.monotonic()
+        return left
 
     def _add(self, batches: Sequence[Batch]) -> list[Added]:
         try:
@@ -225,6 +248,22 @@ class Store:
         """Return the last that was said of each node: node, t_ns, content."""
         with self.reading() as connection:
             return queries.nodes(connection, robot)
+
+    def chart(self, person: str, sign: str, start_ns: int, end_ns: int, pixels: int) -> Chart:
+        """
+        Return lowest, mean and highest value of each of at most so many spans, with alarms.
+
+        :param start_ns: UTC; ``end_ns`` is exclusive.
+        """
+        with self.reading() as connection:
+            made = chart(connection, person, sign, unit_of(sign), start_ns, end_ns, pixels)
+            made.alarms = alarm_queries.alarms_within(connection, person, start_ns, end_ns)
+            made.limits = queries.limits(connection, person, sign)
+            return made
+
+    def thin(self, kept: Kept) -> dict[str, int]:
+        """Delete what is older than it is kept; return rows deleted, by table."""
+        return apply(self.engine, kept, self.now_ns())
 
     # ---- alarms ------------------------------------------------------------------------------
 

@@ -82,9 +82,11 @@ ROBOTS: Final = Table(
     _name('name'), _ns('first_ns'), _ns('last_ns'), _text('details'), sqlite_autoincrement=True)
 BOOTS: Final = Table(
     'boots', METADATA, _id(), _to('robots'), Column('boot', String(NAME), nullable=False),
-    _ns('first_ns'), _ns('last_ns'), UniqueConstraint('robot_id', 'boot'),
+    _ns('first_ns'), _ns('last_ns'), Column('blocks', BigInteger, nullable=False),
+    UniqueConstraint('robot_id', 'boot'),
     sqlite_autoincrement=True)
-#: Bits of a block of numbers: what has been taken.
+#: Bits of a block of numbers: what has been taken; empty bits are a full block. The first
+#: ``blocks`` of a start are all full, and have no row.
 RECEIVED: Final = Table(
     'received', METADATA,
     Column('boot_id', BigInteger, ForeignKey('boots.id'), primary_key=True, autoincrement=False),
@@ -110,7 +112,7 @@ SERIES: Final = Table(
 OBSERVATIONS: Final = Table(
     'observations', METADATA, *_sent(), _to('series', ondelete='CASCADE'),
     Column('value', Double), Column('quality', SmallInteger, nullable=False), _name('source'),
-    Index(None, 'series_id', 't_ns'))
+    Index(None, 'series_id', 't_ns', 'quality', 'value'))
 
 
 def _rollup(name: str) -> Table:

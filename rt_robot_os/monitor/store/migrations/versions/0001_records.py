@@ -84,7 +84,8 @@ Table(
     _name('name'), _ns('first_ns'), _ns('last_ns'), _text('details'), sqlite_autoincrement=True)
 Table(
     'boots', _METADATA, _id(), _to('robots'), Column('boot', String(120), nullable=False),
-    _ns('first_ns'), _ns('last_ns'), UniqueConstraint('robot_id', 'boot'),
+    _ns('first_ns'), _ns('last_ns'), Column('blocks', BigInteger, nullable=False),
+    UniqueConstraint('robot_id', 'boot'),
     sqlite_autoincrement=True)
 Table(
     'received', _METADATA,
@@ -108,7 +109,7 @@ Table(
 Table(
     'observations', _METADATA, *_sent(), _to('series', ondelete='CASCADE'),
     Column('value', Double), Column('quality', SmallInteger, nullable=False), _name('source'),
-    Index(None, 'series_id', 't_ns'))
+    Index(None, 'series_id', 't_ns', 'quality', 'value'))
 
 
 def _rollup(name: str) -> Table:

@@ -1,0 +1,30 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From when on each level of the observations is still there."""
+
+from __future__ import annotations
+
+from rt_robot_os.monitor.store.rollups import progress
+from sqlalchemy import Connection
+
+
+def horizon_name(level: str) -> str:
+    """Return the name under which it is kept."""
+    return f'from:{level}'
+
+
+def horizon(connection: Connection, level: str) -> int:
+    """Return it, UTC in ns; what is older was thinned. 0: all is there."""
+    return progress(connection, horizon_name(level))
