@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -47,6 +48,7 @@ def _config(connection: Connection | None = None) -> Config:
     return config
 
 
+@cache
 def versions() -> tuple[str, ...]:
     """Return the versions that this release knows, the first one first."""
     script = ScriptDirectory.from_config(_config())

@@ -31,6 +31,7 @@ from rt_robot_os.monitor.store.tables import PLACES
 from rt_robot_os.monitor.store.tables import ROBOT_PEOPLE
 from rt_robot_os.monitor.store.tables import ROBOTS
 from rt_robot_os.monitor.store.tables import SERIES
+from rt_robot_os.monitor.store.tables import UNKNOWN
 from sqlalchemy import and_
 from sqlalchemy import Connection
 from sqlalchemy import func
@@ -158,6 +159,14 @@ def nodes(connection: Connection, robot: str) -> list[dict[str, Any]]:
         found[row['node']] = {'node': row['node'], 't_ns': row['t_ns'],
                               'content': json.loads(row['content'])}
     return list(found.values())
+
+
+def unknown(connection: Connection, limit: int) -> list[dict[str, Any]]:
+    """Return records that were kept aside, the newest first."""
+    return [dict(row) for row in connection.execute(select(
+        ROBOTS.c.robot, BOOTS.c.boot, UNKNOWN.c.seq, UNKNOWN.c.arrived_ns, UNKNOWN.c.type,
+        UNKNOWN.c.why, UNKNOWN.c.content).select_from(UNKNOWN.join(BOOTS).join(ROBOTS)).order_by(
+            UNKNOWN.c.id.desc()).limit(max(0, min(limit, ROWS_MOST)))).mappings()]
 
 
 def limits(connection: Connection, person: str, sign: str) -> list[Any]:

@@ -100,12 +100,11 @@ class Store:
             upgrade(engine)
         except StoreError as error:
             engine.dispose()
-            raise StartError(f'{shown}: {error}; is it running, and may we write?') from error
+            raise StartError(f'{shown}: {error}; is it running, and ours to write?') from error
         except DBAPIError as error:
             engine.dispose()
-            first = str(error.orig).strip().splitlines()[:1]
-            raise StartError(f'{shown}: {"".join(first)[:200]}; is that a database of ours?'
-                             ) from error
+            first = ''.join(str(error.orig).strip().splitlines()[:1])[:200]
+            raise StartError(f'{shown}: {first}; is it running, and ours?') from error
         except BaseException:
             engine.dispose()
             raise
@@ -164,7 +163,11 @@ class Store:
                 self.counts[name] += count
         self._not_rolled += sum(each.fresh for each in added)
         if self._not_rolled >= _ROLL_UP_ROWS or self._rolled_s + _ROLL_UP_S < time.monotonic():
-            self.roll_up()
+            self._rolled_s = time.monotonic()
+            try:
+                self.roll_up()
+            except StoreError:
+                pass  # What was added is there, and is rolled up the next time.
         return added
 
     def roll_up(self) -> int:
@@ -264,6 +267,11 @@ class Store:
     def thin(self, kept: Kept) -> dict[str, int]:
         """Delete what is older than it is kept; return rows deleted, by table."""
         return apply(self.engine, kept, self.now_ns())
+
+    def unknown(self, limit: int = 1000) -> list[dict[str, Any]]:
+        """Return records that were kept aside, the newest first: robot, type, why, content."""
+        with self.reading() as connection:
+            return queries.unknown(connection, limit)
 
     # ---- alarms ------------------------------------------------------------------------------
 

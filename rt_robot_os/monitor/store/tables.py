@@ -108,11 +108,12 @@ SERIES: Final = Table(
 
 # ---- observations ------------------------------------------------------------------------------
 
-#: ``quality`` as in records.QUALITIES; ``value`` is NULL when there was none.
+#: ``quality`` as in records.QUALITIES; ``value`` is NULL when there was none. Numbers are never
+#: given twice, also when the newest row was deleted: roll-ups go by them.
 OBSERVATIONS: Final = Table(
     'observations', METADATA, *_sent(), _to('series', ondelete='CASCADE'),
     Column('value', Double), Column('quality', SmallInteger, nullable=False), _name('source'),
-    Index(None, 'series_id', 't_ns', 'quality', 'value'))
+    Index(None, 'series_id', 't_ns', 'quality', 'value'), sqlite_autoincrement=True)
 
 
 def _rollup(name: str) -> Table:

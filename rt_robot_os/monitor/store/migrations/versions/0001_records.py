@@ -109,7 +109,7 @@ Table(
 Table(
     'observations', _METADATA, *_sent(), _to('series', ondelete='CASCADE'),
     Column('value', Double), Column('quality', SmallInteger, nullable=False), _name('source'),
-    Index(None, 'series_id', 't_ns', 'quality', 'value'))
+    Index(None, 'series_id', 't_ns', 'quality', 'value'), sqlite_autoincrement=True)
 
 
 def _rollup(name: str) -> Table:
