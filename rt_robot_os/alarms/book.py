@@ -250,6 +250,11 @@ class Book:
         self.note(alarm, 'confirmed', t_ns, by=by, why=why)
         self._raise(alarm, t_ns, 'raised', by=by, why=why)
 
+    def escalate(self, alarm: Alarm, by: str, why: str, t_ns: int) -> None:
+        """Tell the next step of what is raised without waiting for its time."""
+        self.note(alarm, 'hurried', t_ns, by=by, why=why)
+        self._escalation.hurry(alarm, t_ns)
+
     def remark(self, alarm: Alarm, by: str, text: str, t_ns: int) -> None:
         """Keep what somebody found, such as the robot beside a person; the newest counts."""
         if text != alarm.remark:

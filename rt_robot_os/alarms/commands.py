@@ -21,6 +21,7 @@ Commands about alarms, in plain words.
     resolve ID by NAME [reason]
     cancel ID by NAME [why]            cancel all by NAME    only what is suspected
     confirm ID by NAME [why]
+    escalate ID by NAME [why]          the next step is told now
     note ID by NAME text               goes with the notifications that follow
     test [LEVEL] by NAME
     silence [SECONDS] by NAME          the robot's voice, for a while
@@ -38,8 +39,8 @@ from rt_robot_os.alarms.cause import Level
 from rt_robot_os.alarms.cause import LEVELS
 
 ALL: Final = 'all'
-ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, NOTE, TEST, SILENCE = VERBS = (
-    'acknowledge', 'resolve', 'cancel', 'confirm', 'note', 'test', 'silence')
+ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, ESCALATE, NOTE, TEST, SILENCE = VERBS = (
+    'acknowledge', 'resolve', 'cancel', 'confirm', 'escalate', 'note', 'test', 'silence')
 _LONGEST: Final = 400
 _LONGEST_NAME: Final = 64
 _LONGEST_WHY: Final = 120

@@ -167,6 +167,14 @@ class Escalation:
             self.tell_again(alarm, t_ns, 'repeated')
             alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
 
+    def hurry(self, alarm: Alarm, t_ns: int) -> None:
+        """Tell the next step now; at the top tell that once more."""
+        if not alarm.top:
+            self._next_step(alarm, t_ns)
+        elif alarm.repeat_ns:
+            self.tell_again(alarm, t_ns, 'repeated')
+            alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
+
     def report(self, alarm: Alarm, delivery: Delivery, ok: bool, text: str, t_ns: int) -> None:
         """Take what a channel reports; of each notification the first word that it went well."""
         if delivery.ok or (delivery.ok is False and not ok):

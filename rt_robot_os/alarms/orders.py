@@ -108,10 +108,23 @@ def _one(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
             raise ValueError(f'there is nothing to note: write "note {alarm.id} by {by} TEXT"')
         book.remark(alarm, by, why, t_ns)
         return 'has a note, which goes with what is told from now on'
+    if command.verb == commands.ESCALATE:
+        return _escalate(book, alarm, command, t_ns)
     if not suspected:
         raise ValueError(f'alarm {alarm.id} is {alarm.state.value} already')
     book.confirm(alarm, by, why, t_ns)
     return 'is confirmed and raised'
+
+
+def _escalate(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
+    if alarm.state is not State.RAISED:
+        hint = 'confirm' if alarm.state is State.SUSPECTED else 'resolve'
+        raise ValueError(f'alarm {alarm.id} is {alarm.state.value}: only what is raised and not '
+                         f'acknowledged is told; write "{hint} {alarm.id} by {command.by}"')
+    was_top = alarm.top
+    book.escalate(alarm, command.by, command.why, t_ns)
+    return ('has nobody else to be told; they are told again' if was_top
+            else f'is told to step {alarm.step + 1}')
 
 
 def _test(book: Book, command: Command, t_ns: int) -> tuple[str, str]:

@@ -43,6 +43,7 @@ _ORDERS = {
     'resolve': 'say that it is over',
     'cancel': 'say that it was none; only as long as it is suspected',
     'confirm': 'say that it is one, when it is only suspected',
+    'escalate': 'have the next step told now, without waiting for its time',
 }
 
 

@@ -38,9 +38,20 @@ const context = {
   go(hash) {
     location.hash = hash;
   },
-  /** Order something of a robot; resolves to its answer. */
-  command(robot, what, args = {}) {
-    return api.post(`/api/robots/${encodeURIComponent(robot)}/commands`, {do: what, args});
+  /**
+   * Order something of a robot.
+   * @returns {Promise<{ok: boolean, text: string}>} its answer
+   * @throws {ApiError} it was not asked, did not answer, or refuses
+   */
+  async command(robot, what, args = {}) {
+    const path = `/api/robots/${encodeURIComponent(robot)}/commands`;
+    // Of the same key the server has it done once, should the browser send it again.
+    const key = `${Date.now().toString(36)}${Math.random().toString(36).slice(2)}`;
+    const answer = await api.post(path, {do: what, args, key});
+    if (answer && answer.ok === false) {
+      throw new ApiError(409, answer.text);
+    }
+    return answer;
   },
   /** After somebody has signed in: begin anew with who that is. */
   signedIn: () => begin(),

@@ -67,6 +67,7 @@ def test_the_open_alarms_are_a_table_or_json(
     (['resolve', 'anna', '--by', 'mary'], 'resolve anna by mary'),
     (['cancel', '7', '--by', 'mary', 'she', 'sat down'], 'cancel 7 by mary she sat down'),
     (['confirm', '7', '--by', 'mary', 'x' * 150], 'confirm 7 by mary ' + 'x' * 150),
+    (['escalate', '7', '--by', 'mary'], 'escalate 7 by mary'),
     (['test', 'urgent', '--by', 'mary'], 'test urgent by mary'),
     (['test', '--by', 'mary'], 'test technical by mary'),
     (['silence', '30', '--by', 'mary'], 'silence 30 by mary')])

@@ -47,7 +47,7 @@ function isOutside(dialog, {clientX, clientY}) {
  */
 export async function ask(how) {
   const found = await openDialog(how.title, (close) => {
-    const input = how.label ? h('textarea', {rows: 3, maxlength: 500, 'aria-label': how.label,
+    const input = how.label ? h('textarea', {rows: 3, maxlength: 120, 'aria-label': how.label,
       placeholder: how.label, required: how.required}) : null;
     if (input) {
       input.value = how.value || '';

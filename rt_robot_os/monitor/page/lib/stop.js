@@ -54,8 +54,9 @@ async function stop(context, robots) {
     try {
       await context.command(robot.id, 'stop', {});
       announce(t('shell.stopped', {name}), true);
-      toast(t('shell.stopped', {name}), {kind: 'warn', shownMs: 20000, action: button(
-        t('shell.release'), () => release(context, robot), {kind: 'quiet'})});
+      const free = context.permissions.has('drive') && button(t('shell.release'),
+        () => release(context, robot), {kind: 'quiet'});
+      toast(t('shell.stopped', {name}), {kind: 'warn', shownMs: 20000, action: free || null});
     } catch (error) {
       const text = t('shell.not_stopped', {name, why: problemText(error, t)});
       announce(text, true);

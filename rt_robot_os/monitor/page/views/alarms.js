@@ -2,7 +2,7 @@
 
 import {Detail} from './alarms/detail.js';
 import {list} from './alarms/list.js';
-import {h, replace} from '../lib/dom.js';
+import {h, replace, write} from '../lib/dom.js';
 import {segments} from '../lib/parts.js';
 
 const HISTORY = 100;
@@ -26,12 +26,13 @@ class Alarms {
     this.isAll = false;
     this.chosen = arg;
     this.items = h('div.alarm-list');
+    this.count = h('h2');
     this.pane = h('section.alarm-pane', {'aria-label': t('alarms.history')});
     const choice = segments(t('alarms.show'), {open: t('alarms.open'), all: t('alarms.all')},
       'open', (value) => this.showAll(value === 'all'));
     this.root = root;
     replace(root, h('div.alarm-columns', h('section.section', h('div.section-head',
-      h('h2', t('shell.view_alarms')), choice), this.items), this.pane));
+      this.count, choice), this.items), this.pane));
     root.classList.toggle('has-chosen', Boolean(arg));
     this.detail = new Detail(this.pane, context, arg);
     const off = context.state.on('alarms tick', (kind) => this.show(kind));
@@ -68,6 +69,7 @@ class Alarms {
   }
 
   show(kind) {
+    write(this.count, this.context.t('alarms.count', {n: this.context.state.openAlarms().length}));
     list(this.items, this.context, this.found(), {isAll: this.isAll, chosen: this.chosen,
       isLoading: this.isAll && !this.past && !this.problem, problem: this.problem});
     this.detail.show(kind);

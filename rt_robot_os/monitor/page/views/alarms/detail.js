@@ -101,7 +101,7 @@ function head(element, alarm, context) {
   const state = badge(isLoud(alarm) ? alarm.level : isOver ? 'none' : 'ok', stateText(alarm, t));
   const robot = context.state.robots.get(alarm.robot);
   const rows = [
-    [t('alarms.opened'), h('span.number', format.dateTime(openedNs(alarm) / 1e6), ' '), element.age],
+    [t('alarms.opened'), h('span.number', format.dateTime(openedNs(alarm) / 1e6), !isOver && ' · '), element.age],
     [t('alarms.robot'), robot?.name || alarm.robot],
     [t('alarms.where'), where(alarm, context)],
     [t('alarms.told'), channels(alarm.told, t)],
