@@ -31,7 +31,9 @@ from fastapi.responses import JSONResponse
 from fastapi.staticfiles import StaticFiles
 from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
+from rt_robot_os.monitor.api import charts
 from rt_robot_os.monitor.api import commands
+from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import observations
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
@@ -49,8 +51,10 @@ PAGE: Final = Path(__file__).parent / 'page'
 API: Final = (
     alarms,
     audit,
+    charts,
     client_connection,
     commands,
+    export,
     media_connection,
     observations,
     robot_connection,

@@ -60,15 +60,17 @@ def alarms(connection: Connection, people: frozenset[str] | None, robot: str | N
 
 def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     """
-    Return what alarms may be seen: of the granted, and of rooms and devices where they live.
+    Return what alarms may be seen: of the granted, and of rooms and devices where they live or nobody does.
 
     An alarm about somebody who is known and not granted is nobody's business.
     """
     theirs = select(ROBOT_PEOPLE.c.robot_id).join(
         PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(PEOPLE.c.person.in_(people))
+    anybody = select(ROBOT_PEOPLE.c.robot_id)
     others = select(PEOPLE.c.person).where(PEOPLE.c.person.not_in(people))
     return or_(ALARMS.c.subject.in_(people),
-               ALARMS.c.robot_id.in_(theirs) & not_(ALARMS.c.subject.in_(others)))
+               or_(ALARMS.c.robot_id.in_(theirs), ALARMS.c.robot_id.not_in(anybody))
+               & not_(ALARMS.c.subject.in_(others)))
 
 
 def alarms_within(connection: Connection, person: str, start_ns: int, end_ns: int
