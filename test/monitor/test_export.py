@@ -133,7 +133,7 @@ def test_the_bundle_is_what_others_understand(address: str, services: Services) 
                 '8867-4': ('/min', 'heartrate'), '9279-1': ('/min', 'resprate'),
                 '2708-6': ('%', 'oxygensat'), '8310-5': ('Cel', 'bodytemp')}
     assert by_loinc['2708-6']['status'] == 'preliminary'
-    assert {'system': 'http://loinc.org', 'code': '59408-5'} in by_loinc['2708-6']['code']['coding']
+    assert '59408-5' in {each['code'] for each in by_loinc['2708-6']['code']['coding']}
     assert by_loinc['88330-6']['valueQuantity'] == {
         'value': 3, 'unit': '{score}', 'system': 'http://unitsofmeasure.org', 'code': '{score}'}
     assert by_loinc['gait_speed']['code']['coding'][0]['system'].startswith(

@@ -60,7 +60,9 @@ def alarms(connection: Connection, people: frozenset[str] | None, robot: str | N
 
 def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     """
-    Return what alarms may be seen: of the granted, and of rooms and devices where they live or nobody does.
+    Return what alarms may be seen: of the granted, and of rooms and devices where they live.
+
+    Where nobody lives there is nobody to hide.
 
     An alarm about somebody who is known and not granted is nobody's business.
     """
