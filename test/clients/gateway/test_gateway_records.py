@@ -95,5 +95,6 @@ def test_a_record_that_is_refused_blocks_no_other(
             if made.statistics()['set_aside']:
                 break
         assert made.statistics()['set_aside'] == 1
-        assert any('it is set aside' in line for line in said)
-        assert json.loads(json.dumps(made.statistics()))['waiting'] == 0
+        wait_until(lambda: any('it is set aside' in line for line in said), 'a word about it')
+        wait_until(lambda: made.statistics()['waiting'] == 0, 'an empty outbox')
+        json.dumps(made.statistics())
