@@ -206,6 +206,17 @@ def from_path(frame_id: str, maximum_bytes: int) -> Inward:
     return convert
 
 
+def pose_message(frame_id: str, pose: Sequence[float], wall_ns: int) -> bytes:
+    """
+    Write a ``geometry_msgs/msg/PoseStamped``.
+
+    :param pose: x, y, z in m, then the quaternion x, y, z, w.
+    :param wall_ns: since 1970.
+    """
+    body = _STAMP.pack(*divmod(wall_ns, NS_PER_S)) + text_bytes(frame_id)
+    return LITTLE_ENDIAN + body + bytes(padding(len(body), _DOUBLE)) + _POSE.pack(*pose)
+
+
 def _in_plane(pose: Sequence[float], what: str) -> tuple[float, float, float]:
     x, y, z, *quaternion = pose
     _unit(pose, what)

@@ -25,6 +25,7 @@ import time
 from typing import Any
 from typing import Final
 
+from rt_robot_os.clients.gateway.commands import Commands
 from rt_robot_os.clients.gateway.connection import Connection
 from rt_robot_os.clients.gateway.connection import Talk
 from rt_robot_os.clients.gateway.drive import Driving
@@ -40,11 +41,15 @@ from rt_robot_os.clients.gateway.records import Records
 from rt_robot_os.clients.gateway.robot_link import RobotLink
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.clients.gateway.state_connection import StateConnection
+from rt_robot_os.clients.gateway.surroundings import Surroundings
 from rt_robot_os.uplink.messages import encode
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
-PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Driving,)
+PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving)
 _STOP_LOOK_S: Final = 0.1
+#: So long the robot may take before the server is called without it.
+_ROBOT_S: Final = 1.0
+_LOOK_S: Final = 0.01
 
 
 class _LiveSource:
@@ -110,6 +115,13 @@ class Gateway:
             found.update((key, value) for key, value in more.items() if key != 'capabilities')
         return {**found, 'capabilities': list(dict.fromkeys(capabilities))}
 
+    async def _serve(self) -> None:
+        """Talk with the server; it is greeted with what the robot has, if that runs."""
+        deadline_s = time.monotonic() + _ROBOT_S
+        while not self.robot.connected and time.monotonic() < deadline_s:
+            await asyncio.sleep(_LOOK_S)
+        await self.server.run(self.parts, (self.keeper, _LiveSource(self.live)))
+
     async def run(self, stopping: Callable[[], bool]) -> None:
         """
         Carry until somebody stops it.
@@ -119,7 +131,7 @@ class Gateway:
         self.keeper.start()
         self.robot.start(self.parts)
         tasks = [asyncio.ensure_future(each) for each in (
-            self.server.run(self.parts, (self.keeper, _LiveSource(self.live))),
+            self._serve(),
             *(part.run() for part in self.parts if type(part).run is not Part.run),
             *(each.run() for each in self._extra))]
         try:

@@ -124,14 +124,15 @@ class StateConnection:
         await self.connection.run()
 
     async def _talk(self, socket: ClientConnection) -> None:
-        await socket.send(encode('hello', {'version': VERSION, **self._hello()}))
+        hello = dict(self._hello())
+        await socket.send(encode('hello', {'version': VERSION, **hello}))
         await asyncio.wait_for(self._await_welcome(socket), _WELCOME_S)
         self.connected = True
         for part in self._parts:
             part.met_server()
         tasks = [asyncio.ensure_future(each) for each in (
             self._send(socket), self._hear(socket),
-            keep_alive(socket, _ALIVE_S, self._settings.silence_s))]
+            keep_alive(socket, _ALIVE_S, self._settings.silence_s), self._watch(hello))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for each in done:
@@ -152,6 +153,12 @@ class StateConnection:
             if message is not None and message['kind'] == 'welcome':
                 self._hand_over(message)
                 return
+
+    async def _watch(self, hello: Mapping[str, Any]) -> None:
+        """End when the robot has become another: the server is greeted anew."""
+        while all(self._hello().get(key) == value for key, value in hello.items()
+                  if key != 'utc_ns'):
+            await asyncio.sleep(_ALIVE_S)
 
     async def _send(self, socket: ClientConnection) -> None:
         wake = self._wake

@@ -30,6 +30,7 @@ import time
 from typing import Any
 from typing import Final
 from typing import Protocol
+from uuid import uuid4
 
 from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
@@ -244,7 +245,8 @@ class Hub:
         """
         connection = self._connections.get(robot.id)
         self._commands += 1
-        number = f'{self._commands:x}'
+        # A gateway does each once: after a restart of this server no number may come again.
+        number = uuid4().hex
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         if connection is None:
             raise _away(robot.name)
