@@ -49,7 +49,7 @@ setup(
                     'compile': ['mypy>=1.9'], 'docs': ['sphinx>=7.2'],
                     'gateway': ['websockets>=13'], 'i2c': ['smbus2'],
                     'monitor': ['alembic>=1.13', 'argon2-cffi>=23.1', 'cryptography>=42',
-                                'fastapi>=0.110', 'sqlalchemy>=2.0', 'uvicorn>=0.30',
+                                'fastapi>=0.110', 'sqlalchemy>=2.0', 'uvicorn>=0.36',
                                 'websockets>=13'],
                     'peers': ['horus-robotics', 'simpy', 'vitalscore'],
                     'plot': ['matplotlib'], 'postgres': ['psycopg[binary]>=3.1'],

@@ -21,6 +21,10 @@ import sys
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.monitor.app import create_app
+from rt_robot_os.monitor.connections import allow_files
+from rt_robot_os.monitor.connections import Config
+from rt_robot_os.monitor.connections import Connections
+from rt_robot_os.monitor.connections import Loop
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.maps import Maps
@@ -34,6 +38,7 @@ from rt_robot_os.uplink.frames import FRAME_BYTES
 import uvicorn
 
 _BACKLOG = 512
+SWITCH_S = 0.001
 #: Of the default database, in the folder.
 DATABASE = 'monitor.db'
 
@@ -48,7 +53,7 @@ def make_services(settings: MonitorSettings) -> Services:
     accounts = Accounts.open(store.engine, folder)
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
     return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
-                    Maps(folder / 'maps'), media)
+                    maps=Maps(folder / 'maps'), media=media)
 
 
 def serve(settings: MonitorSettings) -> None:
@@ -65,6 +70,8 @@ def serve(settings: MonitorSettings) -> None:
     if link is not None:
         print(f'monitor: nobody has an account yet; open this once to make the first:\n  {link}',
               file=sys.stderr, flush=True)
+    # The thread that writes to the database lets the loop in sooner than after 5 ms.
+    sys.setswitchinterval(SWITCH_S)
     server.run([listening])
 
 
@@ -78,11 +85,13 @@ def address(settings: MonitorSettings, listening: socket.socket) -> str:
 def make_server(services: Services) -> uvicorn.Server:
     """Make the server of an application; ``server.run([listen(settings)])`` runs it."""
     settings = services.settings
-    return uvicorn.Server(uvicorn.Config(
-        create_app(services), log_level='warning', access_log=False, server_header=False,
-        ws='websockets-sansio', ws_per_message_deflate=False, ws_max_size=FRAME_BYTES,
-        ws_ping_interval=20, ws_ping_timeout=20, timeout_keep_alive=10, backlog=_BACKLOG,
-        lifespan='on', ssl_certfile=settings.certificate or None,
+    services.connections = Connections(allow_files(settings.connections))
+    # Compressed frames would cost each client its own, and most of the processor.
+    return uvicorn.Server(Config(
+        create_app(services), services.connections, loop=f'{Loop.__module__}:{Loop.__name__}',
+        log_level='warning', access_log=False, server_header=False, ws_per_message_deflate=False,
+        ws_max_size=FRAME_BYTES, ws_ping_interval=20, ws_ping_timeout=20, timeout_keep_alive=10,
+        backlog=_BACKLOG, lifespan='on', ssl_certfile=settings.certificate or None,
         ssl_keyfile=settings.key or None, timeout_graceful_shutdown=3))
 
 
@@ -98,6 +107,7 @@ def listen(settings: MonitorSettings) -> socket.socket:
         found = socket.socket(family[0], family[1])
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         found.bind(family[4])
+        found.listen(_BACKLOG)  # who comes before it serves waits, and is not refused
         return found
     except OSError as error:
         raise StartError(f'host {settings.host}, port {settings.listens_on}: {error.strerror}; '

@@ -37,6 +37,7 @@ class Services:
     :ivar accounts: users, sessions, robots' tokens.
     :ivar audit: ``audit.note(actor, action, object, **details)``.
     :ivar maps: of robots.
+    :ivar connections: all of them; None where something else than our server runs the app.
     :ivar media: pictures and files; None without.
     """
 
@@ -47,4 +48,5 @@ class Services:
     accounts: Any
     audit: Any
     maps: Any = None
+    connections: Any = None
     media: Any = None

@@ -23,6 +23,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from fastapi.responses import PlainTextResponse
+from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -44,10 +45,12 @@ def router(services: Services) -> APIRouter:
         """Return how the server does, and what was counted of the robots that one may see."""
         hub = services.hub
         writer = services.writer
+        connections = services.connections or Connections(0)
         robots = [{'id': each.id, 'name': each.name, 'connected': each.connected,
                    'lost': each.lost, 'counts': each.counts}
                   for each in hub.seen(hub.rights_of(actor))]
         return {'utc_ns': time.time_ns(), 'started_ns': started_ns,
+                'connections': {'open': connections.open, **connections.counts},
                 'clients': {'connected': len(hub.clients), **hub.counts},
                 'storing': {'ok': not writer.fault, 'text': writer.fault,
                             'waiting': writer.waiting, 'commits': writer.commits,
@@ -64,6 +67,10 @@ def router(services: Services) -> APIRouter:
 
 def _metrics(services: Services) -> Iterator[str]:
     hub, writer = services.hub, services.writer
+    connections = services.connections or Connections(0)
+    yield f'monitor_connections {connections.open}'
+    for key, value in connections.counts.items():
+        yield f'monitor_connections_{key}_total {value}'
     yield f'monitor_clients {len(hub.clients)}'
     for key, value in hub.counts.items():
         yield f'monitor_clients_{key}_total {value}'

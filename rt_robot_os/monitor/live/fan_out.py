@@ -26,16 +26,12 @@ import asyncio
 from collections.abc import Callable
 import re
 import time
-from typing import Final
 
 from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.robot_state import Signal
-
-#: A frame that comes so much before its time (a share of the period) is not held back.
-_EARLY: Final = 0.4
 
 
 class Watch:
@@ -79,17 +75,20 @@ class Group:
         self._names_at: object = None
         self._made: dict[int, str | None] = {}
         self._made_at = -1
+        # A little faster than asked for, so that what came late once is not late ever after.
+        self._period_s = 0.8 / rate_hz
         self._due = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     def changed(self) -> None:
         """Offer what is new to all, now or when their rate allows it."""
         loop = asyncio.get_running_loop()
-        early = _EARLY / self.rate_hz
-        if loop.time() >= self._due - early:
+        # One may come a period early: a robot that sends at this very rate is not held back.
+        begin = self._due - self._period_s
+        if loop.time() >= begin:
             self._offer()
         elif self._timer is None:
-            self._timer = loop.call_at(self._due, self._offer)
+            self._timer = loop.call_at(begin, self._offer)
 
     def end(self) -> None:
         """Offer nothing more."""
@@ -99,9 +98,7 @@ class Group:
 
     def _offer(self) -> None:
         self.end()
-        now = asyncio.get_running_loop().time()
-        # Due times follow each other at the rate; only who was idle begins anew.
-        self._due = max(self._due, now - 1 / self.rate_hz) + 1 / self.rate_hz
+        self._due = max(self._due, asyncio.get_running_loop().time()) + self._period_s
         for each in self.watches:
             each.is_due()
 
@@ -128,7 +125,7 @@ class Group:
     def _choose(self) -> None:
         """Choose the signals anew when there are others, or other people."""
         robot = self.robot
-        state = (robot.names, robot.ever)
+        state = (robot.names, robot.ever, robot.people)
         if state == self._names_at:
             return
         self._names_at = state

@@ -103,6 +103,8 @@ class Hub:
         self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0}
         #: Called with the id of a robot and what it has sent, for each ``beat``.
         self.on_beat: list[Callable[[str, Mapping[str, Any]], object]] = []
+        #: By kind: called with the id of a robot and what it has sent, for messages of others.
+        self.on_message: dict[str, Callable[[str, Mapping[str, Any]], object]] = {}
         #: Called with the id of a robot and whether it is connected now.
         self.on_robot: list[Callable[[str, bool], object]] = []
         self._server: dict[str, Any] = {'storing': True, 'text': ''}

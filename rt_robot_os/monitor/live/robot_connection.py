@@ -179,6 +179,8 @@ class RobotConnection:
             hub.beat(robot, message)
         elif kind == 'map':
             self._take_map(message)
+        elif kind in hub.on_message:
+            hub.on_message[kind](robot.id, message)
         else:
             robot.count('messages_unknown')
 
