@@ -1,0 +1,95 @@
+/** The audit log: who did and saw what; whether it is whole; to take it away. */
+
+import {add, h, replace} from '../lib/dom.js';
+import {badge, button, field, notice, section} from '../lib/parts.js';
+import {attempt} from '../lib/problem.js';
+
+const PAGE = 100;
+
+export const view = {
+  name: 'audit',
+  permission: 'audit',
+  open(root, context) {
+    const shown = new AuditView(root, context);
+    return () => shown.close();
+  },
+};
+
+class AuditView {
+  constructor(root, context) {
+    this.context = context;
+    const {t} = context;
+    this.asked = 0;
+    this.name = h('input', {type: 'search', autocomplete: 'off', spellcheck: 'false'});
+    this.action = h('input', {type: 'search', autocomplete: 'off', spellcheck: 'false',
+      placeholder: 'session.'});
+    const form = h('form.audit-filter', field(t('audit.name'), this.name),
+      field(t('audit.action'), this.action, t('audit.action_help')),
+      h('button.button', {type: 'submit'}, t('audit.search')));
+    form.onsubmit = (event) => {
+      event.preventDefault();
+      this.begin();
+    };
+    this.verdict = h('div', {role: 'status'});
+    this.note = h('div', {role: 'status'});
+    this.body = h('tbody');
+    this.more = button(t('audit.more'), () => this.load());
+    replace(root, section(t('audit.chain'), h('div.card.audit-chain', h('p', t('audit.text')),
+      this.verdict, h('div.actions', button(t('audit.verify'), () => this.verify(),
+        {kind: 'primary', icon: 'check'}), h('a.button', {href: '/api/audit/export',
+        download: 'audit.jsonl'}, t('audit.export'))))),
+    section(t('audit.rows'), form, this.note, h('div.table-box', {tabindex: '0', role: 'region',
+      'aria-label': t('audit.rows')}, h('table.table.audit-table', h('thead', h('tr',
+      ['time', 'name', 'action', 'object', 'details', 'address', 'seq'].map((each) => h('th',
+        {scope: 'col'}, t(`audit.${each}`))))), this.body)), this.more));
+    this.begin();
+  }
+
+  begin() {
+    this.before = null;
+    this.asked += 1;
+    replace(this.body);
+    return this.load();
+  }
+
+  async load() {
+    const {t, api} = this.context;
+    const mine = this.asked;
+    const found = await attempt(() => api.get('/api/audit', {before: this.before, limit: PAGE,
+      name: this.name.value || null, action: this.action.value || null}), t);
+    if (!found || mine !== this.asked) {
+      return;
+    }
+    this.before = found.rows.at(-1)?.seq ?? this.before;
+    this.more.hidden = found.rows.length < PAGE;
+    add(this.body, found.rows.map((each) => this.row(each)));
+    replace(this.note, found.lost + found.waiting > 0 && notice('error', t('audit.lost',
+      {n: found.lost + found.waiting})), !this.body.children.length && notice('empty',
+      t('audit.none')));
+  }
+
+  row(each) {
+    const {t, format} = this.context;
+    const details = Object.entries(each.details).filter(([key]) => key !== 'flag')
+      .map(([key, value]) => `${key}: ${typeof value === 'object' ? JSON.stringify(value) : value}`);
+    return h('tr', h('td', format.dateTime(each.t_ns / 1e6)),
+      h('th', {scope: 'row'}, each.name), h('td', each.action,
+        each.details.flag === 'emergency' && [' ', badge('warn', t('audit.flag'), 'warn')]),
+      h('td.wrap', each.object), h('td.wrap.audit-details', details.join('; ')),
+      h('td', each.address), h('td.end', String(each.seq)));
+  }
+
+  async verify() {
+    const {t, api} = this.context;
+    const found = await attempt(() => api.get('/api/audit/verify'), t);
+    if (found) {
+      replace(this.verdict, found.whole
+        ? notice('calm', t('audit.whole', {n: found.rows}), t('audit.head', {head: found.head}))
+        : notice('error', t('audit.broken'), found.problems.join('; ')));
+    }
+  }
+
+  close() {
+    this.asked += 1;
+  }
+}

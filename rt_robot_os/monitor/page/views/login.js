@@ -1,0 +1,49 @@
+/** To sign in; also with the password alone, when a session was left untouched for a while. */
+
+import {h, replace} from '../lib/dom.js';
+import {entrance, passwordField} from '../lib/entrance.js';
+import {field, notice} from '../lib/parts.js';
+
+export const view = {
+  name: 'login',
+  permission: '',
+  open(root, context) {
+    const {t} = context;
+    const name = h('input', {name: 'username', autocomplete: 'username', required: true,
+      maxlength: 64, autocapitalize: 'none', spellcheck: 'false'});
+    name.value = context.user?.name || '';
+    const password = passwordField(t, 'current-password');
+    const first = h('div');
+    const {element, form} = entrance(context, {
+      title: context.user ? t('login.again') : t('login.title'),
+      text: context.user ? t('login.again_text') : '',
+      yes: t('login.yes'),
+      fields: [field(t('login.name'), name), field(t('login.password'), password)],
+      after: first,
+      async send() {
+        await context.api.post('/api/session', {name: name.value, password: password.value});
+        await context.signedIn();
+      },
+      failed() {
+        password.value = '';
+        password.focus();
+      },
+    });
+    replace(root, element);
+    (name.value ? password : name).focus();
+    firstAccount(context, first, form);
+  },
+};
+
+/** Where nobody has an account yet, say how the first one is made. */
+async function firstAccount({api, t}, place, form) {
+  try {
+    const {needed} = await api.get('/api/setup');
+    if (needed) {
+      form.hidden = true;
+      replace(place, notice('empty', t('login.first'), t('login.first_text')));
+    }
+  } catch (error) {
+    // It is told when somebody signs in.
+  }
+}
