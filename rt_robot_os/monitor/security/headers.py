@@ -30,7 +30,7 @@ POLICY: Final = '; '.join((
 FEATURES: Final = ', '.join((
     'microphone=(self)', 'camera=(self)', 'gamepad=(self)', 'autoplay=(self)',
     'fullscreen=(self)', 'screen-wake-lock=(self)', 'geolocation=()', 'payment=()', 'usb=()',
-    'serial=()', 'hid=()', 'bluetooth=()', 'midi=()', 'display-capture=()'))
+    'serial=()', 'hid=()', 'midi=()', 'display-capture=()'))
 _YEAR_S: Final = 365 * 86400
 _ALWAYS: Final = (
     (b'content-security-policy', POLICY.encode()),

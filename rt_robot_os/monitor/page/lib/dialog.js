@@ -27,8 +27,12 @@ export function openDialog(title, build, kind = 'middle') {
       dialog.remove();
       resolve(result);
     };
-    // Beside it is away, too.
-    dialog.onclick = (event) => event.target === dialog && isOutside(dialog, event) && close();
+    // Beside it is away, too. No onclick: what that returns, false, would forbid the click.
+    dialog.addEventListener('click', (event) => {
+      if (event.target === dialog && isOutside(dialog, event)) {
+        close();
+      }
+    });
     document.body.append(dialog);
     dialog.showModal();
   });

@@ -25,10 +25,10 @@ export function entrance(context, how) {
 }
 
 /** A form that sends, says what is wrong, and cannot be sent twice at once. */
-export function passwordForm({t}, {fields, yes, send, failed}) {
+export function passwordForm({t}, {fields, yes, send, failed, actions}) {
   const problem = h('p.entrance-problem', {role: 'alert', hidden: true});
   const submit = h('button.button.primary', {type: 'submit'}, h('span.label', yes));
-  const form = h('form.form', {novalidate: false}, fields, problem, h('div.actions', submit));
+  const form = h('form.form', fields, problem, h('div.actions', actions, submit));
   form.onsubmit = (event) => {
     event.preventDefault();
     busy(submit, async () => {

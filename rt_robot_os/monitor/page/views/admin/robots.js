@@ -46,7 +46,8 @@ function add(context, again) {
         again();
         showToken(context, made);
       },
-    }), h('div.actions', button(t('shell.cancel'), () => close(), {kind: 'quiet'}))];
+      actions: button(t('shell.cancel'), () => close(), {kind: 'quiet'}),
+    })];
   });
 }
 

@@ -41,11 +41,11 @@ function row(context, user, again) {
     return made;
   };
   return h('tr', h('th', {scope: 'row'}, user.name), h('td', t.word('role', user.role)),
-    h('td.wrap', people), h('td', state), h('td.admin-acts',
+    h('td.wrap', people), h('td', state), h('td', h('div.admin-acts',
       act('admin.edit', () => edit(context, user, again)),
       act('admin.link', () => link(context, user)),
       act('admin.sessions', () => sessions(context, user)),
-      act(user.disabled ? 'admin.enable' : 'admin.disable', () => disable(context, user, again))));
+      act(user.disabled ? 'admin.enable' : 'admin.disable', () => disable(context, user, again)))));
 }
 
 function edit(context, user, again) {
@@ -79,7 +79,8 @@ function edit(context, user, again) {
             showLink(context, made.name, made.token);
           }
         },
-      }), h('div.actions', button(t('shell.cancel'), () => close(), {kind: 'quiet'}))];
+        actions: button(t('shell.cancel'), () => close(), {kind: 'quiet'}),
+      })];
     });
 }
 
