@@ -43,7 +43,7 @@ export class Words {
 
   /**
    * Say something.
-   * @param {string} key such as 'alarms.title'
+   * @param {string} key such as 'shell.close'
    * @param {Object} [values] for {name} in the message; n chooses the plural
    */
   say(key, values = {}) {

@@ -1,6 +1,6 @@
 /**
- * The views: one line each. A view is views/NAME.js with style/NAME.css and messages/*\/NAME.json,
- * which has at least NAME.title; permission: who sees it in the navigation ('' is everybody).
+ * The views: one line each. A view is views/NAME.js with style/NAME.css and messages/LANGUAGE/
+ * NAME.json; its title is shell.view_NAME. permission: who may open it ('' is everybody).
  *
  * views/NAME.js: export const view = {name, permission, open(root, context, arg)}; open returns what
  * ends it. place: rail (the navigation), menu (of the account), or alone (no shell, no session).
