@@ -1,0 +1,126 @@
+/** Everything that is on the map, in words: for those who do not see it, and to find it. */
+
+import {h, keep, replace, write} from '../../lib/dom.js';
+import {kindsText} from '../../lib/alarms.js';
+import {linkOf, OLD_MS} from './scene.js';
+
+export class PlaceList {
+  /**
+   * @param {Object} context of the page.
+   * @param {(x: number, y: number) => void} find show a place in the middle of the map.
+   */
+  constructor(context, find) {
+    this.context = context;
+    this.find = find;
+    const {t} = context;
+    this.parts = Object.fromEntries(['robot', 'people', 'alarms', 'nodes'].map((name) => {
+      const list = h('ul.position-list');
+      return [name, {list, element: h(`section.position-${name}`, h('h2', t(`position.${name}`)), list)}];
+    }));
+    this.element = h('div.position-lists', Object.values(this.parts).map((each) => each.element));
+  }
+
+  /** Write it anew. */
+  show(scene, robot, alarms, nowMs) {
+    this._part('robot', robot && scene.pose ? [this._robot(scene, robot, nowMs)] : []);
+    this._part('people', [...scene.people.values()].map((each) => this._person(each, nowMs)));
+    this._part('alarms', alarms.map((each) => this._alarm(each)));
+    this._part('nodes', (scene.nodes?.nodes || []).map((each) => this._node(each, scene, nowMs)));
+  }
+
+  _part(name, items) {
+    const {list, element} = this.parts[name];
+    element.hidden = !items.length;
+    keep(list, items, (item) => item.key, () => h('li', h('button.position-item', {type: 'button'},
+      h('span.position-item-name'), h('span.position-item-text.small'))), (made, item) => {
+      const [button] = made.children;
+      const [title, text] = button.children;
+      write(title, item.name);
+      write(text, item.text);
+      button.classList.toggle('is-stale', item.isOld);
+      button.disabled = !Number.isFinite(item.x);
+      button.onclick = () => this.find(item.x, item.y);
+    });
+  }
+
+  _robot({pose, texts}, robot, nowMs) {
+    const {t, format} = this.context;
+    const ageMs = nowMs - pose.t;
+    const degrees = Math.round((((pose.yaw || 0) * 180) / Math.PI + 360) % 360);
+    const stop = texts.get('stop_reason')?.value;
+    const parts = [this._place(pose), t('position.looks', {degrees})];
+    if (stop && stop !== 'none') {
+      parts.push(t('position.stands', {why: stop}));
+    }
+    if (ageMs > OLD_MS.robot) {
+      parts.push(t('position.since', {ago: format.ago(ageMs / 1000)}));
+    }
+    return {key: robot.id, name: robot.name || robot.id, text: parts.join(' · '),
+            isOld: ageMs > OLD_MS.robot, ...pose};
+  }
+
+  _person(person, nowMs) {
+    const {t, format} = this.context;
+    const ageMs = nowMs - person.t;
+    const isKnown = Number.isFinite(person.x);
+    const parts = [person.room ? t.word('room', person.room) : t(isKnown ? 'position.no_room'
+      : 'position.no_place')];
+    const stddev = person.uncertaintyM || person.stddevM;
+    if (isKnown) {
+      parts.push(this._place(person) + (stddev ? ` ± ${format.number(stddev, 1)} m` : ''));
+    }
+    if (ageMs > 10_000) {
+      parts.push(t('position.seen', {ago: format.ago(ageMs / 1000)}));
+    }
+    return {key: person.person, name: person.person, text: parts.join(' · '),
+            isOld: ageMs > OLD_MS.person, x: person.x, y: person.y};
+  }
+
+  _alarm(alarm) {
+    const {t} = this.context;
+    const who = alarm.subject ? `${alarm.subject}: ` : '';
+    return {key: `${alarm.robot}/${alarm.id}`, name: who + kindsText(alarm, t), x: alarm.x,
+            y: alarm.y, isOld: false, text: [t.word('level', alarm.level), t.word('state',
+              alarm.state), Number.isFinite(alarm.x) ? this._place(alarm)
+              : t('position.no_place')].join(' · ')};
+  }
+
+  _node(node, scene, nowMs) {
+    const {t, format} = this.context;
+    const parts = [t.word('node_state', node.state)];
+    const parent = scene.nodes.nodes.find(({id}) => id === node.parent);
+    if (parent) {
+      parts.push(t(`position.over_${linkOf(node)}`, {parent: parent.name || parent.id,
+        share: format.percent(node.recent ?? node.delivery)}));
+    }
+    if (node.age_s > 60) {
+      parts.push(t('position.seen', {ago: format.ago(node.age_s)}));
+    }
+    if (!Number.isFinite(node.x)) {
+      parts.push(t('position.no_place'));
+    }
+    return {key: String(node.id), name: node.name || String(node.id), text: parts.join(' · '),
+            isOld: nowMs - scene.nodes.t > OLD_MS.nodes || node.state === 'silent',
+            x: node.x, y: node.y};
+  }
+
+  _place({x, y}) {
+    const {format} = this.context;
+    return `${format.number(x, 2)}, ${format.number(y, 2)} m`;
+  }
+}
+
+/** Make the legend: the same symbols as on the map, with words. */
+export function legend(context, entries, paint) {
+  const list = h('ul.position-legend.small', {'aria-label': context.t('position.legend')});
+  const show = () => replace(list, entries.map(([name, text]) => {
+    const canvas = h('canvas', {width: 28 * devicePixelRatio, height: 28 * devicePixelRatio,
+      'aria-hidden': 'true'});
+    const ctx = canvas.getContext('2d');
+    ctx.scale(devicePixelRatio, devicePixelRatio);
+    paint(ctx, name);
+    return h('li', canvas, text);
+  }));
+  show();
+  return {element: list, show};
+}
