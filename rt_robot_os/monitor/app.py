@@ -34,6 +34,7 @@ from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import charts
 from rt_robot_os.monitor.api import commands
 from rt_robot_os.monitor.api import export
+from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import observations
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
@@ -55,6 +56,7 @@ API: Final = (
     client_connection,
     commands,
     export,
+    maps,
     media_connection,
     observations,
     robot_connection,

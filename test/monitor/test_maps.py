@@ -19,10 +19,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fake_robot import FakeRobot
+from fake_robot import RobotScript
+import httpx
+from monitor_server import logged_in
+from monitor_server import quick_services
+from monitor_server import served
+from processes import wait_until
 import pytest
-
 from rt_robot_os.monitor.maps import Maps
+from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.uplink.maps import map_message
+from rt_robot_os.uplink.messages import encode
 
 FLAT = map_message(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
 OTHER = map_message(1, 1, 0.1, (0.0, 0.0, 0.0), bytes(1))
@@ -62,3 +70,27 @@ def test_a_file_that_is_damaged_is_no_map(tmp_path: Path) -> None:
     for text in ('', '[]', file.read_text()[:-20], '"\ud83d"', '{}'):
         file.write_text(text, errors='surrogatepass')
         assert Maps(tmp_path).get('a') is None
+
+
+def test_a_robot_sends_its_map_once_and_only_those_who_may_see_it_get_it(tmp_path: Path) -> None:
+    services = quick_services(tmp_path)
+    script = RobotScript(people=('anna',), map=FLAT['sha256'])
+    with served(services) as address:
+        mary, eve = (logged_in(services, name, Role.VIEWER, people)
+                     for name, people in (('mary', ('anna',)), ('eve', ('bob',))))
+
+        def asked(headers: dict[str, str]) -> httpx.Response:
+            return httpx.get(f'http://{address}/api/robots/robot/map', headers=headers)
+
+        with FakeRobot(f'ws://{address}', script=script) as robot:
+            assert robot.received[0]['want_map'] is True
+            assert asked(mary).status_code == 404
+            assert 'has sent no map' in asked(mary).json()['detail']['text']
+            robot.send(encode('map', FLAT))
+            wait_until(lambda: asked(mary).status_code == 200, 'the map')
+            assert asked(mary).json() == FLAT
+            assert asked(eve).status_code == 404
+            assert 'no such robot' in asked(eve).json()['detail']['text']
+            assert asked({}).status_code == 401
+        with FakeRobot(f'ws://{address}', script=script) as robot:
+            assert robot.received[0]['want_map'] is False

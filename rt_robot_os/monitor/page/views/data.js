@@ -74,12 +74,12 @@ class DataView {
     this.showAlarms();
     this.toolbar.showRange();
     try {
-      const path = `/api/people/${encodeURIComponent(this.person)}/signs`;
+      const path = `/api/people/${encodeURIComponent(this.person)}/latest`;
       const found = await this.context.api.get(path);
-      found.forEach((each) => this.row(each.sign ?? each.code ?? each));
+      found.forEach((each) => this.row(each.code).last({...each, t: each.t_ns / NS_PER_MS}));
       this.showRows();
     } catch (error) {
-      // The usual signs are shown then.
+      // The history says so, if it cannot be had either.
     }
     if (this.ends) {
       this.history.of(this.person, [...this.rows.keys()]);
@@ -119,7 +119,7 @@ class DataView {
     this.stack.show(this.shown);
     this.history.pixels = this.stack.box().width;
     this.showAlarms();
-    this.toolbar.showLayers(names.map((name) => [name, this.rows.get(name).name]), this.layers);
+    this.toolbar.showLayers(names.map((each) => [each, this.rows.get(each).name]), this.layers);
   }
 
   zones(row) {
@@ -163,13 +163,15 @@ class DataView {
     const {context} = this;
     const all = new Map(this.layers.alarms ? this.chartAlarms : []);
     if (this.layers.alarms) {
-      for (const each of context.state.openAlarms().filter(({subject}) => subject === this.person)) {
+      const mine = context.state.openAlarms().filter(({subject}) => subject === this.person);
+      for (const each of mine) {
         all.set(`${each.robot}/${each.id}`, {...each, t: openedNs(each) / NS_PER_MS});
       }
     }
-    this.stack.mark([...all.values()].map((each) => ({...each, title: context.t('data.alarm_title', {
-      level: context.t.word('level', each.level), kinds: kindsText(each, context.t),
-      time: context.format.dateTime(each.t)})})));
+    const {t, format} = context;
+    this.stack.mark([...all.values()].map((each) => ({...each, title: t('data.alarm_title', {
+      level: t.word('level', each.level), kinds: kindsText(each, t),
+      time: format.dateTime(each.t)})})));
   }
 
   /** A connection was lost for a while: mark it, and ask again for what robots send later. */

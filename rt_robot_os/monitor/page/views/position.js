@@ -2,7 +2,7 @@
 
 import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
-import {button, iconButton, notice} from '../lib/parts.js';
+import {button, notice} from '../lib/parts.js';
 import {robotChoice} from '../lib/robot_choice.js';
 import {onTheme} from './data/look.js';
 import {Goal} from './position/goal.js';
@@ -65,12 +65,11 @@ class PositionView {
     this.canvas.onkeydown = (event) => this.key(event);
     this.note = h('div.position-note');
     this.followButton = button(t('position.follow'), () => this.setFollow(!this.follows));
-    this.tools = h('div.position-tools', iconButton('plus', t('position.nearer'), () => this.zoom(1.4),
-      'solid'), h('button.button.icon-only.solid', {type: 'button', 'aria-label':
-      t('position.farther'), title: t('position.farther'), onclick: () => this.zoom(1 / 1.4)},
-    h('span', {'aria-hidden': 'true'}, '−')), h('button.button.icon-only.solid', {type: 'button',
-      'aria-label': t('position.all'), title: t('position.all'), onclick: () => this.fit()},
-    h('span', {'aria-hidden': 'true'}, '⤢')));
+    const tool = (sign, text, onclick) => h('button.button.icon-only', {type: 'button',
+      'aria-label': text, title: text, onclick}, h('span', {'aria-hidden': 'true'}, sign));
+    this.tools = h('div.position-tools', tool('+', t('position.nearer'), () => this.zoom(1.4)),
+      tool('−', t('position.farther'), () => this.zoom(1 / 1.4)),
+      tool('⤢', t('position.all'), () => this.fit()));
     this.box = h('div.position-box', this.canvas, this.tools, this.note, h('div.position-cross',
       {'aria-hidden': 'true'}), this.goal.element);
     const boxes = Object.keys(LAYERS).map((name) => {

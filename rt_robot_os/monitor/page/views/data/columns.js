@@ -19,7 +19,7 @@ export class Columns {
     this.high = new Float64Array(capacity);
     this.count = new Float64Array(capacity);
     this.length = 0;
-    /** Samples that are nearer than this to a bucket's start are part of it. */
+    /** Live values that are nearer than this to the one before are one with it. */
     this.bucketMs = 0;
     /** What lies further apart is not joined: up to the last time of the history, and after it. */
     this.gapMs = Infinity;
@@ -42,7 +42,7 @@ export class Columns {
   replace(chart, {bucketMs, longestGapMs, isNow}) {
     const taken = Math.min(chart.t.length, this.capacity >> 1);
     const from = chart.t.length - taken;
-    const last = taken ? chart.t[chart.t.length - 1] + bucketMs : -Infinity;
+    const last = taken ? chart.t[chart.t.length - 1] + bucketMs / 2 : -Infinity;
     const keep = isNow ? this.indexAfter(last) : this.length;
     const tail = Math.min(this.length - keep, this.capacity >> 2);
     const names = ['t', 'low', 'mean', 'high', 'count'];

@@ -1,7 +1,8 @@
 /**
  * Wheel, drag, pinch and keys over a stack of plots, turned into what is shown of time.
  *
- * Mouse: wheel zooms, drag chooses a range, drag with Shift moves. Touch: one finger moves, two zoom.
+ * Mouse: wheel zooms, drag chooses a range, drag with Shift moves. Touch: one finger moves, two
+ * zoom.
  */
 
 const WHEEL_STEP = 1.0018;

@@ -1,7 +1,7 @@
 /**
  * The history of signs: asked for when what is shown leaves what is known, or needs a finer one.
  *
- * A request covers half a range more on both sides, so that whoever moves a little waits for nothing.
+ * A request covers half a range more on both sides: whoever moves a little waits for nothing.
  */
 
 import {limitZone, styleOf} from './signs.js';
@@ -89,7 +89,8 @@ export class History {
     const to = Math.min(end + MARGIN * span, now + span * 0.1);
     this.loaded = {start: from, end: to, span, isNow: to >= now};
     this.lastMs = performance.now();
-    const found = await Promise.allSettled(this.signs.map((sign) => this._one(sign, from, to, mine)));
+    const found = await Promise.allSettled(
+      this.signs.map((sign) => this._one(sign, from, to, mine)));
     if (mine !== this.asked) {
       return;
     }
@@ -115,8 +116,9 @@ export class History {
 
 /** Make what plots use of an answer: times in ms. */
 export function chartOf(found, sign, pixelMs, isNow) {
-  const ms = (times) => (times || []).map((each) => each / NS_PER_MS);
   const bucketMs = found.bucket_ns === undefined ? pixelMs : found.bucket_ns / NS_PER_MS;
+  // A bucket is drawn where its middle is.
+  const ms = (times) => (times || []).map((each) => each / NS_PER_MS + bucketMs / 2);
   const range = ({from_ns: from, to_ns: to, ...rest}) => ({
     from: from / NS_PER_MS, to: to === null || to === undefined ? null : to / NS_PER_MS, ...rest});
   return {

@@ -1,4 +1,4 @@
-/** What uPlot strokes and fills of a sign: a line with gaps, single values, a band, in canvas pixels. */
+/** What uPlot strokes and fills of a sign, in canvas pixels: a line with gaps, values, a band. */
 
 /**
  * Return the path builder of the mean.

@@ -121,7 +121,7 @@ function incrementsOf(style) {
 }
 
 /**
- * Return the lowest and the highest value of an axis: what is to be seen, with limits that are near.
+ * Return the lowest and the highest value of an axis: what is to be seen, and limits near it.
  *
  * @return {[number, number]}
  */

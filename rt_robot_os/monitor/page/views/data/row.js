@@ -55,6 +55,13 @@ export class Row {
     }
   }
 
+  /** Take the newest that the server has, unless something newer is known. */
+  last({t, value, quality, source}) {
+    if (!this.now || this.now.t < t) {
+      this.now = {t, value, quality, source};
+    }
+  }
+
   /** Take what the robot says of its quality. */
   tell(t, {value, quality, ageS, source}) {
     this.quality.at(t, quality);

@@ -1,4 +1,4 @@
-/** The signs that plots know, and the bands of the NEWS2 chart (Royal College of Physicians, 2017). */
+/** The signs that plots know, and the bands of NEWS2 (Royal College of Physicians, 2017). */
 
 const MINUTE = 60_000;
 const HOUR = 60 * MINUTE;

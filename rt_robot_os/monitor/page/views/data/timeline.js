@@ -1,7 +1,7 @@
 /**
  * Which part of time is shown: one range for all plots, in ms of UTC.
  *
- * It follows the present or stands still. Whoever zooms keeps the time under the cursor where it is.
+ * It follows the present or stands still. A zoom keeps the time under the cursor where it is.
  */
 
 export const LEAST_MS = 1000;

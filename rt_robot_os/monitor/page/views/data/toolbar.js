@@ -132,7 +132,8 @@ export class Toolbar {
       replace(this.problem);
       return;
     }
-    const text = error.status === 0 ? t('data.no_answer') : `${error.message} ${error.remedy || ''}`;
+    const said = `${error.message} ${error.remedy || ''}`;
+    const text = error.status === 0 ? t('data.no_answer') : said;
     replace(this.problem, notice('error', t('data.no_history'), text, button(t('data.again'),
       () => this.view.history.refresh())));
   }

@@ -168,7 +168,8 @@ function drawLink({ctx, palette, labels}, from, to, node, words) {
   ctx.lineTo(...to);
   ctx.stroke();
   ctx.setLineDash([]);
-  if ((quality === 'fair' || quality === 'poor') && Math.hypot(to[0] - from[0], to[1] - from[1]) > 90) {
+  const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
+  if ((quality === 'fair' || quality === 'poor') && length > 90) {
     labels.add(words(node), (from[0] + to[0]) / 2, (from[1] + to[1]) / 2 - 4, 3);
   }
 }

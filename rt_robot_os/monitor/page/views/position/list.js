@@ -15,7 +15,8 @@ export class PlaceList {
     const {t} = context;
     this.parts = Object.fromEntries(['robot', 'people', 'alarms', 'nodes'].map((name) => {
       const list = h('ul.position-list');
-      return [name, {list, element: h(`section.position-${name}`, h('h2', t(`position.${name}`)), list)}];
+      const element = h(`section.position-${name}`, h('h2', t(`position.${name}`)), list);
+      return [name, {list, element}];
     }));
     this.element = h('div.position-lists', Object.values(this.parts).map((each) => each.element));
   }

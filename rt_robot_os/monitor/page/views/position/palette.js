@@ -11,7 +11,8 @@ export function paletteOf(root) {
   return {
     surface: token('--surface'), text: token('--text'), ground: token('--sunken'),
     stale: token('--stale'), grid: mixed('--line-strong', 18), font: `600 12px ${family}`,
-    robot: token('--series-1'), goal: token('--urgent'), track: mixed('--series-1', 35), scan: token('--series-6'),
+    robot: token('--series-1'), goal: token('--urgent'), track: mixed('--series-1', 35),
+    scan: token('--series-6'),
     person: token('--series-4'), personArea: mixed('--series-4', 14),
     oldArea: mixed('--stale', 12),
     levels: {critical: token('--fill-critical'), urgent: token('--fill-urgent'),
@@ -21,7 +22,8 @@ export function paletteOf(root) {
             unheard: token('--stale')},
     links: {good: mixed('--ok', 70), fair: token('--warn'), poor: token('--urgent'),
             unknown: token('--stale')},
-    map: {wall: pixelOf(`color-mix(in srgb, ${token('--line-strong')} 82%, ${token('--surface')})`), floor: pixelOf(token('--surface')),
-          unknown: pixelOf(token('--sunken'))},
+    map: {floor: pixelOf(token('--surface')), unknown: pixelOf(token('--sunken')),
+          wall: pixelOf(`color-mix(in srgb, ${token('--line-strong')} 82%,
+            ${token('--surface')})`)},
   };
 }
