@@ -33,6 +33,7 @@ from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import charts
 from rt_robot_os.monitor.api import commands
+from rt_robot_os.monitor.api import drive
 from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import observations
@@ -55,6 +56,7 @@ API: Final = (
     charts,
     client_connection,
     commands,
+    drive,
     export,
     maps,
     media_connection,

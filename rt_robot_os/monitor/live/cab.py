@@ -45,6 +45,7 @@ class Seat:
     :param name: of the one who sits there.
     :param outlet: the sending side.
     :ivar driven: commands with the hand closed that went to the robot.
+    :ivar ended: why they lost the wheel before they got up; empty when they did not.
     """
 
     def __init__(self, name: str, session: str, outlet: Outlet) -> None:
@@ -53,6 +54,7 @@ class Seat:
         self.outlet = outlet
         self.driven = 0
         self.seq = 0
+        self.ended = ''
         self._beat: str | None = None
 
     def tell(self, kind: str, **content: Any) -> None:

@@ -61,6 +61,11 @@ class Outlet:
         """Return how many urgent messages wait."""
         return len(self._urgent)
 
+    @property
+    def closing(self) -> bool:
+        """Return whether it is to be closed."""
+        return self._close is not None
+
     def say(self, text: str) -> bool:
         """
         Send something urgent: in order, never left out.
