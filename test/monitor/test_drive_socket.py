@@ -149,7 +149,7 @@ def test_who_may_not_drive_does_not_even_sit_down(
 def test_a_robot_of_others_is_one_that_does_not_exist(
         address: str, services: Services, robot: FakeRobot) -> None:
     for path, people in ((PATH, ('bob',)), ('/drive?robot=other', ('*',)), ('/drive', ('*',))):
-        headers = logged_in(services, f'carol{len(path)}', Role.OPERATOR, people)
+        headers = logged_in(services, f'carol{len(path)}{len(people[0])}', Role.OPERATOR, people)
         with Page(address, headers, path) as carol, pytest.raises(ConnectionClosed) as closed:
             carol.socket.recv(20)
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4404
