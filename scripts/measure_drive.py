@@ -41,6 +41,7 @@ from pathlib import Path
 import random
 import shutil
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -58,7 +59,7 @@ PAGE_KINDS = ('let_go', 'blur', 'hidden', 'gamepad', 'pointer_cancelled', 'page_
 PROCESS_KINDS = ('tab_killed', 'server_stopped', 'server_killed', 'gateway_stopped',
                  'gateway_killed', 'second_operator', 'session_revoked')
 NETWORK_KINDS = ('page_cable', 'page_loss', 'robot_cable', 'robot_loss')
-PRESS = """() => { window.pressed = true; }"""
+_PACKAGES = {'core': 'core', 'server': 'monitor', 'gateway': 'clients.gateway'}
 GAMEPAD = """() => {
   const pad = {index: 0, connected: true, axes: [0, -1, 0, 0], mapping: 'standard',
     buttons: Array.from({length: 17}, () => ({pressed: false, value: 0}))};
@@ -108,10 +109,16 @@ class Bench:
         log = (self.folder / f'{name}.log').open('ab')
         self.processes[name] = subprocess.Popen(
             self._command(name), cwd=self.folder, env=self.environment, stdout=log, stderr=log)
+        if name == 'server':
+            until(self._is_served, 'the server')
+
+    def _is_served(self) -> bool:
+        with socket.socket() as found:
+            return found.connect_ex((self.host, self.port)) == 0
 
     def _command(self, name: str) -> list[str]:
         python, folder = sys.executable, self.folder
-        module = [python, '-m', f'rt_robot_os.{ {"core": "core", "server": "monitor", "gateway": "clients.gateway"}.get(name, "") }.program']  # noqa: E501
+        module = [python, '-m', f'rt_robot_os.{_PACKAGES.get(name, "")}.program']
         if name == 'board':
             return [python, str(ROOT / 'scripts' / 'drive_board.py'), str(folder / 'board'),
                     str(folder / 'board.log')]
@@ -146,7 +153,6 @@ class Bench:
 
 
 def free_port() -> int:
-    import socket
     with socket.socket() as found:
         found.bind(('127.0.0.1', 0))
         return int(found.getsockname()[1])
@@ -588,7 +594,6 @@ def measure(bench: Bench, kinds: list[str], trials: int, commands: int) -> dict[
         bench.start(name)
         if name == 'board':
             until((bench.folder / 'board').exists, 'the board')
-    time.sleep(4.0)
     found: dict[str, Any] = {'cpus': os.cpu_count(), 'network': bench.network,
                              'load': os.getloadavg()[0], 'standstill_ms': {}, 'problems': []}
     with browser_of(bench) as browser:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``/drive`` over a real server: who may, taking over, the end of a session, what is in the audit."""
+"""``/drive`` over a real server: who may, taking over, the end of a session, the audit."""
 
 from __future__ import annotations
 
