@@ -18,16 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from contextlib import ExitStack
 import hashlib
-import json
-from pathlib import Path
 import time
 from typing import Any
 
 from fake_robot import FakeRobot
 from fake_robot import RobotScript
 from fake_robot import token_of
+from media_peer import MediaPeer
 from monitor_server import logged_in
 from monitor_server import quick_services
 from monitor_server import served
@@ -36,76 +34,47 @@ from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.live.robot_media import captured_ns
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.uplink.frames import decode_frame
-from rt_robot_os.uplink.frames import encode_frame
-from rt_robot_os.uplink.messages import encode
-from websockets.sync.client import connect
 
 JPEG = b'\xff\xd8\xff\xe0' + bytes(1000)
 Headers = dict[str, str]
 KEY = {'robot': 'robot', 'camera': 'hall'}
 
 
-class Peer:
-    """One end of a connection with texts and frames."""
-
-    def __init__(self, address: str, path: str, headers: dict[str, str] | None = None) -> None:
-        self._stack = ExitStack()
-        self._socket = self._stack.enter_context(connect(
-            f'ws://{address}{path}', compression=None, proxy=None,
-            additional_headers=headers or {'Authorization': f"Bearer {token_of('robot')}"}))
-
-    def say(self, kind: str, **content: Any) -> None:
-        self._socket.send(encode(kind, content))
-
-    def frame(self, kind: str, payload: bytes, **header: Any) -> None:
-        self._socket.send(encode_frame(kind, header, payload))
-
-    def next(self, kind: str) -> dict[str, Any]:  # noqa: A003
-        while True:
-            found = self._socket.recv(20.0)
-            if isinstance(found, bytes):
-                header, payload = decode_frame(found)
-                if header['kind'] == kind:
-                    return {**header, 'payload': bytes(payload)}
-            elif (message := json.loads(found))['kind'] == kind:
-                return dict(message)
-
-    def close(self) -> None:
-        self._stack.close()
+def peer(address: str, path: str, headers: Headers | None = None) -> MediaPeer:
+    return MediaPeer(address, path, headers or {'Authorization': f"Bearer {token_of('robot')}"})
 
 
-@pytest.fixture
-def services(tmp_path: Path) -> Services:
-    return quick_services(tmp_path)
+@pytest.fixture(scope='module')
+def services(tmp_path_factory: pytest.TempPathFactory) -> Services:
+    return quick_services(tmp_path_factory.mktemp('monitor'))
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def address(services: Services) -> Iterator[str]:
     with served(services) as found:
         yield found
 
 
-def look(address: str, me: Headers) -> Peer:
-    return Peer(address, '/camera', me)
+def look(address: str, me: Headers) -> MediaPeer:
+    return peer(address, '/camera', me)
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def me(services: Services) -> Headers:
     return logged_in(services)
 
 
 @pytest.fixture
-def robot(address: str) -> Iterator[Peer]:
+def robot(address: str) -> Iterator[MediaPeer]:
     with FakeRobot(f'ws://{address}', script=RobotScript(cameras=['hall'])), closing(
-            Peer(address, '/robot/media')) as found:
+            peer(address, '/robot/media')) as found:
         found.say('hello', version=1, cameras=['hall'])
         assert found.next('want')['cameras'] == {}
         yield found
 
 
 def test_a_camera_is_wanted_while_somebody_looks_and_its_picture_comes_with_its_moment(
-        address: str, me: Headers, robot: Peer) -> None:
+        address: str, me: Headers, robot: MediaPeer) -> None:
     with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=10)
         assert robot.next('want')['cameras'] == {'hall': 10.0}
@@ -121,7 +90,7 @@ def test_a_camera_is_wanted_while_somebody_looks_and_its_picture_comes_with_its_
 
 
 def test_a_browser_that_never_answers_holds_nobody_up(
-        address: str, me: Headers, robot: Peer) -> None:
+        address: str, me: Headers, robot: MediaPeer) -> None:
     with closing(look(address, me)) as dead, closing(look(address, me)) as quick:
         for each in (dead, quick):
             each.say('look', **KEY, rate_hz=30)
@@ -141,44 +110,48 @@ def test_a_browser_that_never_answers_holds_nobody_up(
 
 
 def test_what_is_no_picture_of_a_camera_of_this_robot_reaches_nobody(
-        address: str, me: Headers, robot: Peer) -> None:
+        address: str, me: Headers, robot: MediaPeer) -> None:
     with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=30)
         robot.next('want')
         robot.frame('picture', b'<svg onload="alert(1)"/>', camera='hall', n=1, age_ns=0)
         robot.frame('picture', JPEG, camera='cellar', n=1, age_ns=0)
         robot.frame('picture', JPEG, camera='hall', n='x', age_ns=0)
-        robot._socket.send(b'\xff\xff\xff\xff')
-        robot._socket.send('[')
+        robot.socket.send(b'\xff\xff\xff\xff')
+        robot.socket.send('[')
         robot.frame('picture', JPEG, camera='hall', n=2, age_ns=0)
         assert browser.next('picture')['payload'] == JPEG
 
 
-def test_odd_messages_of_a_browser_end_nothing(address: str, me: Headers, robot: Peer) -> None:
+def test_odd_messages_of_a_browser_end_nothing(
+        address: str, me: Headers, robot: MediaPeer) -> None:
     with closing(look(address, me)) as browser:
         for odd in ('', '[]', '{"kind": "look"}', '{"kind": "look", "robot": [], "camera": {}}',
                     '{"kind": "taken", "robot": "robot", "camera": "hall", "n": "x"}',
                     '{"kind": "clock", "t": []}', 'x' * 10_000):
-            browser._socket.send(odd)
+            browser.socket.send(odd)
         browser.say('clock', t=3.5)
         assert browser.next('clock')['t'] == 3.5
 
 
-def test_a_robot_that_nobody_knows_has_no_camera(address: str, me: Headers, robot: Peer) -> None:
+def test_a_robot_that_nobody_knows_has_no_camera(
+        address: str, me: Headers, robot: MediaPeer) -> None:
     with closing(look(address, me)) as browser:
         browser.say('look', robot='other', camera='hall', rate_hz=5)
         assert 'no such camera' in browser.next('gone')['text']
 
 
 def test_looking_is_in_the_audit(
-        address: str, me: Headers, robot: Peer, services: Services) -> None:
+        address: str, me: Headers, robot: MediaPeer, services: Services) -> None:
+    before = sum(row['action'].startswith('camera') for row in services.audit.all_rows())
     with closing(look(address, me)) as browser:
         browser.say('look', **KEY, rate_hz=5)
         robot.next('want')
         browser.say('clock', t=1)
         browser.next('clock')
-        assert [(row['action'], row['object']) for row in services.audit.all_rows()
-                if row['action'].startswith('camera')] == [('camera.look', 'robot/hall')]
+        rows = [row for row in services.audit.all_rows() if row['action'].startswith('camera')]
+        assert len(rows) == before + 1
+        assert (rows[-1]['action'], rows[-1]['object']) == ('camera.look', 'robot/hall')
 
 
 def test_a_camera_is_for_those_who_may_see_everybody_who_lives_there() -> None:
@@ -206,12 +179,12 @@ def test_a_file_comes_in_parts_goes_on_after_a_break_and_is_kept_once(
     content = JPEG[:4] + bytes(200_000)
     sha256 = hashlib.sha256(content).hexdigest()
     offer = {'id': 'f1', 'sha256': sha256, 'size': len(content)}
-    with closing(Peer(address, '/robot/media')) as robot:
+    with closing(peer(address, '/robot/media')) as robot:
         robot.say('offer', **offer)
         assert robot.next('have')['offset'] == 0
         robot.frame('part', content[:65536], id='f1', offset=0)
         assert robot.next('have')['offset'] == 65536
-    with closing(Peer(address, '/robot/media')) as robot:
+    with closing(peer(address, '/robot/media')) as robot:
         robot.frame('part', content[65536:131072], id='f1', offset=65536)
         assert 'not offered' in robot.next('refused')['text']
         robot.say('offer', **offer)

@@ -73,6 +73,7 @@ class FakeServer:
         self._tls = tls
         self._loop: asyncio.AbstractEventLoop | None = None
         self._sockets: set[ServerConnection] = set()
+        self._others: set[ServerConnection] = set()
         self._ready = threading.Event()
         self._end: asyncio.Event | None = None
         self._thread: threading.Thread | None = None
@@ -98,7 +99,8 @@ class FakeServer:
 
     def cut(self) -> None:
         """Break all connections without a word."""
-        self._later(lambda: [each.transport.abort() for each in list(self._sockets)])
+        self._later(lambda: [each.transport.abort()
+                             for each in [*self._sockets, *self._others]])
 
     def send(self, kind: str, **content: Any) -> None:
         text = encode(kind, content)
@@ -143,7 +145,7 @@ class FakeServer:
             self.port = self._port(server)
             self._ready.set()
             await self._end.wait()
-            for each in list(self._sockets):
+            for each in [*self._sockets, *self._others]:
                 each.transport.abort()
 
     @staticmethod
@@ -159,6 +161,9 @@ class FakeServer:
         return None
 
     async def _serve(self, socket: ServerConnection) -> None:
+        if socket.request is not None and socket.request.path != '/robot/state':
+            await self._serve_other(socket)
+            return
         self.connections += 1
         self._sockets.add(socket)
         try:
@@ -175,6 +180,17 @@ class FakeServer:
             pass
         finally:
             self._sockets.discard(socket)
+
+    async def _serve_other(self, socket: ServerConnection) -> None:
+        """Let a connection of a part's own be, and answer nothing on it."""
+        self._others.add(socket)
+        try:
+            async for _ in socket:
+                pass
+        except ConnectionClosed:
+            pass
+        finally:
+            self._others.discard(socket)
 
     async def _take(self, socket: ServerConnection, hello: dict[str, Any],
                     message: dict[str, Any]) -> None:

@@ -90,8 +90,7 @@ class FileSender:
 
     async def _send_file(self, send: Send, item: Mapping[str, Any]) -> None:
         name, size = item['id'], item['size']
-        await send(encode('offer', {key: item[key] for key in (
-            'id', 'sha256', 'size', 'suffix', 'alarm', 'subject', 'kind', 'camera')}))
+        await send(encode('offer', {key: item[key] for key in ('id', 'sha256', 'size')}))
         while True:
             answer = await self._answer(name)
             if answer['kind'] == 'refused':
@@ -99,9 +98,9 @@ class FileSender:
                 return
             offset = int(answer['offset'])
             if offset >= size:
-                self.sent += 1
                 self._forget(name)
                 await asyncio.to_thread(self._spool.done, name)
+                self.sent += 1
                 return
             try:
                 part = await asyncio.to_thread(self._spool.part, item, offset, PART_BYTES)

@@ -33,6 +33,7 @@ from rt_robot_os.clients.gateway.heartbeat import Heartbeat
 from rt_robot_os.clients.gateway.identity import Identity
 from rt_robot_os.clients.gateway.keeper import Keeper
 from rt_robot_os.clients.gateway.live import Live
+from rt_robot_os.clients.gateway.media import Media
 from rt_robot_os.clients.gateway.part import Part
 from rt_robot_os.clients.gateway.part import Record
 from rt_robot_os.clients.gateway.part import Ways
@@ -45,7 +46,7 @@ from rt_robot_os.clients.gateway.surroundings import Surroundings
 from rt_robot_os.uplink.messages import encode
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
-PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving)
+PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving, Media)
 _STOP_LOOK_S: Final = 0.1
 #: So long the robot may take before the server is called without it.
 _ROBOT_S: Final = 1.0
@@ -78,6 +79,7 @@ class Gateway:
     def __init__(self, settings: GatewaySettings, name: str, path: Path, folder: Path,
                  tell: Callable[[str], None]) -> None:
         self._settings = settings
+        self._tell = tell
         self._name = settings.name or name
         self.identity = Identity(folder)
         self.robot = RobotLink(path, tell)
@@ -89,7 +91,6 @@ class Gateway:
         self.parts: tuple[Part, ...] = (
             *(make(ways) for make in PARTS), self.keeper, Records(ways, self.keeper),
             self.live, Heartbeat(ways, self.statistics))
-        self._tell = tell
 
     def _keep(self, record: Record) -> None:
         """Keep a record of a part."""

@@ -78,6 +78,7 @@ class RobotLink:
     """
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+        self.path = path
         self.run_id = ''
         self.topics: Mapping[str, TopicInfo] = {}
         self.samples = self.missed = self.published = self.faulty = 0

@@ -94,6 +94,14 @@ class GatewaySettings:
     map: str = setting(  # noqa: A003
         '', 'The map that is shown: a .yaml as of the planner; empty when there is none',
         is_file=True)
+    cameras: tuple[str, ...] = setting((), 'Topics of compressed pictures that may be looked at; '
+                                       'empty for all of the robot')
+    camera_hz: float = setting(15.0, 'Pictures a second of a camera at most', 'Hz', 0.1, 30.0)
+    observations_folder: str = setting('', 'Where cameras keep pictures and clips of alarms, as '
+                                       'their observations_folder; empty: observations in '
+                                       '$ROS_HOME or ~/.ros')
+    media_mb: float = setting(1000.0, 'Pictures and clips that may wait for the server; beyond '
+                              'that the oldest give way', 'MB', 1.0, 1e6)
     heartbeat_s: float = setting(5.0, 'How often monitor/heartbeat is published while the server '
                                  'is heard', 's', 0.1, 3600.0)
     silence_s: float = setting(3.0, 'A server that says nothing for so long is called anew', 's',

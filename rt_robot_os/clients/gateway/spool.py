@@ -51,7 +51,7 @@ _NOW: Final = '%Y%m%dT%H%M%S_%f'
 
 class Spool:
     """
-    A folder of files that wait; one thread at a time.
+    A folder of files that wait; one thread takes them, another may send them meanwhile.
 
     :param folder: it is made, for its owner alone.
     :param observations: where the robot's files are.
@@ -74,12 +74,12 @@ class Spool:
 
     def waiting(self) -> list[dict[str, Any]]:
         """Return what waits: pictures first, which are small and say most, the oldest first."""
-        return sorted(self._items.values(),
+        return sorted(list(self._items.values()),  # a copy: others come meanwhile
                       key=lambda each: (each['suffix'] != '.jpg', each['file']))
 
     def count_bytes(self) -> int:
         """Return how much waits."""
-        return sum(int(each['size']) for each in self._items.values())
+        return sum(int(each['size']) for each in list(self._items.values()))
 
     def part(self, item: Mapping[str, Any], offset: int, size: int) -> bytes:
         """
@@ -179,7 +179,8 @@ class Spool:
 
     def _make_room(self) -> None:
         while self._items and self.count_bytes() > self._most_bytes:
-            self.done(min(self._items, key=lambda key: str(self._items[key]['file'])), True)
+            self.done(min(list(self._items.values()), key=lambda each: str(each['file']))['id'],
+                      given_up=True)
 
     # ---- on the disk --------------------------------------------------------------------------
 
