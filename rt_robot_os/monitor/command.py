@@ -51,6 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--folder', metavar='DIR', help='what it keeps (default: ~/.ros/monitor)')
     parser.add_argument('--certificate', metavar='FILE', help='certificate of the server, PEM')
     parser.add_argument('--key', metavar='FILE', help='its private key, PEM')
+    parser.add_argument('--demo', action='store_true', help='beside it run a simulated flat in '
+                        'which somebody falls, with its robot and gateway')
     return parser
 
 
@@ -69,7 +71,8 @@ def run(argv: Sequence[str]) -> int:
     try:
         ros = parse_ros_args(argv, _NAME)
         arguments = _parser().parse_args(ros.rest)
-        options = {key: value for key, value in vars(arguments).items() if value is not None}
+        options = {key: value for key, value in vars(arguments).items()
+                   if key != 'demo' and value is not None}
         settings = load(ros.params_files, ros.overrides, options, ros_home(), ros.node_name,
                         ros.namespace)
     except ConfigError as error:
@@ -78,7 +81,7 @@ def run(argv: Sequence[str]) -> int:
     check_reach(settings)
     needs.check()
     from rt_robot_os.monitor.server import serve
-    serve(settings)
+    serve(settings, arguments.demo)
     return OK
 
 

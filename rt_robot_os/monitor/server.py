@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from pathlib import Path
 import socket
 import sys
 
@@ -25,11 +27,13 @@ from rt_robot_os.monitor.connections import allow_files
 from rt_robot_os.monitor.connections import Config
 from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.connections import Loop
+from rt_robot_os.monitor.demo import running
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.maps import Maps
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.security.accounts import Accounts
+from rt_robot_os.monitor.security.certificates import CA_FILE
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.store import Store
@@ -56,10 +60,11 @@ def make_services(settings: MonitorSettings) -> Services:
                     maps=Maps(folder / 'maps'), media=media)
 
 
-def serve(settings: MonitorSettings) -> None:
+def serve(settings: MonitorSettings, is_demo: bool = False) -> None:
     """
     Serve until a signal ends it.
 
+    :param is_demo: whether a simulated flat runs beside it.
     :raises StartError: it cannot.
     """
     services = make_services(settings)
@@ -72,7 +77,12 @@ def serve(settings: MonitorSettings) -> None:
               file=sys.stderr, flush=True)
     # The thread that writes to the database lets the loop in sooner than after 5 ms.
     sys.setswitchinterval(SWITCH_S)
-    server.run([listening])
+    with ExitStack() as stack:
+        if is_demo:
+            stack.enter_context(running(
+                services.accounts, settings.where, address(settings, listening).replace(
+                    'http', 'ws', 1), _authority(settings)))
+        server.run([listening])
 
 
 def address(settings: MonitorSettings, listening: socket.socket) -> str:
@@ -80,6 +90,12 @@ def address(settings: MonitorSettings, listening: socket.socket) -> str:
     scheme = 'https' if settings.has_tls else 'http'
     host = f'[{settings.host}]' if ':' in settings.host else settings.host
     return f'{scheme}://{host}:{listening.getsockname()[1]}'
+
+
+def _authority(settings: MonitorSettings) -> str:
+    """Return the file of the local authority that has signed the certificate, if it is there."""
+    found = Path(settings.certificate).with_name(CA_FILE) if settings.has_tls else Path()
+    return str(found) if found.is_file() else ''
 
 
 def make_server(services: Services) -> uvicorn.Server:

@@ -1,0 +1,123 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`monitor --demo`: a flat in which somebody falls, simulated beside the server.
+
+The robot (or its core alone, where ROS 2 is missing), the notifier and the gateway are processes
+that end with the server, whatever ends it. Run as a module this is one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import subprocess
+import sys
+import threading
+from typing import Final
+
+from rt_robot_os.errors import StartError
+from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.linux.process import start_child
+from rt_robot_os.monitor.security.accounts import Accounts
+from rt_robot_os.programs import tell
+from rt_robot_os.settings.files import default_path
+
+#: Beside a robot of the same machine, which has another name.
+NAMESPACE: Final = '/demo'
+ROBOT: Final = 'demo'
+_TOKEN: Final = 'demo.token'
+_PATIENCE_S: Final = 10.0
+
+
+@contextmanager
+def running(accounts: Accounts, folder: Path, url: str, ca_file: str = '') -> Iterator[None]:
+    """
+    Run the simulated flat beside a server.
+
+    :param folder: of the server; the token of the robot is kept there.
+    :param url: of the server, such as ``ws://127.0.0.1:8080``.
+    :param ca_file: whom the gateway believes the server's certificate.
+    :raises StartError: the token cannot be written.
+    """
+    token = token_file(accounts, folder)
+    config = default_path('assisted_living.yaml')
+    ros = ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file', config)
+    robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
+    more = ('-p', f'ca_file:={ca_file}') if ca_file else ()
+    ended: list[str] = []
+    children = {
+        'robot': _start(robot, *ros),
+        'notifier': _start('clients.notifier', *ros),
+        'gateway': _start('clients.gateway', '--server', url, *ros, '-p', f'token_file:={token}',
+                          '-p', f'folder:={folder / "demo-gateway"}', *more)}
+    for name, child in children.items():
+        threading.Thread(target=_tell_end, args=(name, child, ended), daemon=True).start()
+    try:
+        yield
+    finally:
+        ended += children
+        for child in reversed(children.values()):
+            end_child(child, _PATIENCE_S)
+
+
+def token_file(accounts: Accounts, folder: Path) -> Path:
+    """
+    Return the file with the token of the demo's robot, which is let in when it is new.
+
+    :raises StartError: it cannot be written.
+    """
+    path = folder / _TOKEN
+    try:
+        known = accounts.robots.find(path.read_text().strip())
+        if known is not None and known.name == ROBOT:
+            return path
+    except OSError:
+        pass
+    if any(each['name'] == ROBOT and not each['revoked_ns'] for each in accounts.robots.all()):
+        accounts.robots.revoke(ROBOT)
+    _, token = accounts.robots.add(ROBOT)
+    try:
+        path.unlink(missing_ok=True)
+        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:
+            file.write(f'{token}\n')
+    except OSError as error:
+        raise StartError(f'{path} cannot be written: {error.strerror}') from error
+    return path
+
+
+def _start(part: str, *arguments: object) -> subprocess.Popen[bytes]:
+    return start_child(__name__, os.getpid(), f'rt_robot_os.{part}.program', *arguments)
+
+
+def _tell_end(name: str, child: subprocess.Popen[bytes], ended: list[str]) -> None:
+    code = child.wait()
+    if name not in ended:
+        tell('monitor', f'the {name} of the demo has ended with code {code}; what it had shown '
+             'stays, as with any robot that is away')
+
+
+def _become(arguments: Sequence[str]) -> int:
+    """Become the program; that it ends with its parent outlasts that."""
+    os.execv(sys.executable, [sys.executable, '-m', *arguments])
+
+
+if __name__ == '__main__':
+    sys.exit(run_child(_become))
