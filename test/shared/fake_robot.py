@@ -92,7 +92,7 @@ class RobotScript:
     def observation(self, person: str, sign: str, value: float) -> dict[str, Any]:
         """Return the record of a vital sign."""
         return self.record('observation', {'person': person, 'sign': sign, 'value': value,
-                                           'quality': 1.0, 'source': 'belt'})
+                                           'quality': 'good', 'source': 'belt'})
 
 
 class FakeRobot:

@@ -104,7 +104,7 @@ class Page:
                  **options: Any) -> None:
         self._connecting = connect(
             f'ws://{address}{path}', compression=None, proxy=None,
-            additional_headers={**headers, 'Origin': f'http://{address}'}, **options)
+            additional_headers=headers, **{'origin': f'http://{address}', **options})
 
     def __enter__(self) -> Page:
         """Connect."""
