@@ -21,6 +21,8 @@ const USUAL = ['pulse_per_min', 'spo2_percent', 'respiration_per_min', 'systolic
 const NS_PER_MS = 1e6;
 const BACK_MOST = 20;
 const TABLE_MS = 2000;
+// What the plots show is said in words, too, that often.
+const WORDS_MS = 2000;
 const CHOICES = 'data.layers';
 
 class DataView {
@@ -51,6 +53,7 @@ class DataView {
       context.state.on('people', () => this.toolbar.showPeople()),
       onTheme(() => this.restyle()),
     ];
+    this.words = setInterval(() => this.describe(), WORDS_MS);
     this.begin();
   }
 
@@ -89,6 +92,7 @@ class DataView {
   close() {
     this.ends.forEach((end) => end());
     this.ends = null;
+    clearInterval(this.words);
     clearTimeout(this.tableTimer);
     clearTimeout(this.describeTimer);
     this.history.close();
@@ -124,9 +128,9 @@ class DataView {
 
   zones(row) {
     const details = this.context.state.newest(`health/${this.person}/news2_details`)?.value;
-    const said = {...details, ...details?.status?.[0]?.values};
-    row.zones({...this.layers, scale: Number(said.scale) || 1,
-               oxygen: Number(said.oxygen_l_per_min) > 0 || said.oxygen === 'oxygen'});
+    const said = details?.status?.[0]?.values || {};
+    row.zones({...this.layers, scale: Number(said.spo2_scale) || 1,
+               oxygen: Number(said.oxygen_l_per_min_score) > 0});
   }
 
   append(sign, t, value) {
@@ -201,10 +205,14 @@ class DataView {
   changedSoon() {
     clearTimeout(this.describeTimer);
     this.describeTimer = setTimeout(() => {
-      const {start, end} = this.timeline;
-      this.shown.forEach((row) => row.describe(start, end));
+      this.describe();
       this.writeTable();
     }, 300);
+  }
+
+  describe() {
+    const {start, end} = this.timeline;
+    this.shown.forEach((row) => row.describe(start, end));
   }
 
   remember() {

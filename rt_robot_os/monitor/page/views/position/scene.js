@@ -6,6 +6,7 @@ const TRACK_MS = 10 * 60_000;
 const TRACK_STEP_M = 0.03;
 // A robot does not jump so far between two poses: it was carried, or found itself again.
 const TRACK_JUMP_M = 1.5;
+const DETAILS_MS = 60_000;
 
 /** From this age on it is shown as old, in ms. */
 export const OLD_MS = {robot: 5_000, person: 120_000, nodes: 60_000, scan: 2_000, plan: 10_000};
@@ -50,12 +51,18 @@ export class Scene {
     } else if (name === 'wsn/nodes' && Array.isArray(value?.nodes)) {
       this.nodes = {t, nodes: value.nodes};
     } else if (name.startsWith('health/') && name.endsWith('/place') && isPlace(value)) {
-      this._person(name.split('/')[1], {t, x: value.x, y: value.y, stddevM: value.stddev_m});
+      this._place(name.split('/')[1], t, value);
     } else if (name.startsWith('health/') && name.endsWith('/place_details')) {
       this._details(name.split('/')[1], t, value);
     } else if (typeof value === 'string' || typeof value === 'number') {
       this.texts.set(name, {t, value});
     }
+  }
+
+  _place(person, t, {x, y, stddev_m: stddevM}) {
+    const told = this.people.get(person)?.toldT;
+    // How old a place is the details say; without them it is as old as the message.
+    this._person(person, {x, y, stddevM, ...(t - told < DETAILS_MS ? {} : {t})});
   }
 
   _person(person, more) {
@@ -68,6 +75,7 @@ export class Scene {
     const ageMs = Number(said.age_s) * 1000;
     if (Number.isFinite(ageMs) && said.age_s !== '') {
       found.t = t - ageMs;
+      found.toldT = t;
     }
     if (Number(said.uncertainty_m) > 0) {
       found.uncertaintyM = Number(said.uncertainty_m);
