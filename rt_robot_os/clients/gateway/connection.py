@@ -26,6 +26,7 @@ from collections.abc import Awaitable
 from collections.abc import Callable
 from contextlib import suppress
 import inspect
+from pathlib import Path
 import random
 import ssl
 import time
@@ -180,7 +181,8 @@ def _drop(task: asyncio.Task[ClientConnection]) -> None:
 
 def _tls(ca_file: str) -> ssl.SSLContext:
     try:
-        return ssl.create_default_context(cafile=ca_file or None)
+        path = str(Path(ca_file).expanduser()) if ca_file else None
+        return ssl.create_default_context(cafile=path)
     except (OSError, ssl.SSLError) as error:
         raise StartError(f'ca_file {ca_file} cannot be used: {error}') from error
 

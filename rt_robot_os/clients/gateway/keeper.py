@@ -21,7 +21,6 @@ broken stops nothing: records are held in memory, sent from there, and written w
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from collections.abc import Mapping
 import json
@@ -87,7 +86,8 @@ class Keeper(Part):
         self.problem = ''
         self._clock_s = clock_s
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._ready: deque[tuple[int, str]] = deque()
+        self._ready: list[tuple[Importance, int, str]] = []
+        self._lock = threading.Lock()
         self._connection = 0
         self._sending = 0
         self._seq = 0
@@ -116,13 +116,11 @@ class Keeper(Part):
 
     def next_text(self) -> str | None:
         """Return the next batch, for the sender."""
-        while self._ready:
-            try:
-                connection, text = self._ready.popleft()
-            except IndexError:
-                return None
-            if connection == self._connection:
-                return text
+        with self._lock:
+            while self._ready:
+                _, connection, text = self._ready.pop(0)
+                if connection == self._connection:
+                    return text
         return None
 
     def met_server(self) -> None:
@@ -303,10 +301,9 @@ class Keeper(Part):
         try:
             while (made := self.dispatch.next_batch(now_s)) is not None:
                 importance, text = made
-                if importance in URGENT:
-                    self._ready.appendleft((self._sending, text))
-                else:
-                    self._ready.append((self._sending, text))
+                with self._lock:  # there are three at most
+                    at = sum(each[0] <= importance for each in self._ready)
+                    self._ready.insert(at, (importance, self._sending, text))
                 self.ways.server.wake()
         except sqlite3.Error as error:
             self._note(error)

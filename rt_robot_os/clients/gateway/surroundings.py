@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rt_robot_os.clients.gateway.part import Part
@@ -42,7 +43,7 @@ class Surroundings(Part):
         if not path:
             return {}
         try:
-            grid = GridMap.load(path)
+            grid = GridMap.load(Path(path).expanduser())
             rows, columns = grid.cells.shape
             x, y, yaw = grid.origin
             return map_message(columns, rows, grid.resolution_m, (x, y, yaw), grid.cells.tobytes())
