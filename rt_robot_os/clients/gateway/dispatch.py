@@ -38,10 +38,14 @@ WINDOW: Final = 2
 URGENT: Final = (Importance.ALARM, Importance.EVENT)
 #: Rows of a batch; more while the server is quick, fewer while it is slow.
 ROWS_FIRST: Final = 64
+ROWS_LEAST: Final = 16
 ROWS_MOST: Final = 8000
 BATCH_BYTES: Final = MESSAGE_BYTES * 3 // 4
-QUICK_S: Final = 0.1
-SLOW_S: Final = 0.25
+QUICK_S: Final = 0.15
+SLOW_S: Final = 0.4
+#: Fewer rows that take more than this part of the time gain nothing: it is not they that cost it.
+GAIN: Final = 0.7
+HOLD: Final = 16
 #: A batch of which nothing is heard is sent again, each time after twice as long.
 ANSWER_S: Final = 10.0
 ANSWER_MOST_S: Final = 120.0
@@ -102,6 +106,9 @@ class Dispatch:
     _not_before_s: float = 0.0
     _retry_s: float = RETRY_S
     _answer_s: float = ANSWER_S
+    _changed: int = 0
+    _slow_s: float = 0.0
+    _hold: int = 0
 
     def reset(self) -> None:
         """Take all that is on its way as not sent."""
@@ -191,11 +198,7 @@ class Dispatch:
         batch = self._batches.pop(number, None)
         if batch is None:
             return  # it was sent again since
-        elapsed_s = now_s - batch.sent_s
-        if elapsed_s < QUICK_S or self.rows_now == _ONE:
-            self.rows_now = min(ROWS_MOST, _FACTOR * self.rows_now)
-        elif elapsed_s > SLOW_S:
-            self.rows_now = max(ROWS_FIRST // 4, self.rows_now // _FACTOR)
+        self._adapt(batch, now_s - batch.sent_s)
         self._answer_s, self._retry_s = ANSWER_S, RETRY_S
         self.stored += len(batch.rows)
         for row in batch.rows:
@@ -204,6 +207,25 @@ class Dispatch:
             doubt.others = True
         self.spare.done(batch.rows)
         self.outbox.done(batch.rows)
+
+    def _adapt(self, batch: Batch, elapsed_s: float) -> None:
+        """Choose how many rows go at a time: many while that is quick, few on a poor network."""
+        if batch.number <= self._changed and self.rows_now > _ONE:
+            return  # of the size before
+        rows = self.rows_now
+        if elapsed_s < QUICK_S or rows == _ONE:
+            rows, self._slow_s = min(ROWS_MOST, _FACTOR * rows), 0.0
+        elif elapsed_s < SLOW_S:
+            self._slow_s = 0.0
+        elif self._hold:
+            self._hold -= 1
+        elif self._slow_s and elapsed_s > GAIN * self._slow_s:
+            # A slow disk or a busy machine there, which costs the same for few.
+            rows, self._slow_s, self._hold = _FACTOR * rows, 0.0, HOLD
+        else:
+            rows, self._slow_s = max(ROWS_LEAST, rows // _FACTOR), elapsed_s
+        if rows != self.rows_now:
+            self.rows_now, self._changed = rows, self._number
 
     def take_refused(self, number: int, why: str, retry_s: float, now_s: float) -> Row | None:
         """

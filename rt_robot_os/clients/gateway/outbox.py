@@ -63,6 +63,8 @@ _PRAGMAS: Final = ('page_size = 4096', 'auto_vacuum = INCREMENTAL', 'journal_mod
                    'synchronous = FULL', 'journal_size_limit = 4194304', 'cache_size = -4000',
                    'temp_store = MEMORY')
 _LOST: Final = 'lost_'
+_ROWS: Final = 'rows_'
+_BYTES: Final = 'bytes_'
 
 
 class Mark(NamedTuple):
@@ -159,12 +161,10 @@ class Outbox:
         db.execute('INSERT OR IGNORE INTO boot(uuid) VALUES (?)', (boot,))
         self.boots: dict[int, str] = dict(db.execute('SELECT id, uuid FROM boot'))
         self.boot = next(number for number, uuid in self.boots.items() if uuid == boot)
-        for number, rows, size in db.execute(
-                'SELECT importance, count(*), sum(length(CAST(text AS BLOB))) FROM record '
-                'GROUP BY importance'):
-            each = Importance(number)
-            self.rows[each], self.nbytes[each] = rows, size + rows * ROW_BYTES
         facts: dict[str, int] = dict(db.execute('SELECT name, value FROM fact'))
+        for each in Importance:  # counted with each change: to look at all rows takes long
+            self.rows[each] = facts.get(f'{_ROWS}{each.value}', 0)
+            self.nbytes[each] = facts.get(f'{_BYTES}{each.value}', 0)
         self.lived_s = facts.get('lived_s', 0)
         self.lost = {each: facts.get(f'{_LOST}{each.value}', 0) for each in Importance}
         self.refused = facts.get('refused', 0)
@@ -196,9 +196,9 @@ class Outbox:
         with self._transaction('FULL'):
             self._db.executemany('INSERT OR IGNORE INTO record VALUES (?, ?, ?, ?, ?)', rows)
             self._db.executemany('INSERT OR REPLACE INTO seen VALUES (?, ?, ?)', marks)
-            self._note({'lived_s': self.lived_s})
-        for row in rows:
-            self._count(row, 1)
+            self._note({'lived_s': self.lived_s, **{
+                f'{_LOST}{each.value}': n for each, n in self.lost.items() if n}})
+            self._count(rows, 1)
 
     def over(self) -> bool:
         """Return whether there is more than there may be."""
@@ -241,11 +241,9 @@ class Outbox:
     def _lose(self, importance: Importance, rows: Sequence[Row]) -> None:
         lost = self.lost[importance] + len(rows)
         with self._transaction('NORMAL'):
-            self._delete(rows)
+            self._count(self._delete(rows), -1)
             self._note({f'{_LOST}{importance.value}': lost})
         self.lost[importance] = lost
-        for row in rows:
-            self._count(row, -1)
 
     # ---- out ---------------------------------------------------------------------------------
 
@@ -272,9 +270,7 @@ class Outbox:
         :raises sqlite3.Error: the disk is full, or broken.
         """
         with self._transaction('NORMAL'):
-            deleted = self._delete(rows)
-        for row in deleted:
-            self._count(row, -1)
+            self._count(self._delete(rows), -1)
 
     def set_aside(self, row: Row, why: str) -> None:
         """
@@ -283,15 +279,13 @@ class Outbox:
         :raises sqlite3.Error: the disk is full, or broken.
         """
         with self._transaction('FULL'):
-            deleted = self._delete([row])
+            self._count(self._delete([row]), -1)
             self._db.execute('INSERT OR REPLACE INTO refused VALUES (?, ?, ?, ?)',
                              (row.boot, row.seq, why[:200], row.text))
             self._db.execute('DELETE FROM refused WHERE rowid <= (SELECT max(rowid) FROM refused) '
                              '- ?', (REFUSED_MOST,))
             self._note({'refused': self.refused + 1})
         self.refused += 1
-        for each in deleted:
-            self._count(each, -1)
 
     def shrink(self) -> None:
         """Give room back to the disk once nothing waits."""
@@ -303,12 +297,14 @@ class Outbox:
 
     @contextmanager
     def _transaction(self, synchronous: str) -> Iterator[None]:
+        before = dict(self.rows), dict(self.nbytes)
         self._db.execute(f'PRAGMA synchronous = {synchronous}')
         self._db.execute('BEGIN IMMEDIATE')
         try:
             yield
             self._db.execute('COMMIT')
         except BaseException:
+            self.rows, self.nbytes = before
             with suppress(sqlite3.Error):  # SQLite may have done it by itself
                 self._db.execute('ROLLBACK')
             raise
@@ -335,10 +331,15 @@ class Outbox:
                 '(boot, seq) > (?, ?) ORDER BY boot, seq LIMIT ?', (importance, *place, most)):
             yield Row(*found)
 
-    def _count(self, row: Row, sign: int) -> None:
-        importance = Importance(row.importance)
-        self.rows[importance] += sign
-        self.nbytes[importance] += sign * row.nbytes
+    def _count(self, rows: Sequence[Row], sign: int) -> None:
+        """Count rows that come or go, in memory and in the file."""
+        for row in rows:
+            importance = Importance(row.importance)
+            self.rows[importance] += sign
+            self.nbytes[importance] += sign * row.nbytes
+        for each in {Importance(row.importance) for row in rows}:
+            self._note({f'{_ROWS}{each.value}': self.rows[each],
+                        f'{_BYTES}{each.value}': self.nbytes[each]})
 
 
 def _is_damage(error: sqlite3.Error) -> bool:
