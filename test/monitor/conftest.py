@@ -51,7 +51,14 @@ _FLAGS = ('--no-sandbox', '--use-fake-ui-for-media-stream', '--use-fake-device-f
 
 
 class Monitor:
-    """A server that runs."""
+    """
+    A server that runs.
+
+    :ivar name: of the carer whose account the command line made; so is the password.
+    """
+
+    name = MARY
+    password = PASSWORD
 
     def __init__(self, address: str, services: Any) -> None:
         self.address = address

@@ -54,7 +54,14 @@ const context = {
     return answer;
   },
   /** After somebody has signed in: begin anew with who that is. */
-  signedIn: () => begin(),
+  async signedIn() {
+    const back = context.lockedAt;
+    context.lockedAt = null;
+    await begin();
+    if (back !== null) {
+      context.go(back);
+    }
+  },
   async signOut() {
     try {
       await api.delete('/api/session');
@@ -95,6 +102,8 @@ const context = {
     shell?.showTitle();
   },
   badge: {count: 0, text: ''},
+  /** Where somebody was when the session asked for the password again; null: it does not. */
+  lockedAt: null,
   /** A view that is about one robot says so: the stop button stops that one. */
   shownRobot: null,
 };
@@ -148,6 +157,7 @@ function unreachable() {
 
 api.onSignedOut = (reason) => {
   if (session && reason === 'locked') {
+    context.lockedAt = location.hash;
     context.go('#/login');
   } else if (session) {
     signedOut();

@@ -140,7 +140,7 @@ export class Shell {
       return view && view.place === 'alone' ? view : viewNamed('login');
     }
     // Alone inside of the shell: a session that is locked asks for the password again.
-    if (view && (view.place !== 'alone' || this.context.isLocked?.())
+    if (view && (view.place !== 'alone' || this.context.lockedAt !== null)
         && mayOpen(view, this.context.permissions)) {
       return view;
     }
