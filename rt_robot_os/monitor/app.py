@@ -28,7 +28,6 @@ from fastapi import FastAPI
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from fastapi.staticfiles import StaticFiles
 from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import charts
@@ -44,6 +43,7 @@ from rt_robot_os.monitor.api import users
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
+from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
 from starlette.exceptions import HTTPException
@@ -79,7 +79,7 @@ def create_app(services: Services) -> FastAPI:
     app.add_exception_handler(HTTPException, _problem)
     app.add_exception_handler(RequestValidationError, _wrong_request)
     app.add_exception_handler(Exception, _defect)
-    app.mount('/', StaticFiles(directory=PAGE, html=True))
+    app.mount('/', PageFiles(PAGE))
     protect(app)
     return app
 

@@ -93,8 +93,8 @@ def test_nothing_is_wider_than_the_screen_and_buttons_are_large_enough(
         assert page.evaluate('document.documentElement.scrollWidth <= innerWidth'), view
         assert page.evaluate('(e => e.scrollWidth <= e.clientWidth)(document.querySelector('
                              '".main"))'), view
-        small[view] = page.evaluate('''() => [...document.querySelectorAll('button, nav a')]
+        small[view] = page.evaluate("""() => [...document.querySelectorAll('button, nav a')]
             .map((each) => [each.textContent, each.getBoundingClientRect()])
             .filter(([, box]) => box.width && (box.height < 39.5 || box.width < 39.5))
-            .map(([text, box]) => `${text} ${box.width} x ${box.height}`)''')
+            .map(([text, box]) => `${text} ${box.width} x ${box.height}`)""")
     assert not any(small.values()), small

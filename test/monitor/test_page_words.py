@@ -35,6 +35,7 @@ FILES: Final = sorted(each.stem for each in (MESSAGES / 'en').glob('*.json'))
 KEY: Final = re.compile(r"""['"]([a-z0-9_]+\.[a-z0-9_]+)['"]""")
 BEGINNING: Final = re.compile(r'`([a-z0-9_]+\.[a-z0-9_]*)\$\{')
 FAMILY: Final = re.compile(r"\bt\.(?:word|has)\(\s*'([a-z0-9_]+)'")
+FILE_ENDS: Final = ('.js', '.css', '.json', '.jsonl', '.csv', '.svg')
 HOLE: Final = re.compile(r'\{(\w+)\}')
 
 
@@ -75,7 +76,7 @@ def test_no_message_is_missing_and_none_is_left_over() -> None:
     code, known = _code(), _all()
     views = {each.stem for each in (PAGE / 'views').glob('*.js')} | set(FILES)
     used = {key for key in KEY.findall(code)
-            if key.partition('.')[0] in views and not key.endswith(('.js', '.css', '.json'))}
+            if key in known or key.partition('.')[0] in views and not key.endswith(FILE_ENDS)}
     beginnings = {f'words.{family}.' for family in FAMILY.findall(code)}
     beginnings |= {each for each in BEGINNING.findall(code) if each.partition('.')[0] in views}
     assert sorted(used - set(known)) == []

@@ -1,5 +1,6 @@
 /** What to sign in, to begin by a link and to change a password have in common: a form that waits. */
 
+import {asset} from './asset.js';
 import {attribute, h, replace, write} from './dom.js';
 import {icon} from './icons.js';
 import {LANGUAGES} from './i18n.js';
@@ -17,7 +18,7 @@ export function entrance(context, how) {
   const language = select(LANGUAGES, t.words.language, (value) => context.setLanguage(value));
   attribute(language, 'aria-label', t('login.language'));
   const element = h('div.entrance', h('div.entrance-card.card',
-    h('header.entrance-head', h('img', {src: 'style/icon.svg', alt: '', width: 48, height: 48}),
+    h('header.entrance-head', h('img', {src: asset('style/icon.svg'), alt: '', width: 48, height: 48}),
       h('div', h('h1', how.title), h('p.muted', t('login.about')))),
     how.text && h('p', how.text), form, how.after),
   h('footer.entrance-foot', h('p.small.muted', t('login.not_medical')), language));

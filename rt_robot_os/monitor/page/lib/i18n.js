@@ -3,6 +3,8 @@
  * message is missing. A message may be an object by plural rule: {"one": ..., "other": ...}.
  */
 
+import {asset} from './asset.js';
+
 export const LANGUAGES = {en: 'English', de: 'Deutsch'};
 const FALLBACK = 'en';
 
@@ -36,7 +38,7 @@ export class Words {
     await Promise.all(names.filter((name) => !this.loaded.has(name)).map(async (name) => {
       this.loaded.add(name);
       const files = this.language === FALLBACK ? [FALLBACK] : [FALLBACK, this.language];
-      const found = await Promise.all(files.map((each) => fetched(`messages/${each}/${name}.json`)));
+      const found = await Promise.all(files.map((each) => fetched(asset(`messages/${each}/${name}.json`))));
       found.forEach((each) => Object.entries(each).forEach(([k, v]) => this.messages.set(k, v)));
     }));
   }

@@ -2,6 +2,7 @@
 
 import {alarmStrip} from './alarm_strip.js';
 import {watchAlarms} from './alarm_watch.js';
+import {asset} from './asset.js';
 import {connectionMark} from './connection.js';
 import {openDialog} from './dialog.js';
 import {attribute, h, replace} from './dom.js';
@@ -56,7 +57,7 @@ export class Shell {
     const skip = h('button.skip', {type: 'button', onclick: () => this.main.focus()},
       t('shell.skip'));
     const head = h('header.head', skip, h('a.brand', {href: '#/overview', 'aria-label':
-      t('shell.brand')}, h('img', {src: 'style/icon.svg', alt: '', width: 32, height: 32})),
+      t('shell.brand')}, h('img', {src: asset('style/icon.svg'), alt: '', width: 32, height: 32})),
     this.heading, mark.element, this.soundButton(), iconButton('account', t('shell.account'),
       () => openMenu(context)), stop && stop.element);
     replace(this.root, head, strip.element, this.rail(), this.main);
@@ -167,7 +168,7 @@ export class Shell {
     const view = this.heading.textContent;
     document.title = count ? `(${count}) ${text}` : `${view} – ${this.context.t('shell.brand')}`;
     attribute(document.getElementById('icon'), 'href',
-      count ? 'style/icon_alarm.svg' : 'style/icon.svg');
+      asset(count ? 'style/icon_alarm.svg' : 'style/icon.svg'));
   }
 
   failed(error) {
@@ -205,7 +206,7 @@ async function load(view, context) {
 
 /** Load the style of a view once; it is there before the view is, so that nothing jumps. */
 function sheet(name) {
-  const href = `style/${name}.css`;
+  const href = asset(`style/${name}.css`);
   if (document.querySelector(`link[href="${href}"]`)) {
     return Promise.resolve();
   }

@@ -14,7 +14,7 @@ export const view = {
     name.value = context.user?.name || '';
     const password = passwordField(t, 'current-password');
     const first = h('div');
-    const {element, form} = entrance(context, {
+    const {element} = entrance(context, {
       title: context.user ? t('login.again') : t('login.title'),
       text: context.user ? t('login.again_text') : '',
       yes: t('login.yes'),
@@ -31,16 +31,15 @@ export const view = {
     });
     replace(root, element);
     (name.value ? password : name).focus();
-    firstAccount(context, first, form);
+    firstAdministrator(context, first);
   },
 };
 
-/** Where nobody has an account yet, say how the first one is made. */
-async function firstAccount({api, t}, place, form) {
+/** Where there is no administrator yet, say how the first one is made; others may sign in. */
+async function firstAdministrator({api, t}, place) {
   try {
     const {needed} = await api.get('/api/setup');
     if (needed) {
-      form.hidden = true;
       replace(place, notice('empty', t('login.first'), t('login.first_text')));
     }
   } catch (error) {
