@@ -18,7 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
@@ -44,6 +46,17 @@ BASE = 'http://localhost'
 SECOND_NS = 1_000_000_000
 
 
+@cache
+def empty_database() -> bytes:
+    """Return a database without rows: to make one takes longer than most tests."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / 'monitor.db'
+        engine = open_engine(read_url(str(path)))
+        upgrade(engine)
+        engine.dispose()
+        return path.read_bytes()
+
+
 class Clock:
     """A clock that stands."""
 
@@ -66,8 +79,8 @@ class Monitor:
     def __init__(self, folder: Path) -> None:
         """Make them, on a database of their own."""
         self.clock = Clock()
+        (folder / 'monitor.db').write_bytes(empty_database())
         self.engine: Engine = open_engine(read_url(str(folder / 'monitor.db')))
-        upgrade(self.engine)
         self.accounts = Accounts.open(self.engine, folder, hasher=QUICK, now_ns=self.clock)
         self.accounts.lock_out._now_ns = self.clock
         self.services: Any = SimpleNamespace(accounts=self.accounts, audit=self.accounts.audit)

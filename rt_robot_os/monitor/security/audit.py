@@ -173,20 +173,16 @@ class Audit:
 
     def _put(self, row: dict[str, Any], is_strict: bool) -> None:
         with self._lock:
-            while self._waiting:
-                try:
-                    self._write(self._waiting[0])
-                except StoreError:
-                    break
-                self._waiting.popleft()
             try:
-                if not self._waiting:
-                    self._write(row)
-                    return
+                while self._waiting:
+                    self._write(self._waiting[0])
+                    self._waiting.popleft()
+                self._write(row)
+                return
             except StoreError as error:
-                _LOG.error('the audit cannot be written (%s): %s', error, json.dumps(row))
                 if is_strict:
                     raise
+                _LOG.error('the audit cannot be written (%s): %s', error, json.dumps(row))
             if len(self._waiting) >= _WAITING:
                 self.lost += 1
             else:

@@ -33,8 +33,10 @@ from starlette.types import Send
 
 #: The longest body of a request.
 BODY_BYTES: Final = 1 << 20
-PER_S: Final = 50.0
-BURST: Final = 400
+_TOO_LONG: Final = (413, 'the request is too long', f'at most {BODY_BYTES} bytes')
+#: Requests of one address, perhaps a whole ward behind one router; files of the page are free.
+PER_S: Final = 200.0
+BURST: Final = 2000
 
 
 def protect(app: FastAPI, *, per_s: float = PER_S, burst: int = BURST) -> Rate:
@@ -66,7 +68,8 @@ class Protection:
             await self._app(scope, receive, send)
             return
         host = scope['client'][0] if scope.get('client') else ''
-        wait = self.rate.take(network_of(host))
+        is_free = scope['type'] == 'http' and not scope['path'].startswith('/api/')
+        wait = 0.0 if is_free else self.rate.take(network_of(host))
         if wait and scope['type'] == 'websocket':
             await send({'type': 'websocket.close', 'code': 4429, 'reason': 'too many requests'})
             return
@@ -93,30 +96,36 @@ class Protection:
                                send: Send) -> None:
         said = headers.get('content-length', '0')
         if not said.isdecimal() or len(said) > 18 or int(said) > BODY_BYTES:
-            await _refuse(send, 413, 'the request is too long', f'at most {BODY_BYTES} bytes')
+            await _refuse(send, *_TOO_LONG)
             return
         count = 0
-        has_begun = False
+        is_too_long = has_begun = is_refused = False
 
         async def counted() -> Message:
-            nonlocal count
+            nonlocal count, is_too_long
             message = await receive()
             count += len(message.get('body', b''))
             if count > BODY_BYTES:
+                is_too_long = True
                 raise _TooLongError
             return message
 
         async def watched(message: Message) -> None:
-            nonlocal has_begun
+            nonlocal has_begun, is_refused
+            if is_refused:
+                return
+            if is_too_long and not has_begun:  # the framework calls it a bad request
+                is_refused = True
+                await _refuse(send, *_TOO_LONG)
+                return
             has_begun = True
             await send(message)
 
         try:
             await self._app(scope, counted, watched)
         except _TooLongError:
-            if not has_begun:
-                await _refuse(send, 413, 'the request is too long',
-                              f'at most {BODY_BYTES} bytes')
+            if not has_begun and not is_refused:
+                await _refuse(send, *_TOO_LONG)
 
 
 async def _refuse(send: Send, status: int, text: str, remedy: str,
