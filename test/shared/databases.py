@@ -132,7 +132,8 @@ def other(url: str, name: str) -> str:
     return make_url(url).set(database=name).render_as_string(hide_password=False)
 
 
-def _name(url: str) -> str:
+def name_of(url: str) -> str:
+    """Return the name of a database."""
     from sqlalchemy.engine import make_url
     return make_url(url).database or ''
 
@@ -169,10 +170,19 @@ class Databases:
             shutil.copy(self._templates[kind].removeprefix('sqlite:///'), path)
             return f'sqlite:///{path}'
         name = f'test_{os.getpid()}_{self._count}'
-        execute(self._url, f'CREATE DATABASE {name} TEMPLATE {_name(self._templates[kind])}')
+        execute(self._url, f'CREATE DATABASE {name} TEMPLATE {name_of(self._templates[kind])}')
         return other(self._url, name)
 
     def drop(self, url: str) -> None:
         """Remove one."""
         if url.startswith('postgresql'):
-            execute(self._url, f'DROP DATABASE IF EXISTS {_name(url)} WITH (FORCE)')
+            execute(self._url, f'DROP DATABASE IF EXISTS {name_of(url)} WITH (FORCE)')
+
+    @contextmanager
+    def away(self, url: str) -> Iterator[None]:
+        """Let nobody in, and throw out who is."""
+        name = name_of(url)
+        execute(self._url, f'ALTER DATABASE {name} ALLOW_CONNECTIONS false',
+                f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '{name}'")
+        yield
+        execute(self._url, f'ALTER DATABASE {name} ALLOW_CONNECTIONS true')

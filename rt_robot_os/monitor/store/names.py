@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from rt_robot_os.monitor.store.tables import BOOTS
@@ -86,10 +87,12 @@ class Names:
         return self._series[key]
 
 
-def seen(connection: Connection, robot: int, boot: int, now_ns: int) -> None:
-    """Note that something has come of a robot."""
-    connection.execute(update(ROBOTS).where(ROBOTS.c.id == robot), {'last_ns': now_ns})
-    connection.execute(update(BOOTS).where(BOOTS.c.id == boot), {'last_ns': now_ns})
+def seen(connection: Connection, who: Iterable[tuple[int, int]], now_ns: int) -> None:
+    """Note that something has come of these robots and their starts."""
+    robots, boots = {robot for robot, _ in who}, {boot for _, boot in who}
+    for table, numbers in ((ROBOTS, robots), (BOOTS, boots)):
+        connection.execute(update(table).where(table.c.id.in_(sorted(numbers))),
+                           {'last_ns': now_ns})
 
 
 def _number(connection: Connection, table: Table, key: dict[str, Any],

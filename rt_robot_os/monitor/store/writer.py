@@ -37,7 +37,7 @@ from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.uplink.importance import Importance
 
 #: Records of one transaction, about: what comes next waits no longer than for these.
-GROUP_RECORDS: Final = 5000
+GROUP_RECORDS: Final = 2000
 #: Records that wait at most, of all robots; who comes then waits before the door.
 WAITING_RECORDS: Final = 100_000
 RETRY_S: Final = 0.5
