@@ -36,7 +36,8 @@ from rt_robot_os.settings.ros_args import parse_ros_args
 _NAME = 'monitor'
 _ABOUT = ('Serve the remote monitor: robots call it, people open its page. No medical '
           'device.')
-_EPILOG = """Commands, each with --help: monitor user | robot | certificate | audit.
+_EPILOG = """Commands, each with --help: monitor user | robot | certificate | audit |
+database.
 Its settings stand in a parameter file under /**/monitor; see docs/monitor.md.
 Exit code: 0 ended by a signal, 1 it cannot run, 2 wrong settings."""
 

@@ -36,6 +36,7 @@ from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.certificates import CA_FILE
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
+from rt_robot_os.monitor.store.retention import Kept
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.writer import Writer
 from rt_robot_os.uplink.frames import FRAME_BYTES
@@ -52,6 +53,8 @@ def make_services(settings: MonitorSettings) -> Services:
     folder = settings.where
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     store = Store.open(settings.database or str(folder / DATABASE))
+    store.keep(Kept(settings.raw_days, settings.minutes_days, settings.network_days,
+                    settings.network_days))
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
     accounts = Accounts.open(store.engine, folder)

@@ -76,6 +76,13 @@ class MonitorSettings:
     media_mb: float = setting(10_000.0, 'Pictures and clips of alarms that are kept; beyond that '
                               'the oldest of the robot with the most make room', 'MB', 1.0, 1e7)
     media_days: float = setting(0.0, 'How long they are kept; 0 for ever', 'd', 0.0, 36500.0)
+    raw_days: float = setting(30.0, 'How long observations and places of people are kept as they '
+                              'came; 0 for ever', 'd', 0.0, 36500.0)
+    minutes_days: float = setting(400.0, 'How long their lowest, mean and highest value of each '
+                                  'minute are kept; those of hours are for ever', 'd', 0.0,
+                                  36500.0)
+    network_days: float = setting(90.0, 'How long batteries and losses of nodes are kept, and '
+                                  'records that made no sense', 'd', 0.0, 36500.0)
     where: Path = field(default=Path())
 
     @property

@@ -37,7 +37,7 @@ _SETTINGS = ('fsync=off', 'full_page_writes=off', 'shared_buffers=64MB', 'max_co
              'autovacuum=off', 'listen_addresses=')
 
 
-def _programs() -> list[Path]:
+def program_folders() -> list[Path]:
     """Return folders with the programs of PostgreSQL, the first one preferred."""
     spec = find_spec('pgserver')
     wheels = [Path(each, 'pginstall', 'bin')
@@ -92,7 +92,7 @@ def lazily() -> Iterator[Iterator[str]]:
 
 
 def _made(folder: Path, how: dict[str, Any]) -> Path:
-    found = _programs()
+    found = program_folders()
     for programs in found:
         try:
             if not subprocess.run(

@@ -71,7 +71,7 @@ class Kept:
     unknown_days: float = 90.0
 
 
-def apply(engine: Engine, kept: Kept, now_ns: int) -> dict[str, int]:
+def thin(engine: Engine, kept: Kept, now_ns: int) -> dict[str, int]:
     """
     Delete what is older than it is kept, in small transactions.
 
@@ -92,13 +92,13 @@ def apply(engine: Engine, kept: Kept, now_ns: int) -> dict[str, int]:
         series = list(connection.execute(select(SERIES.c.id)).scalars())
     gone = dict.fromkeys(('observations', 'minutes', 'places', 'nodes', 'unknown'), 0)
     for number in series:
-        gone['observations'] += _drop(engine, OBSERVATIONS, OBSERVATIONS.c.series_id == number,
-                                      OBSERVATIONS.c.t_ns < raw_ns, OBSERVATIONS.c.id <= done)
+        gone['observations'] += drop(engine, OBSERVATIONS, OBSERVATIONS.c.series_id == number,
+                                     OBSERVATIONS.c.t_ns < raw_ns, OBSERVATIONS.c.id <= done)
         gone['minutes'] += _drop_minutes(engine, number, minutes_ns)
-    gone['places'] = _drop(engine, PLACES, PLACES.c.t_ns < raw_ns)
-    gone['nodes'] = _drop(engine, NODES, NODES.c.t_ns < _before(now_ns, kept.network_days))
-    gone['unknown'] = _drop(engine, UNKNOWN,
-                            UNKNOWN.c.arrived_ns < _before(now_ns, kept.unknown_days))
+    gone['places'] = drop(engine, PLACES, PLACES.c.t_ns < raw_ns)
+    gone['nodes'] = drop(engine, NODES, NODES.c.t_ns < _before(now_ns, kept.network_days))
+    gone['unknown'] = drop(engine, UNKNOWN,
+                           UNKNOWN.c.arrived_ns < _before(now_ns, kept.unknown_days))
     return gone
 
 
@@ -113,8 +113,12 @@ def _move(connection: Connection, level: str, to_ns: int) -> None:
         set_progress(connection, horizon_name(level), to_ns)
 
 
-def _drop(engine: Engine, table: Table, *which: ColumnElement[bool]) -> int:
-    """Delete rows step by step; they are looked for while others may write."""
+def drop(engine: Engine, table: Table, *which: ColumnElement[bool]) -> int:
+    """
+    Delete rows step by step; they are looked for while others may write.
+
+    :return: how many they were.
+    """
     gone = 0
     while True:
         with reading(engine) as connection:

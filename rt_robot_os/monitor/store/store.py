@@ -42,16 +42,19 @@ from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Adding
 from rt_robot_os.monitor.store.adding import Batch
 from rt_robot_os.monitor.store.charts import Chart
-from rt_robot_os.monitor.store.charts import chart
+from rt_robot_os.monitor.store.charts import chart as make_chart
 from rt_robot_os.monitor.store.codes import unit_of
 from rt_robot_os.monitor.store.engine import open_engine
 from rt_robot_os.monitor.store.engine import read_url
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
+from rt_robot_os.monitor.store.erasure import erase
+from rt_robot_os.monitor.store.erasure import Erased
+from rt_robot_os.monitor.store.housekeeping import Housekeeping
 from rt_robot_os.monitor.store.migrate import upgrade
 from rt_robot_os.monitor.store.names import Names
-from rt_robot_os.monitor.store.retention import apply
 from rt_robot_os.monitor.store.retention import Kept
+from rt_robot_os.monitor.store.retention import thin
 from rt_robot_os.monitor.store.rollups import roll_up
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import ROBOTS
@@ -79,6 +82,7 @@ class Store:
         self.engine = engine
         self.now_ns = now_ns
         self.counts = {name: 0 for name in Added._fields}
+        self.housekeeping: Housekeeping | None = None
         self._names = Names()
         self._lock = threading.Lock()
         self._not_rolled = _ROLL_UP_ROWS
@@ -112,6 +116,8 @@ class Store:
 
     def close(self) -> None:
         """Close all connections."""
+        if self.housekeeping is not None:
+            self.housekeeping.close()
         self.engine.dispose()
 
     @contextmanager
@@ -259,14 +265,29 @@ class Store:
         :param start_ns: UTC; ``end_ns`` is exclusive.
         """
         with self.reading() as connection:
-            made = chart(connection, person, sign, unit_of(sign), start_ns, end_ns, pixels)
+            made = make_chart(connection, person, sign, unit_of(sign), start_ns, end_ns, pixels)
             made.alarms = alarm_queries.alarms_within(connection, person, start_ns, end_ns)
             made.limits = queries.limits(connection, person, sign)
             return made
 
+    def keep(self, kept: Kept) -> None:
+        """Thin from now on, each hour, until it is closed."""
+        self.housekeeping = Housekeeping(lambda: self.thin(kept))
+
     def thin(self, kept: Kept) -> dict[str, int]:
         """Delete what is older than it is kept; return rows deleted, by table."""
-        return apply(self.engine, kept, self.now_ns())
+        return thin(self.engine, kept, self.now_ns())
+
+    def erase(self, person: str) -> Erased:
+        """
+        Delete a person: what was measured, alarms about them, their name in everything else.
+
+        What comes of them later is kept again: take them out of the robot's settings first.
+        """
+        try:
+            return erase(self.engine, person)
+        finally:
+            self._names.forget()
 
     def unknown(self, limit: int = 1000) -> list[dict[str, Any]]:
         """Return records that were kept aside, the newest first: robot, type, why, content."""

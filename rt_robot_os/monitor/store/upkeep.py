@@ -42,8 +42,8 @@ _WRONG = {
     'alarms older than their newest event': 'SELECT count(*) FROM alarms WHERE last_seq < (SELECT '
                                             'max(event_seq) FROM alarm_events WHERE alarm_id = '
                                             'alarms.id)',
-    **{f'{table.name} that make no sense': f'SELECT count(*) FROM {table.name} WHERE low > high OR '
-                                           f'count < 1 OR t_ns % {span_ns} <> 0'
+    **{f'{table.name} that make no sense': f'SELECT count(*) FROM {table.name} WHERE '
+                                           f'low > high OR count < 1 OR t_ns % {span_ns} <> 0'
        for table, span_ns in LEVELS}}
 
 
@@ -84,7 +84,8 @@ def status(store: Store) -> dict[str, Any]:
             size = sum(os.path.getsize(path + end) for end in ('', '-wal')
                        if os.path.exists(path + end))
         else:
-            size = connection.execute(text('SELECT pg_database_size(current_database())')).scalar()
+            size = connection.execute(
+                text('SELECT pg_database_size(current_database())')).scalar() or 0
     return {'database': store.engine.url.render_as_string(hide_password=True),
             'version': version(store.engine), 'bytes': size, 'not_rolled_up': left, 'rows': rows}
 
@@ -106,6 +107,8 @@ def backup(store: Store, path: Path) -> None:
         except BaseException:
             path.unlink()
             raise
+    except StoreError:
+        raise
     except (OSError, sqlite3.Error) as error:
         raise StoreError(f'backup {path}: {getattr(error, "strerror", "") or error}') from error
 

@@ -19,4 +19,4 @@ from __future__ import annotations
 from typing import Final
 
 #: Their first words.
-WORDS: Final = ('user', 'robot', 'certificate', 'audit')
+WORDS: Final = ('user', 'robot', 'certificate', 'audit', 'database')

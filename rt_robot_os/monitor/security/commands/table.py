@@ -22,5 +22,6 @@ from rt_robot_os.monitor.security.commands import audit
 from rt_robot_os.monitor.security.commands import certificate
 from rt_robot_os.monitor.security.commands import robot
 from rt_robot_os.monitor.security.commands import user
+from rt_robot_os.monitor.store import commands as database
 
-COMMANDS: Final = (user, robot, certificate, audit)
+COMMANDS: Final = (user, robot, certificate, audit, database)
