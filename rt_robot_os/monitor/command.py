@@ -52,8 +52,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--folder', metavar='DIR', help='what it keeps (default: ~/.ros/monitor)')
     parser.add_argument('--certificate', metavar='FILE', help='certificate of the server, PEM')
     parser.add_argument('--key', metavar='FILE', help='its private key, PEM')
-    parser.add_argument('--demo', action='store_true', help='beside it run a simulated flat in '
+    beside = parser.add_mutually_exclusive_group()
+    beside.add_argument('--demo', action='store_true', help='beside it run a simulated flat in '
                         'which somebody falls, with its robot and gateway')
+    beside.add_argument('--with-gateway', metavar='NODE', help='beside it run the gateway of a '
+                        'robot of this machine, such as /robot, with a token made for it')
     return parser
 
 
@@ -73,7 +76,7 @@ def run(argv: Sequence[str]) -> int:
         ros = parse_ros_args(argv, _NAME)
         arguments = _parser().parse_args(ros.rest)
         options = {key: value for key, value in vars(arguments).items()
-                   if key != 'demo' and value is not None}
+                   if key not in ('demo', 'with_gateway') and value is not None}
         settings = load(ros.params_files, ros.overrides, options, ros_home(), ros.node_name,
                         ros.namespace)
     except ConfigError as error:
@@ -81,8 +84,11 @@ def run(argv: Sequence[str]) -> int:
         return BAD_USE
     check_reach(settings)
     needs.check()
+    from rt_robot_os.monitor.demo import demo
+    from rt_robot_os.monitor.demo import gateway_of
     from rt_robot_os.monitor.server import serve
-    serve(settings, arguments.demo)
+    serve(settings, demo() if arguments.demo else gateway_of(
+        arguments.with_gateway, ros.params_files) if arguments.with_gateway else None)
     return OK
 
 

@@ -13,14 +13,17 @@
 # limitations under the License.
 
 """
-`monitor --demo`: a flat in which somebody falls, simulated beside the server.
+What runs beside the server when it is asked for.
 
-The robot (or its core alone, where ROS 2 is missing), the notifier and the gateway are processes
-that end with the server, whatever ends it. Run as a module this is one of them.
+`monitor --demo`: a flat in which somebody falls, simulated: the robot (or its core alone, where
+ROS 2 is missing), the notifier and a gateway. `monitor --with-gateway NODE`: the gateway of a
+robot of this machine. They are processes that end with the server, whatever ends it. Run as a
+module this is one of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
@@ -31,6 +34,7 @@ import subprocess
 import sys
 import threading
 from typing import Final
+from typing import NamedTuple
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.linux.process import end_child
@@ -43,31 +47,62 @@ from rt_robot_os.settings.files import default_path
 #: Beside a robot of the same machine, which has another name.
 NAMESPACE: Final = '/demo'
 ROBOT: Final = 'demo'
-_TOKEN: Final = 'demo.token'
 _PATIENCE_S: Final = 10.0
 
 
-@contextmanager
-def running(accounts: Accounts, folder: Path, url: str, ca_file: str = '') -> Iterator[None]:
+class Companions(NamedTuple):
     """
-    Run the simulated flat beside a server.
+    What runs beside the server.
+
+    :ivar name: of the robot, for people.
+    :ivar ros: arguments of all of them, from ``--ros-args`` on.
+    :ivar node: of a robot that is there already, such as ``/robot``; empty for one of its own.
+    """
+
+    name: str
+    ros: tuple[str, ...]
+    node: str = ''
+
+
+def demo() -> Companions:
+    """Return the simulated flat."""
+    return Companions(ROBOT, ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file',
+                              str(default_path('assisted_living.yaml'))))
+
+
+def gateway_of(node: str, params_files: Iterable[Path]) -> Companions:
+    """
+    Return the gateway of a robot that is there already.
+
+    :param params_files: with its section, if they have one.
+    """
+    return Companions(node.strip('/').replace('/', '.') or ROBOT, (
+        '--ros-args', *(word for path in params_files for word in ('--params-file', str(path)))),
+        node)
+
+
+@contextmanager
+def running(companions: Companions, accounts: Accounts, folder: Path, url: str, ca_file: str = ''
+            ) -> Iterator[None]:
+    """
+    Run processes beside a server.
 
     :param folder: of the server; the token of the robot is kept there.
     :param url: of the server, such as ``ws://127.0.0.1:8080``.
     :param ca_file: whom the gateway believes the server's certificate.
     :raises StartError: the token cannot be written.
     """
-    token = token_file(accounts, folder)
-    config = default_path('assisted_living.yaml')
-    ros = ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file', config)
-    robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
+    name, ros, node = companions
+    token = token_file(accounts, folder, name)
     more = ('-p', f'ca_file:={ca_file}') if ca_file else ()
     ended: list[str] = []
-    children = {
-        'robot': _start(robot, *ros),
-        'notifier': _start('clients.notifier', *ros),
-        'gateway': _start('clients.gateway', '--server', url, *ros, '-p', f'token_file:={token}',
-                          '-p', f'folder:={folder / "demo-gateway"}', *more)}
+    children = {}
+    if not node:
+        robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
+        children = {'robot': _start(robot, *ros), 'notifier': _start('clients.notifier', *ros)}
+    children['gateway'] = _start(
+        'clients.gateway', '--server', url, *(('--robot', node) if node else ()), *ros,
+        '-p', f'token_file:={token}', '-p', f'folder:={folder / name}-gateway', *more)
     for name, child in children.items():
         threading.Thread(target=_tell_end, args=(name, child, ended), daemon=True).start()
     try:
@@ -78,22 +113,22 @@ def running(accounts: Accounts, folder: Path, url: str, ca_file: str = '') -> It
             end_child(child, _PATIENCE_S)
 
 
-def token_file(accounts: Accounts, folder: Path) -> Path:
+def token_file(accounts: Accounts, folder: Path, robot: str = ROBOT) -> Path:
     """
-    Return the file with the token of the demo's robot, which is let in when it is new.
+    Return the file with the token of a robot, which is let in when it is new.
 
     :raises StartError: it cannot be written.
     """
-    path = folder / _TOKEN
+    path = folder / f'{robot}.token'
     try:
         known = accounts.robots.find(path.read_text().strip())
-        if known is not None and known.name == ROBOT:
+        if known is not None and known.name == robot:
             return path
     except OSError:
         pass
-    if any(each['name'] == ROBOT and not each['revoked_ns'] for each in accounts.robots.all()):
-        accounts.robots.revoke(ROBOT)
-    _, token = accounts.robots.add(ROBOT)
+    if any(each['name'] == robot and not each['revoked_ns'] for each in accounts.robots.all()):
+        accounts.robots.revoke(robot)
+    _, token = accounts.robots.add(robot)
     try:
         path.unlink(missing_ok=True)
         with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:
@@ -110,7 +145,7 @@ def _start(part: str, *arguments: object) -> subprocess.Popen[bytes]:
 def _tell_end(name: str, child: subprocess.Popen[bytes], ended: list[str]) -> None:
     code = child.wait()
     if name not in ended:
-        tell('monitor', f'the {name} of the demo has ended with code {code}; what it had shown '
+        tell('monitor', f'the {name} beside it has ended with code {code}; what it had shown '
              'stays, as with any robot that is away')
 
 

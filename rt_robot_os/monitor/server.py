@@ -27,6 +27,7 @@ from rt_robot_os.monitor.connections import allow_files
 from rt_robot_os.monitor.connections import Config
 from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.connections import Loop
+from rt_robot_os.monitor.demo import Companions
 from rt_robot_os.monitor.demo import running
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import MediaHub
@@ -63,11 +64,11 @@ def make_services(settings: MonitorSettings) -> Services:
                     maps=Maps(folder / 'maps'), media=media)
 
 
-def serve(settings: MonitorSettings, is_demo: bool = False) -> None:
+def serve(settings: MonitorSettings, companions: Companions | None = None) -> None:
     """
     Serve until a signal ends it.
 
-    :param is_demo: whether a simulated flat runs beside it.
+    :param companions: what runs beside it.
     :raises StartError: it cannot.
     """
     services = make_services(settings)
@@ -81,10 +82,10 @@ def serve(settings: MonitorSettings, is_demo: bool = False) -> None:
     # The thread that writes to the database lets the loop in sooner than after 5 ms.
     sys.setswitchinterval(SWITCH_S)
     with ExitStack() as stack:
-        if is_demo:
+        if companions is not None:
             stack.enter_context(running(
-                services.accounts, settings.where, address(settings, listening).replace(
-                    'http', 'ws', 1), _authority(settings)))
+                companions, services.accounts, settings.where,
+                address(settings, listening).replace('http', 'ws', 1), _authority(settings)))
         server.run([listening])
 
 
