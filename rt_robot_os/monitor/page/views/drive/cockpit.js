@@ -44,11 +44,14 @@ export class Cockpit {
     this.reason = h('p.drive-reason', {role: 'status'});
     this.told = h('div.drive-told', {role: 'alert'});
     this.seat = h('div.drive-seat');
+    this.released = button(t('drive.release'), () => this.release(), {icon: 'check'});
+    this.released.hidden = true;
     this.element = h('div.drive',
       h('section.drive-scene', {'aria-label': t('drive.scene')}, this.picture.element,
-        h('div.drive-over', this.reason)),
-      h('section.drive-board', {'aria-label': t('drive.controls')}, chooser || null, this.told,
-        this.seat, this.stick.element, h('p.drive-hint.small.muted', t('drive.hint')),
+        // Over the picture: what comes and goes must not move the stick under a finger.
+        h('div.drive-over', this.told, h('div.drive-held', this.reason, this.released))),
+      h('section.drive-board', {'aria-label': t('drive.controls')}, chooser || null, this.seat,
+        this.stick.element, h('p.drive-hint.small.muted', t('drive.hint')),
         this.speedLimit(), this.facts(), this.stops()));
   }
 
@@ -77,10 +80,8 @@ export class Cockpit {
 
   stops() {
     const {t, permissions} = this.context;
-    this.released = button(t('drive.release'), () => this.release(), {icon: 'check'});
-    this.released.hidden = true;
     return h('div.drive-stops', permissions.has('acknowledge') && button(t('drive.stop'),
-      () => stopOrAsk(this.context), {kind: 'critical', icon: 'stop', key: 'F8'}), this.released);
+      () => stopOrAsk(this.context), {kind: 'critical', icon: 'stop', key: 'F8'}));
   }
 
   listen() {
