@@ -4,7 +4,7 @@ import {ask} from '../../lib/dialog.js';
 import {attribute, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
-import {release, stopOrAsk} from '../../lib/stop.js';
+import {release} from '../../lib/stop.js';
 import {announce} from '../../lib/toast.js';
 import {Gamepads} from './gamepad.js';
 import {Hand, letGoUnseen} from './hand.js';
@@ -52,7 +52,7 @@ export class Cockpit {
         h('div.drive-over', this.told, h('div.drive-held', this.reason, this.released))),
       h('section.drive-board', {'aria-label': t('drive.controls')}, chooser || null, this.seat,
         this.stick.element, h('p.drive-hint.small.muted', t('drive.hint')),
-        this.speedLimit(), this.facts(), this.stops()));
+        this.speedLimit(), this.facts()));
   }
 
   speedLimit() {
@@ -76,12 +76,6 @@ export class Cockpit {
       h('dt', t('drive.rtt')), this.rtt,
       h('dt', t('drive.speed')), this.speed,
       h('dt', t('drive.gamepad')), this.pad);
-  }
-
-  stops() {
-    const {t, permissions} = this.context;
-    return h('div.drive-stops', permissions.has('acknowledge') && button(t('drive.stop'),
-      () => stopOrAsk(this.context), {kind: 'critical', icon: 'stop', key: 'F8'}));
   }
 
   listen() {

@@ -1,7 +1,7 @@
 /** The picture of a robot's camera for the one who drives it; its component is the camera view's. */
 
 import {h, replace} from '../../lib/dom.js';
-import {notice} from '../../lib/parts.js';
+import {icon} from '../../lib/icons.js';
 
 const RATE_HZ = 10;
 
@@ -20,7 +20,7 @@ export function driverPicture(context, robot) {
     live = null;
     name = camera;
     if (!camera || !permissions.has('camera')) {
-      replace(element, notice('empty', t(camera ? 'drive.no_sight' : 'drive.no_camera')));
+      replace(element, nothing(t(camera ? 'drive.no_sight' : 'drive.no_camera')));
       return;
     }
     const {pictureOf} = await import('../../lib/picture.js');
@@ -32,7 +32,8 @@ export function driverPicture(context, robot) {
   const robotChanged = ({cameras}) => {
     const camera = nameOf((cameras || [])[0]);
     if (camera !== name) {
-      show(camera).catch(() => replace(element, notice('error', t('drive.no_camera'))));
+      show(camera).catch(() => replace(element,
+        nothing(t('drive.no_camera'))));
     }
   };
   name = undefined;
@@ -42,6 +43,11 @@ export function driverPicture(context, robot) {
     live?.close();
   };
   return {element, robotChanged, close};
+}
+
+/** What stands where there is no picture. */
+function nothing(text) {
+  return h('p.drive-nothing.muted', icon('camera'), h('span', text));
 }
 
 function nameOf(camera) {

@@ -20,11 +20,16 @@ export function reasonText(t, text) {
   for (const [pattern, key, names] of PATTERNS) {
     const found = pattern.exec(text || '');
     if (found) {
-      const values = Object.fromEntries(names.map((name, at) => [name, found[at + 1]]));
+      const values = Object.fromEntries(names.map((name, at) => [name, asNumber(found[at + 1])]));
       return t(`drive.reason_${key}`, values);
     }
   }
   return text || '';
+}
+
+/** Numbers are written as the reader writes them. */
+function asNumber(text) {
+  return /^-?[\d.]+$/.test(text) ? Number(text) : text;
 }
 
 /** Whether the robot is held by its e-stop, by what the multiplexer says. */
