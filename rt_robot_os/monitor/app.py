@@ -35,6 +35,7 @@ from rt_robot_os.monitor.api import commands
 from rt_robot_os.monitor.api import drive
 from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
+from rt_robot_os.monitor.api import media
 from rt_robot_os.monitor.api import observations
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
@@ -59,6 +60,7 @@ API: Final = (
     drive,
     export,
     maps,
+    media,
     media_connection,
     observations,
     robot_connection,

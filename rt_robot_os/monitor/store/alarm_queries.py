@@ -140,6 +140,18 @@ def media_of(connection: Connection, robot: str, name: str) -> list[dict[str, An
             MEDIA.c.t_ns, MEDIA.c.id).limit(EVENTS_MOST)).mappings()]
 
 
+def media_list(connection: Connection, robot: str | None, alarm: str | None, limit: int
+               ) -> list[dict[str, Any]]:
+    """Return pictures, clips and sounds of a robot and an alarm, or of all, the newest first."""
+    wanted = _media()
+    if robot is not None:
+        wanted = wanted.where(ROBOTS.c.robot == robot)
+    if alarm is not None:
+        wanted = wanted.where(MEDIA.c.alarm == alarm)
+    return [media_row(row) for row in connection.execute(wanted.order_by(
+        MEDIA.c.t_ns.desc(), MEDIA.c.id.desc()).limit(limit)).mappings()]
+
+
 def media(connection: Connection, number: int) -> dict[str, Any] | None:
     """Return one of them by its number; None when there is none."""
     row = connection.execute(_media().where(MEDIA.c.id == number)).mappings().first()

@@ -325,6 +325,12 @@ class Store:
         with self.reading() as connection:
             return alarm_queries.media_of(connection, robot, alarm)
 
+    def media_list(self, robot: str | None = None, alarm: str | None = None, limit: int = 100
+                   ) -> list[dict[str, Any]]:
+        """Return pictures, clips and sounds, the newest first."""
+        with self.reading() as connection:
+            return alarm_queries.media_list(connection, robot, alarm, limit)
+
     def media_by_name(self, robot: str, media: str) -> dict[str, Any] | None:
         """Return one by the id that its robot gave it."""
         with self.reading() as connection:

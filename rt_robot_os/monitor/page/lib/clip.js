@@ -38,7 +38,7 @@ class Player {
     this.canvas = h('canvas.clip-canvas', {width: 640, height: 480, role: 'img',
       'aria-label': label});
     this.note = h('p.clip-note', {role: 'status'});
-    this.button = h('button.clip-play', {type: 'button', onclick: () => this.toggle()});
+    this.button = h('button.button.clip-play', {type: 'button', onclick: () => this.toggle()});
     this.bar = h('input.clip-bar', {type: 'range', min: 0, max: 0, step: 1, value: 0,
       oninput: () => {
         this.pause();
