@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The view of cameras in a real browser: live pictures with their age, clips, and who sees none."""
+"""The view of cameras in a real browser: live pictures, their age, clips, and who sees none."""
 
 from __future__ import annotations
 

@@ -108,8 +108,8 @@ def test_what_has_not_come_is_named_and_not_served(world: World, carer: TestClie
     assert (answer.status_code, 'not here' in answer.json()['detail']['text']) == (409, True)
 
 
-def test_somebody_sees_pictures_of_those_who_are_granted_and_hears_of_no_other(world: World
-                                                                              ) -> None:
+def test_somebody_sees_pictures_of_those_who_are_granted_and_hears_of_no_other(
+        world: World) -> None:
     mary = world.client('mary', Role.CARER, ('anna',))
     assert {each['subject'] for each in mary.get('/api/media').json()} == {'anna'}
     assert mary.get(f"/api/media/{world.numbers['a1']}").status_code == 200
