@@ -123,8 +123,8 @@ async def _problem(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     detail: object = error.detail
     found = detail if isinstance(detail, dict) and 'text' in detail else {'text': str(detail)}
-    return _answer(error.status_code, **{'remedy': 'see docs/monitor.md for what there is',
-                                         **found}, headers=error.headers)
+    remedy = found.get('remedy') or 'see docs/monitor.md for what there is'
+    return _answer(error.status_code, **{**found, 'remedy': remedy}, headers=error.headers)
 
 
 async def _wrong_request(request: Request, error: Exception) -> JSONResponse:

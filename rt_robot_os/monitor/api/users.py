@@ -187,8 +187,9 @@ def differences(before: User, after: User) -> dict[str, Any]:
 def _role(text: str) -> Role:
     try:
         return role_of(text)
-    except ValueError as error:
-        raise AccountError(str(error)) from None
+    except ValueError:
+        raise AccountError(f'there is no role {text[:40]!r}', f'take one of {", ".join(Role)}'
+                           ) from None
 
 
 def _user(accounts: Accounts, user: str) -> User:
