@@ -15,7 +15,7 @@
 """
 Put load on a server of the monitor, and print what it did as JSON.
 
-    PYTHONPATH=. python3 scripts/load_monitor.py [--scenes fan_out,stopped,alarms,fleet]
+    PYTHONPATH=. python3 scripts/load_monitor.py [--scenes fan_out,stopped,alarms,fleet,connections]
         [--seconds 20] [--clients 20] [--videos 5] [--backlog 1000000] [--database URL] [--runs 3]
 
 The server is a process of its own with a database in a folder that is removed at the end; robots
@@ -26,6 +26,7 @@ having read the message. ``server_cpu`` is the server's processor time over the 
   at a camera with 10 pictures of 40 KB a second.
 * ``stopped``: the same, with one browser that reads nothing; ages are those of the others.
 * ``alarms``: the same browsers; a second robot brings what it kept while the network was down.
+* ``connections``: 10,000 connections, each with half a request, while ``/healthz`` is asked for.
 * ``fleet``: 50 robots, each with 60 observations a second, in batches of a second.
 
 With several runs each figure is the median.
@@ -44,6 +45,7 @@ import os
 from pathlib import Path
 import platform
 import re
+import resource
 import secrets
 import statistics
 import subprocess
@@ -362,6 +364,41 @@ async def fleet(scene: Scene, arguments: argparse.Namespace) -> dict[str, Any]:
     return await scene.measure(arguments.seconds)
 
 
+async def connections(scene: Scene, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Measure how long an answer takes beside connections that never ask for anything."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    host, _, port = scene.server.address.partition(':')
+
+    async def answer() -> float:
+        began = time.monotonic()
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n')
+        if b' 200 ' not in await reader.readline():
+            raise RuntimeError('/healthz did not answer')
+        writer.close()
+        return (time.monotonic() - began) * 1e3
+
+    idle, took = [], []
+    cpu, begin = scene.server.cpu_s(), time.monotonic()
+    for number in range(arguments.connections):
+        idle.append(await asyncio.open_connection(host, int(port)))
+        idle[-1][1].write(b'GET /healthz HTTP/1.1\r\nHost: local')
+        if number % 100 == 0:
+            took.append(await answer())
+    passed = time.monotonic() - begin
+    for _ in range(50):
+        took.append(await answer())
+    found = {'connections': len(idle), 'opened_s': round(passed, 2),
+             'healthz_p50_ms': round(statistics.median(took), 1),
+             'healthz_worst_ms': round(max(took), 1),
+             'server_cpu_s': round(scene.server.cpu_s() - cpu, 2),
+             'server_mb': round(scene.server.memory_mb(), 1)}
+    for _, writer in idle:
+        writer.transport.abort()
+    return found
+
+
 async def _browsers(scene: Scene, arguments: argparse.Namespace) -> ClientConnection:
     robot = await scene.live_robot()
     if arguments.videos:
@@ -377,7 +414,8 @@ async def _browsers(scene: Scene, arguments: argparse.Namespace) -> ClientConnec
 
 
 SCENES: dict[str, Callable[[Scene, argparse.Namespace], Awaitable[dict[str, Any]]]] = {
-    'fan_out': fan_out, 'stopped': stopped, 'alarms': alarms, 'fleet': fleet}
+    'fan_out': fan_out, 'stopped': stopped, 'alarms': alarms, 'fleet': fleet,
+    'connections': connections}
 
 
 async def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -408,6 +446,7 @@ def main() -> None:
     parser.add_argument('--clients', type=int, default=20)
     parser.add_argument('--videos', type=int, default=5)
     parser.add_argument('--backlog', type=int, default=1_000_000, help='rows')
+    parser.add_argument('--connections', type=int, default=10_000)
     parser.add_argument('--database', default='', help='URL; SQLite when absent')
     parser.add_argument('--runs', type=int, default=1)
     arguments = parser.parse_args()

@@ -98,9 +98,10 @@ class Connections:
 
     def waits(self, one: Request) -> None:
         """Note that the server waits for the peer."""
-        one.since_s = asyncio.get_running_loop().time()
-        self._idle.pop(one, None)
-        self._idle[one] = None
+        if one in self._open:
+            one.since_s = asyncio.get_running_loop().time()
+            self._idle.pop(one, None)
+            self._idle[one] = None
 
     def works(self, one: Request) -> None:
         """Note that the peer waits for the server."""

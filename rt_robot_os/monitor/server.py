@@ -124,11 +124,13 @@ def listen(settings: MonitorSettings) -> socket.socket:
     try:
         family = socket.getaddrinfo(settings.host, settings.listens_on,
                                     type=socket.SOCK_STREAM)[0]
-        found = socket.socket(family[0], family[1])
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind(family[4])
-        found.listen(_BACKLOG)  # who comes before it serves waits, and is not refused
-        return found
+        with ExitStack() as stack:
+            found = stack.enter_context(socket.socket(family[0], family[1]))
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            found.bind(family[4])
+            found.listen(_BACKLOG)  # who comes before it serves waits, and is not refused
+            stack.pop_all()
+            return found
     except OSError as error:
         raise StartError(f'host {settings.host}, port {settings.listens_on}: {error.strerror}; '
                          'another program may listen there: choose another with --port'

@@ -25,6 +25,7 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Mapping
 from contextlib import ExitStack
+from contextlib import suppress
 import itertools
 import threading
 import time
@@ -34,6 +35,7 @@ import uuid
 from rt_robot_os.uplink.importance import Importance
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
+from websockets.exceptions import ConnectionClosed
 
 
 def token_of(name: str) -> str:
@@ -188,4 +190,5 @@ class FakeRobot:
             if message['kind'] == 'command':
                 self.commands.append(message)
                 ok, said = self._answer(message)
-                self.send(encode('answer', {'id': message['id'], 'ok': ok, 'text': said}))
+                with suppress(ConnectionClosed):  # nobody waits for it any more
+                    self.send(encode('answer', {'id': message['id'], 'ok': ok, 'text': said}))

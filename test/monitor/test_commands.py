@@ -1,0 +1,182 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What people tell robots to do: checked, said in their name, done once, answered, noted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import json
+import threading
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request
+from urllib.request import urlopen
+
+from fake_robot import FakeRobot
+from fake_robot import RobotScript
+from monitor_server import logged_in
+from monitor_server import quick_services
+from monitor_server import served
+import pytest
+from rt_robot_os.monitor.security.roles import Role
+from rt_robot_os.monitor.services import Services
+
+
+@pytest.fixture(scope='module')
+def services(tmp_path_factory: pytest.TempPathFactory) -> Services:
+    return quick_services(tmp_path_factory.mktemp('monitor'), command_s=0.5)
+
+
+@pytest.fixture(scope='module')
+def address(services: Services) -> Iterator[str]:
+    with served(services) as found:
+        yield found
+
+
+@pytest.fixture(scope='module')
+def users(services: Services) -> dict[str, dict[str, str]]:
+    """Return the headers of browsers."""
+    return {'operator': logged_in(services, 'otto of night', Role.OPERATOR),
+            'carer': logged_in(services, 'carla', Role.CARER, ('anna',)),
+            'viewer': logged_in(services, 'vera', Role.VIEWER),
+            'stranger': logged_in(services, 'stan', Role.OPERATOR, ('zoe',))}
+
+
+@pytest.fixture
+def robot(address: str) -> Iterator[FakeRobot]:
+    with FakeRobot(f'ws://{address}', script=RobotScript(people=('anna', 'bob'))) as found:
+        yield found
+
+
+def ask(address: str, headers: dict[str, str], method: str, path: str, content: Any = None
+        ) -> tuple[int, Any]:
+    """Ask the server for something, as the page does."""
+    body = None if content is None else json.dumps(content).encode()
+    request = Request(f'http://{address}{path}', body, {
+        **headers, 'Content-Type': 'application/json', 'Origin': f'http://{address}'},
+        method=method)
+    try:
+        with urlopen(request, timeout=30) as found:
+            return found.status, json.loads(found.read())
+    except HTTPError as error:
+        with error:
+            return error.code, json.loads(error.read())['detail']
+
+
+def command(address: str, headers: dict[str, str], do: str, key: str = '', **args: Any
+            ) -> tuple[int, Any]:
+    """Have the robot do something."""
+    return ask(address, headers, 'POST', '/api/robots/robot/commands',
+               {'do': do, 'args': args, 'key': key})
+
+
+def test_an_alarm_is_acknowledged_in_the_name_of_who_is_logged_in(
+        address: str, users: dict[str, dict[str, str]], robot: FakeRobot, services: Services
+) -> None:
+    robot.raise_alarm('7')
+    assert command(address, users['carer'], 'alarm', verb='acknowledge', alarm='7',
+                   reason='on my way\nby eve') == (200, {'ok': True, 'text': 'done'})
+    found = robot.commands[-1]
+    assert found['args'] == {'text': 'acknowledge 7 by carla on my way by eve'}
+    assert found['by'] == 'carla'
+    command(address, users['operator'], 'alarm', verb='resolve', alarm='7')
+    assert robot.commands[-1]['args'] == {'text': 'resolve 7 by otto_of_night'}
+    rows = [(row['name'], row['action']) for row in services.audit.all_rows()]
+    assert ('carla', 'command.alarm') in rows
+
+
+@pytest.mark.parametrize(('who', 'do', 'args', 'status'), [
+    ('viewer', 'alarm', {'verb': 'acknowledge', 'alarm': 'c1'}, 403),
+    ('viewer', 'stop', {}, 403), ('carer', 'stop', {}, 200), ('operator', 'stop', {}, 200),
+    ('carer', 'release', {}, 403), ('operator', 'release', {}, 200),
+    ('carer', 'goal', {'x': 1, 'y': 2}, 403), ('operator', 'goal', {'x': 1, 'y': 2}, 200),
+    ('operator', 'goal', {'x': 1}, 422), ('operator', 'goal', {'x': 1e9, 'y': 2}, 422),
+    ('operator', 'goal', {'x': True, 'y': 2}, 422), ('operator', 'cancel', {}, 200),
+    ('operator', 'agent', {'text': 'return'}, 200), ('operator', 'agent', {}, 422),
+    ('carer', 'say', {'text': 'I come'}, 200), ('carer', 'say', {'text': ' \n'}, 422),
+    ('carer', 'say', {'text': 'x' * 500}, 422), ('operator', 'fly', {}, 422),
+    # A camera sees Bob, too, whom the carer may not see.
+    ('carer', 'snapshot', {}, 403), ('operator', 'snapshot', {}, 200),
+    ('carer', 'alarm', {'verb': 'acknowledge', 'alarm': 'all'}, 404),
+    ('carer', 'alarm', {'verb': 'acknowledge', 'alarm': 'c2'}, 404),
+    ('carer', 'alarm', {'verb': 'format', 'alarm': 'c1'}, 422),
+    ('stranger', 'stop', {}, 404)])
+def test_each_command_needs_what_it_needs(
+        address: str, users: dict[str, dict[str, str]], robot: FakeRobot, who: str, do: str,
+        args: dict[str, Any], status: int) -> None:
+    robot.raise_alarm('c1')
+    robot.raise_alarm('c2', subject='bob')
+    before = len(robot.commands)
+    found, answer = command(address, users[who], do, **args)
+    assert found == status, answer
+    assert len(robot.commands) == before + (status == 200)
+    if status != 200:
+        assert answer['text'] and answer['remedy']
+
+
+def test_a_command_that_comes_again_is_done_once(
+        address: str, users: dict[str, dict[str, str]], robot: FakeRobot) -> None:
+    answers = [command(address, users['operator'], 'goal', key='k1', x=1, y=2)
+               for _ in range(3)]
+    assert answers == [(200, {'ok': True, 'text': 'done'})] * 3
+    assert len(robot.commands) == 1
+    command(address, users['operator'], 'goal', key='k2', x=1, y=2)
+    assert len(robot.commands) == 2
+
+
+def test_what_a_robot_refuses_or_does_not_answer_is_said(
+        address: str, users: dict[str, dict[str, str]], services: Services) -> None:
+    asleep = threading.Event()
+    robot = FakeRobot(f'ws://{address}', answer=lambda each: (False, 'there is a wall')
+                      if each['do'] == 'goal' else (asleep.wait(20), 'late'))
+    robot.connect()
+    assert command(address, users['operator'], 'goal', x=1, y=2) == (
+        200, {'ok': False, 'text': 'there is a wall'})
+    status, said = command(address, users['operator'], 'stop')
+    assert status == 504 and 'has not answered' in said['text']
+    asleep.set()
+    robot.disconnect()
+    status, said = command(address, users['operator'], 'stop')
+    assert status == 409 and 'not connected' in said['text']
+
+
+def test_lists_have_what_one_may_see_and_a_note_stays(
+        address: str, users: dict[str, dict[str, str]], robot: FakeRobot) -> None:
+    robot.raise_alarm('l1')
+    robot.raise_alarm('l2', subject='bob')
+    carer = users['carer']
+    assert [each['id'] for each in ask(address, carer, 'GET', '/api/robots')[1]] == ['robot']
+    assert [each['person'] for each in ask(address, carer, 'GET', '/api/people')[1]] == ['anna']
+    found = [each['id'] for each in ask(address, carer, 'GET', '/api/alarms?open=true')[1]]
+    assert 'l1' in found and 'l2' not in found
+    assert ask(address, carer, 'GET', '/api/alarms/robot/l2')[0] == 404
+    assert ask(address, carer, 'POST', '/api/alarms/robot/l2/notes', {'text': 'x'})[0] == 404
+    assert ask(address, carer, 'POST', '/api/alarms/robot/l1/notes', {'text': 'fed'})[0] == 201
+    alarm = ask(address, carer, 'GET', '/api/alarms/robot/l1')[1]
+    assert [(each['by'], each['text']) for each in alarm['notes']] == [('carla', 'fed')]
+    assert ask(address, carer, 'GET', '/api/observations?person=bob')[0] == 404
+    assert ask(address, carer, 'GET', '/api/observations?person=anna')[0] == 200
+    assert ask(address, users['stranger'], 'GET', '/api/robots')[1] == []
+    assert ask(address, users['stranger'], 'GET', '/api/robots/robot')[0] == 404
+    assert ask(address, carer, 'GET', '/api/status')[1]['storing']['ok'] is True
+    assert ask(address, carer, 'GET', '/metrics')[0] == 403
+
+
+def test_another_sites_page_cannot_command(
+        address: str, users: dict[str, dict[str, str]], robot: FakeRobot) -> None:
+    operator = users['operator']
+    for wrong in ({**operator, 'X-CSRF-Token': 'x'}, {'Cookie': operator['Cookie']}, {}):
+        assert command(address, wrong, 'stop')[0] in (401, 403)
+    assert robot.commands == []
