@@ -219,6 +219,7 @@ def test_history_and_live_values_are_one_line_with_its_gap(
     expect(row.locator('.data-value')).to_have_text('123')
     expect(plot).to_have_attribute('aria-label', LAST)
     assert page.evaluate(REQUESTS) == requests
+    keep_pulse(robot, [0], 123.0)
     coarse = page.evaluate(BUCKET)
     page.get_by_role('button', name='1 day').click()
     page.wait_for_function(f'before => ({BUCKET})() > 50 * before', arg=coarse)
