@@ -24,6 +24,8 @@ import pytest
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.assessment import Assessment
+from rt_robot_os.modules.assessment.settings import limits_text
+from rt_robot_os.modules.assessment.settings import SHOWN_CHARACTERS
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 from sensed_person import every_second
@@ -98,7 +100,9 @@ def test_what_a_sensor_says_when_it_is_off_is_never_a_score_and_no_alarm() -> No
         (time_s, cause), = anna.told()
         assert (time_s, cause.kind, cause.subject) == (120.0, 'sensor_off', 'bed')
         assert anna.news2.all[-1][1] == -1
-        assert 'missing' in json.loads(anna.details.all[-1][1])['status'][0]['message']
+        status, = json.loads(anna.details.all[-1][1])['status']
+        assert 'missing' in status['message']
+        assert status['values']['limits'].split('; ')[-1] == 'systolic_mmhg < 100'
 
 
 def test_an_old_value_is_missing_and_not_normal() -> None:
@@ -233,3 +237,11 @@ def test_nothing_is_concluded_while_nothing_is_known() -> None:
         bench.run(250.0)
         kinds: set[Any] = {kind for _, kind, _ in reasons(anna)}
         assert kinds <= {'consciousness'} and all(total == -1 for _, total in anna.news2.all)
+
+
+def test_limits_that_are_shown_are_whole_and_not_too_long() -> None:
+    texts = [f'pulse_per_min > {each} for 60 s clear 100 level urgent' for each in range(110, 174)]
+    shown = limits_text(texts)
+    assert 900 < len(shown) <= SHOWN_CHARACTERS
+    assert shown.split('; ') == texts[:len(shown.split('; '))]
+    assert limits_text([]) == ''

@@ -228,6 +228,46 @@ def test_history_and_live_values_are_one_line_with_its_gap(
     expect(page.locator('.data-table tbody tr').first).to_contain_text('123')
 
 
+ZONE_WORDS = f'() => {VIEW}.rows.get("pulse_per_min").plot.zones.map(({{text}}) => text)'
+BAD = f'() => {VIEW}.rows.get("pulse_per_min").quality.marks.map(({{quality}}) => quality)'
+
+
+def test_own_limits_and_bad_values_are_marked_in_words(
+        robot: FakeRobot, signed_in: SignedIn) -> None:
+    robot.keep(*({**robot.script.record('observation', {
+        'person': 'bob', 'sign': PULSE, 'value': value, 'quality': quality, 'source': 'wrist'}),
+        'utc_ns': time.time_ns() - age_s * NS_PER_S} for age_s, value, quality in (
+            (300, 70.0, 'good'), (200, None, 'off'), (100, 71.0, 'good'), (50, 90.0, 'suspect'))))
+    robot.live(health__bob__news2_details={'status': [{'name': 'bob/news2', 'values': {
+        'spo2_scale': '1', 'limits': 'pulse_per_min > 120 for 60 s clear 110 level urgent; '
+        'spo2_percent falling 4 in 10 min'}}]})
+    page = signed_in('viewer', '#/data/bob', locale='de')
+    page.wait_for_function(f"() => ({ZONE_WORDS})().includes('eigene Grenze > 120, Dringend')")
+    page.wait_for_function(f"() => ({BAD})().join() === 'off,suspect'")
+
+
+QUALITY = """async () => {
+  const {Quality} = await import('/views/data/readings.js');
+  const made = new Quality();
+  [[10, 'good'], [20, 'off'], [30, 'off'], [40, 'good'], [50, 'stale']].forEach(
+    ([t, quality]) => made.at(t, quality));
+  const live = made.marks.map(({from, to, quality}) => [from, to, quality]);
+  made.replace([{from: 0, to: 5, quality: 'suspect'}, {from: 20, to: 40, quality: 'off'},
+                {from: 50, to: null, quality: 'stale'}]);
+  const both = made.marks.map(({from, to, quality}) => [from, to, quality]);
+  made.at(60, 'good');
+  made.replace([]);
+  return [live, both, made.marks.length];
+}"""
+
+
+def test_stretches_of_bad_values_are_the_same_live_and_from_the_server(modules: Any) -> None:
+    live, both, left = modules.evaluate(QUALITY)
+    assert live == [[20, 40, 'off'], [50, None, 'stale']]
+    assert both == [[0, 5, 'suspect'], *live]
+    assert left == 3
+
+
 def test_an_alarm_is_a_mark_that_leads_to_it(robot: FakeRobot, signed_in: SignedIn) -> None:
     page = signed_in('carer', '#/data/anna')
     robot.raise_alarm('mark1')

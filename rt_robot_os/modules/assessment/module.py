@@ -42,6 +42,7 @@ from rt_robot_os.health.signs import Consciousness
 from rt_robot_os.health.signs import SIGNS
 from rt_robot_os.modules.assessment.settings import AIR
 from rt_robot_os.modules.assessment.settings import limits_of
+from rt_robot_os.modules.assessment.settings import limits_text
 from rt_robot_os.modules.assessment.settings import REPORTED
 from rt_robot_os.modules.assessment.settings import SETTINGS
 from rt_robot_os.modules.base import Module
@@ -55,7 +56,7 @@ from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_S
 
 _STRING: Final = 'std_msgs/msg/String'
-_DETAILS_BYTES: Final = 2000
+_DETAILS_BYTES: Final = 3000
 # What does not change is published again, for a reader that was not there.
 _AGAIN_NS: Final = 10 * NS_PER_S
 _INCOMPLETE: Final = -1
@@ -88,6 +89,7 @@ class Assessment(Module):
         super().__init__(name, settings)
         self._person = checked_person(name, settings)
         self._limits = LimitWatch(limits_of(name, settings))
+        self._limits_text = limits_text(settings['limits'])
         self._watch = News2Watch(round(settings['news2_for_s'] * NS_PER_S),
                                  round(settings['news2_clear_s'] * NS_PER_S))
         self._score = score({}, settings['spo2_scale'])
@@ -241,7 +243,7 @@ class Assessment(Module):
         total = self._score.total
         self.news2.msg.data = _INCOMPLETE if total is None else total
         self.news2.publish(self._time_ns)
-        self.details.msg.data = details_text(self._person, self._score)
+        self.details.msg.data = details_text(self._person, self._score, self._limits_text)
         self.details.publish(self._time_ns)
 
 
@@ -262,13 +264,17 @@ def said(person: str, found: Score, held: Mapping[str, int] | None = None) -> st
     return f'{text}; before that: {before}' if before else text
 
 
-def details_text(person: str, found: Score) -> str:
-    """Write a score as a DiagnosticArray in JSON; safe in the real-time loop."""
+def details_text(person: str, found: Score, limits: str = '') -> str:
+    """
+    Write a score as a DiagnosticArray in JSON; safe in the real-time loop.
+
+    :param limits: of the person, as :func:`limits_text` has them.
+    """
     values = {'total': '' if found.total is None else str(found.total),
               'complete': str(found.complete).lower(), 'missing': ' '.join(found.missing),
               'at_least': str(found.at_least), 'spo2_scale': str(found.scale),
               'risk': found.risk.title if found.risk is not None else '',
-              'response': found.response, 'frequency': found.frequency,
+              'response': found.response, 'frequency': found.frequency, 'limits': limits,
               **{f'{name}_score': str(points) for name, points in found.scores.items()}}
     level = _DIAGNOSTIC_LEVEL[found.least_risk]
     return json.dumps({'status': [{

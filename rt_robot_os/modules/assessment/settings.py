@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 from typing import Final
 
@@ -32,6 +33,8 @@ from rt_robot_os.schema import Field
 
 #: Of one person.
 MOST_LIMITS: Final = 64
+#: Characters of limits that are published: those of the first ones that fit.
+SHOWN_CHARACTERS: Final = 1000
 AIR: Final = 'air'
 OXYGEN: Final = 'oxygen'
 REPORTED: Final = 'reported'
@@ -76,4 +79,15 @@ def limits_of(name: str, settings: Mapping[str, Any]) -> list[Limit | TrendLimit
         problems.append(f'{name}.limits: {len(found)} limits: {MOST_LIMITS} are the most')
     if problems:
         raise ConfigError(problems)
+    return found
+
+
+def limits_text(texts: Sequence[str]) -> str:
+    """Return limits for who shows them, divided by semicolons; the last may be left out."""
+    found = ''
+    for text in texts:
+        more = f'{found}; {text}' if found else text
+        if len(more) > SHOWN_CHARACTERS:
+            break
+        found = more
     return found

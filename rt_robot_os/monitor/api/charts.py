@@ -32,6 +32,7 @@ from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.charts import PIXELS_MOST
+from rt_robot_os.monitor.store.stretches import stretches
 
 
 def router(services: Services) -> APIRouter:
@@ -51,7 +52,8 @@ def router(services: Services) -> APIRouter:
         Return what a sign was like: parallel lists, an entry for each span that has values.
 
         ``start`` and ``end`` are UTC in ns. ``bucket_ns`` is what an entry spans, ``bad`` when
-        there was no value and why, ``alarms`` those about the person that were open in it.
+        there was no good value and why (of at most two days), ``alarms`` those about the person
+        that were open in it.
         """
         if not actor.may_see(person):
             raise unknown('person')
@@ -60,10 +62,12 @@ def router(services: Services) -> APIRouter:
         try:
             services.audit.read(actor, 'health.read', person, sign=sign)
             made = services.store.chart(person, sign, start, end, pixels)
+            with services.store.reading() as connection:
+                bad = stretches(connection, person, sign, start, end)
         except StoreError as error:
             raise away(error) from error
         made.alarms = [each for each in (shown(actor, one) for one in made.alarms)
                        if each is not None]
-        return {**made.as_dict(), 'bucket_ns': made.width_ns}
+        return {**made.as_dict(), 'bucket_ns': made.width_ns, 'bad': bad}
 
     return found

@@ -10,7 +10,7 @@ import {History} from './data/history.js';
 import {onTheme, paletteOf} from './data/look.js';
 import {hear, signsOf} from './data/readings.js';
 import {Row} from './data/row.js';
-import {inOrder, SIGNS} from './data/signs.js';
+import {inOrder, limitZone, SIGNS} from './data/signs.js';
 import {Stack} from './data/stack.js';
 import {writeTable} from './data/table.js';
 import {RANGES, Timeline} from './data/timeline.js';
@@ -49,6 +49,7 @@ class DataView {
     this.ends = [
       hear(context, person, (...value) => this.append(...value), (...said) => this.tell(...said)),
       context.state.on('alarms', () => this.showAlarms()),
+      context.state.on('signals', (kind, {signals}) => this.details(signals)),
       context.state.on('gap', () => this.gap()),
       context.state.on('people', () => this.toolbar.showPeople()),
       onTheme(() => this.restyle()),
@@ -129,8 +130,20 @@ class DataView {
   zones(row) {
     const details = this.context.state.newest(`health/${this.person}/news2_details`)?.value;
     const said = details?.status?.[0]?.values || {};
-    row.zones({...this.layers, scale: Number(said.spo2_scale) || 1,
+    const own = String(said.limits || '').split(';').map(limitZone).filter((each) =>
+      each?.sign === row.sign);
+    row.zones({...this.layers, own, scale: Number(said.spo2_scale) || 1,
                oxygen: Number(said.oxygen_l_per_min_score) > 0});
+    this.stack.isDirty = true;
+  }
+
+  /** The robot says what it assesses by: own limits, the scale of SpO2, whether oxygen is given. */
+  details(signals) {
+    const text = JSON.stringify(signals[`health/${this.person}/news2_details`]?.[1] ?? null);
+    if (text !== 'null' && text !== this.detailsText) {
+      this.detailsText = text;
+      this.rows.forEach((row) => this.zones(row));
+    }
   }
 
   append(sign, t, value) {

@@ -109,18 +109,21 @@ export class History {
       sign, start: BigInt(Math.round(from)) * 1_000_000n, end: BigInt(Math.round(to)) * 1_000_000n,
       pixels: Math.max(16, Math.min(4000, pixels))});
     if (mine === this.asked) {
-      this.took(sign, chartOf(found, sign, (to - from) / pixels, to >= this.timeline.now()));
+      this.took(sign, chartOf(found, sign, (to - from) / pixels,
+        {end: to, isNow: to >= this.timeline.now()}));
     }
   }
 }
 
 /** Make what plots use of an answer: times in ms. */
-export function chartOf(found, sign, pixelMs, isNow) {
+export function chartOf(found, sign, pixelMs, {end, isNow}) {
   const bucketMs = found.bucket_ns === undefined ? pixelMs : found.bucket_ns / NS_PER_MS;
   // A bucket is drawn where its middle is.
   const ms = (times) => (times || []).map((each) => each / NS_PER_MS + bucketMs / 2);
   const range = ({from_ns: from, to_ns: to, ...rest}) => ({
-    from: from / NS_PER_MS, to: to === null || to === undefined ? null : to / NS_PER_MS, ...rest});
+    // What lasted to the end of what was asked for goes on only where that is the present.
+    from: from / NS_PER_MS, to: (to ?? null) === null ? (isNow ? null : end) : to / NS_PER_MS,
+    ...rest});
   return {
     columns: {t: ms(found.t_ns), low: found.low || [], mean: found.mean || [],
               high: found.high || [], count: found.count || (found.t_ns || []).map(() => 1)},

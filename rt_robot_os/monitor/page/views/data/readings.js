@@ -51,11 +51,24 @@ export class Quality {
 
   /** Take what the history has; what is live and newer stays. */
   replace(marks) {
-    const end = marks.reduce((most, each) => Math.max(most, each.to ?? each.from), -Infinity);
-    const newer = this.marks.filter((each) => (each.to ?? Infinity) > end)
-      .map((each) => ({...each, from: Math.max(each.from, end)}));
-    this.marks = [...marks.map((each) => ({...each, to: each.to ?? end})), ...newer]
-      .slice(-MARKS_MOST);
+    const found = marks.map((each) => ({...each}));
+    const last = found[found.length - 1];
+    const end = last ? last.to ?? last.from : -Infinity;
+    for (const each of this.marks) {
+      const isSame = last && last.to === null && each.quality === last.quality
+        && each.from >= last.from;
+      if (isSame) {
+        last.to = each.to;
+      } else if (each.from > end) {
+        if (last && last.to === null) {
+          last.to = each.from;
+        }
+        found.push(each);
+      } else if ((each.to ?? Infinity) > end && !(last && last.to === null)) {
+        found.push({...each, from: Math.max(each.from, end)});
+      }
+    }
+    this.marks = found.slice(-MARKS_MOST);
     this.version += 1;
   }
 }

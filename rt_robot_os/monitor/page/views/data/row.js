@@ -69,11 +69,12 @@ export class Row {
   }
 
   /** Show the zones that are wanted. */
-  zones({news, limits, scale, oxygen}) {
+  zones({news, limits, own, scale, oxygen}) {
     const {t} = this.context;
     const found = news ? newsZones(this.sign, {scale, oxygen}).map(
       (each) => ({kind: 'news', ...each})) : [];
-    for (const each of limits ? this.limits : []) {
+    const all = new Map([...this.limits, ...own].map((each) => [JSON.stringify(each), each]));
+    for (const each of limits ? all.values() : []) {
       const isHigh = Number.isFinite(each.low);
       found.push({kind: 'limit', ...each, text: t(isHigh ? 'data.limit_high' : 'data.limit_low', {
         value: this.number(isHigh ? each.low : each.high), level: t.word('level', each.level)})});
