@@ -53,6 +53,7 @@ OPEN = {
     ('POST', '/api/setup'),         # by a one-time link
     ('POST', '/api/setup/check')}
 BASE = 'http://localhost'
+SOCKETS = 'ws://localhost'
 #: Names that the tests put in the place of ids of robots, people, users, sessions.
 SOMEBODY = 'anna'
 
@@ -119,24 +120,41 @@ def test_no_websocket_opens_without_a_session_or_a_token(app: Any, stranger: Tes
         for headers in ({}, {'cookie': 'session=made-up-made-up-made-up'},
                         {'authorization': 'Bearer made-up-made-up-made-up'}):
             with pytest.raises(WebSocketDisconnect):
-                with stranger.websocket_connect(f'{path}?robot=robot', headers=headers):
+                with stranger.websocket_connect(f'{SOCKETS}{path}?robot=robot', headers=headers):
                     pass  # pragma: no cover
 
 
 def test_no_websocket_opens_from_the_page_of_another_site(app: Any, services: Services,
                                                           stranger: TestClient) -> None:
+    opened: list[Any] = []
     cookie = logged_in(services, 'wendy')['Cookie']
     for path in (path for method, path in routes(app) if method == 'WS'
                  and not path.startswith('/robot/')):
+        with suppress(CancelledError, WebSocketDisconnect):
+            with stranger.websocket_connect(f'{SOCKETS}{path}?robot=robot', headers={
+                    'cookie': cookie, 'origin': BASE}) as own:
+                opened.append(own.accepted_subprotocol)
         for headers in ({'origin': 'https://evil.example'}, {'origin': 'null'},
                         {'origin': 'http://localhost:81'}, {'origin': 'https://localhost'},
                         {'origin': 'http://localhost.evil.example'},
                         {'sec-fetch-site': 'cross-site'}, {'sec-fetch-site': 'same-site'},
                         {'host': 'evil.example', 'origin': 'http://evil.example'}):
             with pytest.raises(WebSocketDisconnect):
-                with stranger.websocket_connect(f'{path}?robot=robot', headers={
+                with stranger.websocket_connect(f'{SOCKETS}{path}?robot=robot', headers={
                         'cookie': cookie, **headers}):
                     pass  # pragma: no cover
+    assert len(opened) >= 3  # it is the origin that is refused
+
+
+def test_who_watches_what_is_live_is_noted_once(services: Services, stranger: TestClient) -> None:
+    headers = {'cookie': logged_in(services, 'wanda', Role.VIEWER, ('anna',))['Cookie']}
+    for _ in range(3):
+        with suppress(CancelledError):
+            with stranger.websocket_connect(f'{SOCKETS}/live', headers=headers) as live:
+                live.receive_text()
+    rows = services.audit.rows(name='wanda')
+    assert [(row['action'], row['object'], row['details']) for row in rows] == [
+        ('socket.open', '/live', {'people': ['anna']})]
 
 
 def test_no_browser_opens_the_connection_of_a_robot(services: Services, stranger: TestClient
@@ -144,7 +162,8 @@ def test_no_browser_opens_the_connection_of_a_robot(services: Services, stranger
     cookie = logged_in(services, 'nora')['Cookie']
     for path in ('/robot/state', '/robot/media'):
         with pytest.raises(WebSocketDisconnect):
-            with stranger.websocket_connect(path, headers={'cookie': cookie, 'origin': BASE}):
+            with stranger.websocket_connect(SOCKETS + path, headers={
+                    'cookie': cookie, 'origin': BASE}):
                 pass  # pragma: no cover
 
 
@@ -307,10 +326,10 @@ def test_a_robot_that_is_revoked_stays_out(services: Services, stranger: TestCli
     let_robot_in(services, 'robot2')
     headers = {'authorization': f"Bearer {token_of('robot2')}"}
     with suppress(CancelledError):
-        with stranger.websocket_connect('/robot/state', headers=headers) as robot:
+        with stranger.websocket_connect(f'{SOCKETS}/robot/state', headers=headers) as robot:
             robot.send_text('{"kind":"beat","n":1}')
     assert services.accounts.robots.find(token_of('robot2')) is not None
     services.accounts.revoke_robot('robot2')
     with pytest.raises(WebSocketDisconnect):
-        with stranger.websocket_connect('/robot/state', headers=headers):
+        with stranger.websocket_connect(f'{SOCKETS}/robot/state', headers=headers):
             pass  # pragma: no cover

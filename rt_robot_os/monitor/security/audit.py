@@ -158,13 +158,21 @@ class Audit:
 
         :raises StoreError: it cannot be written: then it must not be read either.
         """
+        self._once(actor, action, object, details, True)
+
+    def open(self, actor: Subject, what: str, **details: Any) -> None:  # noqa: A003
+        """Write that somebody opened a connection for what is live, once in ten minutes."""
+        self._once(actor, 'socket.open', what, details, False)
+
+    def _once(self, actor: Subject, action: str, object: str,  # noqa: A002
+              details: dict[str, Any], is_strict: bool) -> None:
         now = time.monotonic_ns()
         key = (getattr(actor, 'session', '') or actor.id, action, object)
         with self._lock:
             last = self._reads.get(key)
             if last is not None and now - last < READ_AGAIN_S * 1_000_000_000:
                 return
-        self._put(_row(self._now_ns(), actor, action, object, details), True)
+        self._put(_row(self._now_ns(), actor, action, object, details), is_strict)
         with self._lock:
             self._reads[key] = now
             self._reads.move_to_end(key)

@@ -39,6 +39,7 @@ from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.security.sessions import Session
 from rt_robot_os.monitor.security.tokens import csrf_token
 from rt_robot_os.monitor.security.tokens import kept
+from rt_robot_os.monitor.security.users import shown_people
 from starlette.requests import HTTPConnection
 
 __all__ = ('Actor', 'Permission', 'Robot', 'allowed', 'robot_of', 'websocket_actor')
@@ -189,7 +190,10 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
         raise WebSocketException(_FORBIDDEN, f'your role, {session.role.value}, does not have '
                                  f'the permission {permission.value}')
     accounts.follow(session)
-    return actor_of(session, websocket)
+    actor = actor_of(session, websocket)
+    await run_in_threadpool(accounts.audit.open, actor, websocket.scope['path'],
+                            people=shown_people(actor.people))
+    return actor
 
 
 async def robot_of(websocket: WebSocket) -> Robot:
@@ -217,7 +221,7 @@ def actor_of(session: Session, connection: HTTPConnection) -> Actor:
 
 def described(session: Session, secret: str) -> dict[str, Any]:
     """Return what the page is told about its session."""
-    people = ['*'] if session.people is None else sorted(session.people)
+    people = shown_people(session.people)
     return {'id': session.id, 'user': session.name, 'role': session.role.value,
             'permissions': sorted(each.value for each in session.permissions), 'people': people,
             'csrf': csrf_token(secret), 'locked': session.is_locked,

@@ -65,13 +65,17 @@ function password(context, done) {
     fields: [name, field(t('account.old'), old), ...fresh.fields],
     yes: t('account.change'),
     async send() {
-      const found = await api.post('/api/password', {old: old.value, new: fresh.first.value});
-      api.csrf = found.csrf;
+      // All sessions end, and this one begins anew: its connection must not take that for good-bye.
+      context.live.stop();
+      try {
+        const found = await api.post('/api/password', {old: old.value, new: fresh.first.value});
+        api.csrf = found.csrf;
+      } finally {
+        context.live.start();
+      }
       old.value = '';
       fresh.clear();
       context.toast(t('account.changed'));
-      context.live.stop();
-      context.live.start();
       done();
     },
   }));

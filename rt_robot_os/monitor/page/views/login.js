@@ -21,10 +21,15 @@ export const view = {
       fields: [field(t('login.name'), name), field(t('login.password'), password)],
       after: first,
       async send() {
+        // A session that was locked ends with this: that is no good-bye.
+        context.live.stop();
         await context.api.post('/api/session', {name: name.value, password: password.value});
         await context.signedIn();
       },
       failed() {
+        if (context.user) {
+          context.live.start();
+        }
         password.value = '';
         password.focus();
       },
