@@ -289,8 +289,7 @@ class Driver:
             self.page.click('dialog button[type=submit]')
         else:
             self.page.click('.seat-free .drive-seat button:not([disabled])', timeout=20_000)
-            self.page.wait_for_selector('.seat-yours')
-            self.page.wait_for_selector('.seat-yours .badge.tone-ok')
+            self.page.wait_for_selector('.seat-yours .drive-facts .badge:is(.tone-ok, .tone-warn)')
 
     def hold(self, share: float = 1.0) -> None:
         """Hold the stick, pulled forward by a share."""

@@ -104,26 +104,16 @@ class Drive:
         """Do what a message of :data:`KINDS` says."""
         kind = message.get('kind')
         if kind == 'drive':
-            now_ns = self._clock()
-            order = self.pilot.take(message, now_ns)
-            if order is not None:
-                self._cancel_goal(message)
-                self._carry_out(order)
-            self._driven = message.get('grip') is True and self.pilot.is_armed
+            self._carry_out(self.pilot.take(message, self._clock()))
         elif kind == 'drive_begin':
             self._carry_out(self.pilot.begin(message))
             self.beat()  # the first ticket, at once
         elif kind == 'drive_end':
-            self._end(message.get('lease'))
+            self._carry_out(self.pilot.end(message.get('lease')))
 
     def lost(self) -> None:
         """Take note that the server is gone: nobody drives."""
-        self._end(None)
-
-    def _end(self, lease: object) -> None:
-        self._carry_out(self.pilot.end(lease))
-        if not self.pilot.lease:
-            self._driven = False
+        self._carry_out(self.pilot.end())
 
     async def run(self) -> None:
         """Give out tickets while somebody may drive; to cancel it stops the robot."""
@@ -154,34 +144,35 @@ class Drive:
 
     def check_hold(self) -> None:
         """Tell the robot to stand when the last command no longer holds."""
-        order = self.pilot.hold_ended(self._clock())
-        if order is not None:
-            self._carry_out(order)
+        self._carry_out(self.pilot.hold_ended(self._clock()))
 
     def statistics(self) -> dict[str, Any]:
         """Return who may drive, and what became of commands."""
         return {'driver': self.pilot.driver, 'unpublished': self.unpublished,
                 **self.pilot.counters}
 
-    def _cancel_goal(self, message: Mapping[str, Any]) -> None:
-        """Have the robot give up its goal when a hand closes: it must not go on to it after."""
-        if message.get('grip') is True and not self._driven:
+    def _carry_out(self, order: Order | None) -> None:
+        if order is not None:
+            self.unpublished += not self._publish(
+                TOPIC, twist(order.linear_m_s, order.angular_rad_s), order.stamp_ns)
+            self._set_timer()
+        if self.pilot.grips != self._driven:
+            # When the hand closes the goal is given up, so that the robot does not go on to it
+            # when the hand opens; and then once more, since others may have given one meanwhile.
+            self._driven = self.pilot.grips
             self._publish(CANCEL_TOPIC, _TRUE, 0)
 
-    def _carry_out(self, order: Order | None) -> None:
-        if order is None:
-            return
-        self.unpublished += not self._publish(
-            TOPIC, twist(order.linear_m_s, order.angular_rad_s), order.stamp_ns)
+    def _set_timer(self) -> None:
+        """Be there when the hold ends."""
         if self._end_of_hold is not None:
             self._end_of_hold.cancel()
             self._end_of_hold = None
         until_ns = self.pilot.until_ns
         if until_ns:
-            loop = asyncio.get_running_loop()
             # A millisecond more, so that it is over when the timer says so.
             after_s = (until_ns - self._clock() + NS_PER_MS) / NS_PER_S
-            self._end_of_hold = loop.call_later(max(0.0, after_s), self.check_hold)
+            self._end_of_hold = asyncio.get_running_loop().call_later(
+                max(0.0, after_s), self.check_hold)
 
 
 class Driving(Part):
