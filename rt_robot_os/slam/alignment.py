@@ -1,0 +1,107 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Put a scan exactly onto what was seen before: points to lines, with robust weights.
+
+A. Censi, An ICP variant using a point-to-line metric, ICRA 2008. What lies far from its line counts
+less and less (Cauchy), so that somebody who walks by does not pull.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from typing import Final
+
+import numpy as np
+
+from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.slam.transforms import placed
+from rt_robot_os.slam.transforms import wrapped
+
+_STEPS_MOST: Final = 20
+_SMALL: Final = 1e-4
+#: Distance to its line at which a point counts half.
+_SOFT_M: Final = 0.05
+#: A point this near to its line lies on it.
+_ON_LINE_M: Final = 0.12
+_GATE_LEAST_M: Final = 0.15
+_POINTS_LEAST: Final = 10
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """
+    How a scan lies on a map.
+
+    :ivar pose: shape (3,).
+    :ivar information: shape (3, 3), of the points alone, in units of a point's own variance.
+    :ivar share: of the scan's points that lie on a line of the map.
+    """
+
+    pose: Floats
+    information: Floats
+    share: float
+
+
+class Lines:
+    """
+    Points with normals, to which others are aligned.
+
+    :param points: shape (n, 2), in m, n > 0.
+    :param normals: shape (n, 2).
+    """
+
+    def __init__(self, points: Floats, normals: Floats) -> None:
+        from scipy.spatial import cKDTree  # takes long, and nobody else needs it
+        self.points, self.normals = points, normals
+        self._tree: Any = cKDTree(points)
+
+    def align(self, points: Floats, start: Floats, prior: Floats | None = None,
+              prior_information: Floats | None = None, gate_m: float = 0.4) -> Aligned:
+        """
+        Align points, beginning at a pose.
+
+        :param points: shape (n, 2), in the frame of the pose.
+        :param prior: a pose that is expected, with its information, shape (3, 3), in the units
+            of :class:`Aligned`.
+        :param gate_m: what is further from everything is left out, at first.
+        """
+        pose, share, found = start.copy(), 0.0, np.zeros((3, 3))
+        for _ in range(_STEPS_MOST):
+            there = placed(pose, points)
+            distances, nearest = self._tree.query(there, distance_upper_bound=gate_m)
+            near = np.isfinite(distances)
+            if near.sum() < _POINTS_LEAST:
+                return Aligned(pose, np.zeros((3, 3)), 0.0)
+            normals, arms = self.normals[nearest[near]], there[near] - pose[:2]
+            errors = ((there[near] - self.points[nearest[near]]) * normals).sum(1)
+            weights = 1.0 / (1.0 + (errors / _SOFT_M) ** 2)
+            jacobian = np.stack((normals[:, 0], normals[:, 1],
+                                 normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]), -1)
+            found = (jacobian * weights[:, None]).T @ jacobian
+            matrix, right = found, (jacobian * weights[:, None]).T @ errors
+            if prior is not None and prior_information is not None:
+                off = pose - prior
+                off[2] = wrapped(off[2])
+                matrix, right = matrix + prior_information, right + prior_information @ off
+            step = -np.linalg.solve(matrix + 1e-6 * np.eye(3), right)
+            pose = pose + step
+            pose[2] = wrapped(pose[2])
+            share = float((np.abs(errors) < _ON_LINE_M).sum() / len(points))
+            gate_m = max(_GATE_LEAST_M, gate_m * 0.8)
+            if np.abs(step).max() < _SMALL:
+                break
+        return Aligned(pose, found, share)

@@ -1,0 +1,112 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A scan, and what it says of the surfaces around: points and the lines that they lie on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import field
+
+import numpy as np
+import numpy.typing as npt
+
+from rt_robot_os.slam.transforms import Floats
+
+#: Nearer than that a range is the robot's own edge or no measurement.
+NEAREST_M = 0.05
+#: Two neighbours further apart than this, or than so many steps of the beam, are of two things.
+_GAP_M = 0.15
+_GAP_STEPS = 4.0
+#: Neighbours on each side that make a line.
+_NEIGHBOURS = 3
+#: A coordinate that no scan has: points of no use are put there.
+_NOWHERE = 1e9
+
+
+@dataclass(frozen=True)
+class Scan:
+    """
+    A scan and where odometry was when it was taken.
+
+    :ivar stamp_ns: when.
+    :ivar odometry: shape (3,): x, y in m, yaw in rad; of the laser, in the frame of odometry.
+    :ivar ranges: shape (beams,), in m; what is not finite or out of range is no measurement.
+    :ivar angle_min: of the first beam in rad, counter-clockwise.
+    :ivar angle_increment: from beam to beam in rad; negative for a laser upside down.
+    """
+
+    stamp_ns: int
+    odometry: Floats
+    ranges: Floats
+    angle_min: float
+    angle_increment: float
+
+
+@dataclass(frozen=True)
+class Surface:
+    """
+    What a scan has seen, in the frame of its laser.
+
+    :ivar points: shape (n, 2), in m.
+    :ivar normals: shape (n, 2), of unit length; zero where there is no line.
+    :ivar lined: shape (n,): whether a point lies on a line.
+    """
+
+    points: Floats
+    normals: Floats
+    lined: npt.NDArray[np.bool_] = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def surface_of(scan: Scan, range_max: float) -> Surface:
+    """
+    Return the points of a scan, each with the normal of the line through its neighbours.
+
+    :param range_max: in m; what is further says nothing.
+    """
+    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    valid = np.isfinite(ranges) & (ranges > NEAREST_M) & (ranges < range_max)
+    safe = np.where(valid, ranges, 0.0)
+    points = np.stack((safe * np.cos(angles), safe * np.sin(angles)), -1)
+    gap = np.maximum(_GAP_M, _GAP_STEPS * safe * abs(scan.angle_increment))
+    before, has_before = _reach(points, valid, gap, 1)
+    after, has_after = _reach(points, valid, gap, -1)
+    along = after - before
+    length = np.hypot(along[:, 0], along[:, 1])
+    lined = valid & (has_before | has_after) & (length > 1e-6)
+    normals = np.zeros_like(points)
+    normals[lined] = np.stack((-along[lined, 1], along[lined, 0]), -1) / length[lined, None]
+    return Surface(points[valid], normals[valid], lined[valid])
+
+
+def _reach(points: Floats, valid: npt.NDArray[np.bool_], gap: Floats, step: int
+           ) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Return how far the line of each point reaches to one side, a few neighbours at most."""
+    furthest, last = points.copy(), points
+    going, moved = valid.copy(), np.zeros(len(points), dtype=np.bool_)
+    for count in range(1, min(_NEIGHBOURS, len(points) - 1) + 1):
+        neighbour = np.roll(points, step * count, axis=0)
+        there = np.roll(valid, step * count)
+        there[:count] &= step < 0
+        there[len(there) - count:] &= step > 0
+        apart = np.hypot(neighbour[:, 0] - last[:, 0], neighbour[:, 1] - last[:, 1])
+        going &= there & (apart < gap)
+        furthest[going] = neighbour[going]
+        moved |= going
+        last = neighbour
+    return furthest, moved

@@ -1,0 +1,64 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The settings of a mapper, one set for all buildings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """
+    What a mapper takes for granted.
+
+    :ivar range_max_m: beams that end further away say nothing.
+    :ivar keyframe_m: after this way, or
+    :ivar keyframe_rad: this turn, a scan is kept.
+    :ivar local_keyframes: the last so many are what a scan is matched with.
+    :ivar odometry_m: standard deviation of a step of odometry, and
+    :ivar odometry_per_m: more for each metre of it;
+    :ivar odometry_rad: of its turn, and
+    :ivar odometry_per_rad: more for each radian.
+    :ivar match_noise_m: standard deviation of a point of a scan on its line, with what points of
+        one wall have in common.
+    :ivar share_good: of the points on lines, from which a match is taken as it is;
+    :ivar share_least: below it a match says nothing, and odometry is followed.
+    :ivar loop_apart_m: way since a place was left, from which coming back is a loop; a radian
+        counts as half a metre.
+    :ivar loop_reach_m: how far around places are looked for, beyond what the pose may be wrong by.
+    :ivar loop_reach_most_m: the furthest.
+    :ivar loop_share: of the points on lines, from which a loop is closed.
+    :ivar loop_score: and how well they have to fit.
+    :ivar loop_candidates: places that are tried for each keyframe.
+    """
+
+    range_max_m: float = 20.0
+    keyframe_m: float = 0.3
+    keyframe_rad: float = 0.2
+    local_keyframes: int = 12
+    odometry_m: float = 0.05
+    odometry_per_m: float = 0.15
+    odometry_rad: float = 0.05
+    odometry_per_rad: float = 0.25
+    match_noise_m: float = 0.1
+    share_good: float = 0.45
+    share_least: float = 0.3
+    loop_apart_m: float = 10.0
+    loop_reach_m: float = 4.0
+    loop_reach_most_m: float = 10.0
+    loop_share: float = 0.6
+    loop_score: float = 0.5
+    loop_candidates: int = 3
