@@ -45,7 +45,7 @@ KEYS = {
 OPTIONAL = {
     'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'mypy': 'compile',
     'mypy_extensions': 'compile', 'mypyc': 'compile', 'simpy': 'peers',
-    'smbus2': 'i2c', 'sounddevice': 'sound',
+    'scipy': 'slam', 'smbus2': 'i2c', 'sounddevice': 'sound',
     'vqf': 'attitude',
     **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'pydantic', 'sqlalchemy',
                      'starlette', 'uvicorn'),

@@ -15,6 +15,6 @@
 """
 Mapping and localisation from scans of a laser: pure computing, no robot in it.
 
-Native calls are not preempted, so nothing of this belongs into the real-time core: a process of its
-own uses it, and what must be on time (odometry, the pose that is predicted) stays in the core.
+Native calls are not preempted, so nothing of this belongs into the real-time core: a process of
+its own uses it, and what must be on time (odometry, the pose that is predicted) stays in the core.
 """

@@ -15,8 +15,8 @@
 """
 Put a scan exactly onto what was seen before: points to lines, with robust weights.
 
-A. Censi, An ICP variant using a point-to-line metric, ICRA 2008. What lies far from its line counts
-less and less (Cauchy), so that somebody who walks by does not pull.
+A. Censi, An ICP variant using a point-to-line metric, ICRA 2008. What lies far from its line
+counts less and less (Cauchy), so that somebody who walks by does not pull.
 """
 
 from __future__ import annotations

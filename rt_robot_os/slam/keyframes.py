@@ -88,14 +88,14 @@ class LocalMap:
 
     @property
     def lines(self) -> Lines:
-        """The points with their normals."""
+        """Return the points with their normals."""
         if self._lines is None:
             self._lines = Lines(self._points, self._normals)
         return self._lines
 
     @property
     def field(self) -> LikelihoodField:
-        """The points as a grid."""
+        """Return the points as a grid."""
         if self._field is None:
             self._field = LikelihoodField(self._points)
         return self._field

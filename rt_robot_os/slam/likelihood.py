@@ -82,4 +82,6 @@ class LikelihoodField:
 
     def cells_of(self, points: Floats) -> npt.NDArray[np.int64]:
         """Return the cells of points, column and row, which may lie outside."""
-        return np.floor((points - self.low) / self.cell_m).astype(np.int64)
+        cells: npt.NDArray[np.int64] = np.floor(
+            (points - self.low) / self.cell_m).astype(np.int64)
+        return cells

@@ -96,7 +96,7 @@ def places_near(keyframes: Sequence[Keyframe], edges: Sequence[Edge], tuning: Tu
     old = np.flatnonzero(last.travelled_m - travelled > tuning.loop_apart_m)
     if not len(old):
         return []
-    at = np.array([keyframes[index].pose[:2] for index in old])
+    at = np.array([keyframes[index].pose[:2] for index in old.tolist()])
     distances = np.hypot(at[:, 0] - last.pose[0], at[:, 1] - last.pose[1])
     if distances.min() > tuning.loop_reach_most_m:
         return []
@@ -104,7 +104,7 @@ def places_near(keyframes: Sequence[Keyframe], edges: Sequence[Edge], tuning: Tu
     reach = np.minimum(tuning.loop_reach_m + 2.0 * sigma_m[old], tuning.loop_reach_most_m)
     near = np.flatnonzero(distances < reach)
     groups = np.split(near, np.flatnonzero(np.diff(old[near]) > _SAME_PLACE) + 1)
-    found = [_place(group[distances[group].argmin()], old, at, sigma_m, sigma_rad)
+    found = [_place(int(group[distances[group].argmin()]), old, at, sigma_m, sigma_rad)
              for group in sorted((g for g in groups if len(g)), key=lambda g: distances[g].min())]
     return found[:tuning.loop_candidates]
 

@@ -174,7 +174,7 @@ class Mapper:
         return self.keyframes[-1].pose
 
     def _edge_of_match(self, index: int, last: Keyframe, match: Match, step: Floats) -> Edge:
-        """What the scan says, and what it does not say as odometry does."""
+        """Take what the scan says, and what it does not say as odometry does."""
         t = self.tuning
         way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
         prior = self._prior(t.odometry_m + t.odometry_per_m * way,

@@ -1,0 +1,76 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the program `mapping` does with its command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from rt_robot_os.errors import ConfigError
+from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import OK
+from rt_robot_os.programs import tell
+from rt_robot_os.tools.mapping.offline import compared
+from rt_robot_os.tools.mapping.offline import map_log
+
+_NAME = 'mapping'
+_EPILOG = """Exit code: 0 done, 2 a file that cannot be used.
+What the report holds: docs/mapping.md."""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=_NAME, allow_abbrev=False, epilog=_EPILOG,
+        description='Make a map of a log of laser scans as fast as it goes, or compare the poses '
+        'of a report with relations that are known.')
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument('--bag', metavar='FILE', type=Path,
+                      help='a log: CSV with ranges, or CARMEN; gzipped or not')
+    what.add_argument('--compare', metavar='REPORT', type=Path,
+                      help='a report of before; needs --relations')
+    parser.add_argument('--report', metavar='FILE', type=Path,
+                        help='write poses, counters and errors as JSON')
+    parser.add_argument('--map', metavar='FILE', type=Path, dest='map_file',
+                        help='write the map: a .yaml, and a .pgm beside it')
+    parser.add_argument('--picture', metavar='FILE', type=Path,
+                        help='draw the map and the way (needs matplotlib)')
+    parser.add_argument('--relations', metavar='FILE', type=Path,
+                        help='a CSV of i,j,dx,dy,dyaw: say how far the poses are off')
+    parser.add_argument('--cell', metavar='M', type=float, default=0.05,
+                        help='edge of a cell of the map in m (default: %(default)s)')
+    return parser
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Make a map, or compare.
+
+    :param argv: without the program's name.
+    :return: the exit code.
+    """
+    arguments = _parser().parse_args(argv)
+    try:
+        if arguments.compare is not None:
+            if arguments.relations is None:
+                raise ConfigError(['--compare needs --relations FILE'])
+            compared(arguments.compare, arguments.relations)
+        else:
+            map_log(arguments)
+    except ConfigError as error:
+        tell(_NAME, error.problems[0], error.problems[1:])
+        return BAD_USE
+    return OK
