@@ -35,6 +35,7 @@ from rt_robot_os.monitor.maps import Maps
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.certificates import CA_FILE
+from rt_robot_os.monitor.security.certificates import names_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.retention import Kept
@@ -44,6 +45,7 @@ from rt_robot_os.uplink.frames import FRAME_BYTES
 import uvicorn
 
 _BACKLOG = 512
+_EVERYWHERE = ('0.0.0.0', '::')
 SWITCH_S = 0.001
 #: Of the default database, in the folder.
 DATABASE = 'monitor.db'
@@ -85,14 +87,23 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
         if companions is not None:
             stack.enter_context(running(
                 companions, services.accounts, settings.where,
-                address(settings, listening).replace('http', 'ws', 1), _authority(settings)))
+                address(settings, listening, 'localhost').replace('http', 'ws', 1),
+                _authority(settings)))
         server.run([listening])
 
 
-def address(settings: MonitorSettings, listening: socket.socket) -> str:
-    """Return what is typed into a browser."""
+def address(settings: MonitorSettings, listening: socket.socket, own: str = '') -> str:
+    """
+    Return what is typed into a browser.
+
+    :param own: what to call this machine when it listens on all addresses; when absent the first
+        name of the certificate, since that of all addresses is none that can be opened.
+    """
     scheme = 'https' if settings.has_tls else 'http'
-    host = f'[{settings.host}]' if ':' in settings.host else settings.host
+    name = settings.host
+    if name in _EVERYWHERE and settings.has_tls:
+        name = own or next(iter(names_of(Path(settings.certificate))), name)
+    host = f'[{name}]' if ':' in name else name
     return f'{scheme}://{host}:{listening.getsockname()[1]}'
 
 

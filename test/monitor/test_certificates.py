@@ -163,3 +163,17 @@ def test_what_is_broken_is_told_and_not_overwritten(tmp_path: Path) -> None:
         make(tmp_path / 'other', NAMES, days=4000)
     with pytest.raises(StartError):
         certificates.days_left(tmp_path / 'ca.key')
+
+
+def test_the_address_that_is_printed_can_be_opened(tmp_path: Path) -> None:
+    """A server on all addresses says a name of its certificate, and not 0.0.0.0."""
+    pytest.importorskip('fastapi')
+    from rt_robot_os.monitor.server import address
+    from rt_robot_os.monitor.settings import MonitorSettings
+    made = make(tmp_path, NAMES)
+    settings = MonitorSettings(host='0.0.0.0', certificate=str(made.certificate),
+                               key=str(made.key))
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        assert address(settings, taken) == f'https://monitor.local:{port}'
+        assert address(settings, taken, 'localhost') == f'https://localhost:{port}'

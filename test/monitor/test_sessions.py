@@ -266,6 +266,9 @@ def test_access_in_an_emergency_is_short_and_flagged_and_seen_by_admins(server: 
     assert short.status_code == 422
     assert carer.post('/api/session/emergency', json={
         'person': 'anna', 'reason': reason}).status_code == 200
+    # The pages of admins are told at once, and nobody else's.
+    assert [json.loads(text)['person'] for text in server.told['adam']] == ['anna']
+    assert server.told['vera'] == []
     assert carer.get('/api/session').json()['people'] == ['anna', 'bert']
     # For this session alone.
     assert server.signed_in('carl').get('/api/session').json()['people'] == ['bert']

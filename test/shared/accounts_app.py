@@ -31,6 +31,7 @@ from rt_robot_os.monitor.api import session as session_api
 from rt_robot_os.monitor.api import users as users_api
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.protection import protect
+from rt_robot_os.monitor.security.roles import PERMISSIONS
 from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.security.users import User
 from rt_robot_os.monitor.store.engine import open_engine
@@ -83,7 +84,13 @@ class Monitor:
         self.engine: Engine = open_engine(read_url(str(folder / 'monitor.db')))
         self.accounts = Accounts.open(self.engine, folder, hasher=QUICK, now_ns=self.clock)
         self.accounts.lock_out._now_ns = self.clock
-        self.services: Any = SimpleNamespace(accounts=self.accounts, audit=self.accounts.audit)
+        #: What the pages of an admin and of a viewer were told.
+        self.told: dict[str, list[str]] = {'adam': [], 'vera': []}
+        pages = [SimpleNamespace(actor=SimpleNamespace(may=PERMISSIONS[role].__contains__),
+                                 say=self.told[name].append)
+                 for name, role in (('adam', Role.ADMIN), ('vera', Role.VIEWER))]
+        self.services: Any = SimpleNamespace(accounts=self.accounts, audit=self.accounts.audit,
+                                             hub=SimpleNamespace(clients=pages))
         self.app = FastAPI()
         self.app.state.services = self.services
         for each in self.apis():

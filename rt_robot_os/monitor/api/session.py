@@ -42,10 +42,12 @@ from rt_robot_os.monitor.security.origins import is_secure
 from rt_robot_os.monitor.security.passwords import BusyError
 from rt_robot_os.monitor.security.passwords import check_rules
 from rt_robot_os.monitor.security.roles import MAY_BREAK_GLASS
+from rt_robot_os.monitor.security.roles import Permission
 from rt_robot_os.monitor.security.roles import role_of
 from rt_robot_os.monitor.security.users import AccountError
 from rt_robot_os.monitor.security.users import key_of
 from rt_robot_os.monitor.security.users import User
+from rt_robot_os.uplink.messages import encode
 
 _JSON: Final = 'application/json'
 _ANYBODY: Final = Depends(allowed(None))
@@ -109,7 +111,7 @@ def router(services: Any) -> APIRouter:
     _add_sessions(found, accounts, door)
     _add_links(found, accounts, door)
     _add_password(found, accounts, door)
-    _add_emergencies(found, accounts)
+    _add_emergencies(found, accounts, getattr(services, 'hub', None))
     return found
 
 
@@ -286,7 +288,15 @@ def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
         return await run_in_threadpool(door.let_in, user, request, response, 'password.change')
 
 
-def _add_emergencies(found: APIRouter, accounts: Accounts) -> None:
+def _tell_admins(hub: Any, name: str, person: str, ends_ns: int) -> None:
+    """Tell each page of an admin that somebody opened what is not theirs."""
+    text = encode('emergency', {'name': name, 'person': person, 'ends_ns': ends_ns})
+    for client in list(hub.clients) if hub is not None else ():
+        if client.actor.may(Permission.ADMIN):
+            client.say(text)
+
+
+def _add_emergencies(found: APIRouter, accounts: Accounts, hub: Any) -> None:
     @found.post('/session/emergency')
     def begin(form: Emergency, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         session = accounts.sessions.find(secret_of(request))
@@ -302,6 +312,7 @@ def _add_emergencies(found: APIRouter, accounts: Accounts) -> None:
             raise refusal(422, error.text, error.remedy) from None
         accounts.audit.note(actor, 'emergency.begin', form.person, reason=form.reason,
                             ends_ns=ends, flag='emergency')
+        accounts.soon(_tell_admins, hub, actor.name, form.person, ends)
         accounts.rights_changed(actor.session)
         return {'ends_ns': ends}
 

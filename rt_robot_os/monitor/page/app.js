@@ -164,6 +164,8 @@ api.onSignedOut = (reason) => {
   }
 };
 live.addEventListener('revoked', () => signedOut());
+live.addEventListener('emergency', ({detail}) => toast(context.t('shell.emergency', {
+  name: detail.name, person: detail.person}), {kind: 'warn', shownMs: 60000}));
 
 function signedOut() {
   leave();

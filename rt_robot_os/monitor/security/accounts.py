@@ -201,6 +201,14 @@ class Accounts:
                     self._tell(Revoked('robot', each, ENDED,
                                        'the token of this robot was revoked'))
 
+    def soon(self, work: Callable[..., object], *arguments: object) -> None:
+        """Do something on the event loop of the server; at once where there is none."""
+        loop = self._loop
+        if loop is None:
+            work(*arguments)
+        else:
+            loop.call_soon_threadsafe(work, *arguments)
+
     def close(self) -> None:
         """Let go of threads."""
         self.passwords.close()
@@ -209,11 +217,7 @@ class Accounts:
         with self._lock:
             (self._sessions if revoked.kind == 'session' else self._robots).pop(revoked.id, None)
         for callback in list(self._callbacks):
-            loop = self._loop
-            if loop is None:
-                callback(revoked)
-            else:
-                loop.call_soon_threadsafe(callback, revoked)
+            self.soon(callback, revoked)
 
 
 def link_of(base_url: str, secret: str) -> str:
