@@ -207,6 +207,20 @@ def test_one_address_that_tries_many_names_is_delayed() -> None:
     assert found.begin('user9', '10.0.0.2') == 0
 
 
+def test_to_log_in_to_ones_own_account_gives_no_more_guesses_at_others() -> None:
+    clock = Clock()
+    found = LockOut(clock)
+    waits = []
+    for number in range(12):
+        waits.append(found.begin(f'user{number}', '10.0.0.1'))
+        clock.forward(waits[-1])
+        if waits[-1]:
+            found.begin(f'user{number}', '10.0.0.1')
+        found.begin('mallory', '10.0.0.1')
+        found.succeed('mallory', '10.0.0.1')
+    assert max(waits) > 30
+
+
 def test_an_address_is_what_one_subscriber_has() -> None:
     assert network_of('2001:db8:1:2:3:4:5:6') == network_of('2001:db8:1:2::1')
     assert network_of('2001:db8:1:2::1') != network_of('2001:db8:1:3::1')

@@ -71,6 +71,17 @@ def test_a_link_for_the_first_account_is_void_after_a_day_and_when_a_new_one_is_
     assert server.accounts.users.all() == []
 
 
+def test_the_link_for_the_first_account_is_void_when_there_is_one_by_the_console(
+        server: Monitor) -> None:
+    token = str(server.accounts.setup_link(BASE)).rpartition('/')[2]
+    server.user('mary', Role.OWNER)
+    form = {'token': token, 'name': 'mallory', 'password': PASSWORD}
+    assert server.client().post('/api/setup/check', json={'token': token}).status_code == 404
+    assert server.client().post('/api/setup', json=form).status_code == 404
+    assert server.accounts.invitations.use(token, 'mallory', 'h', Role.OWNER) is None
+    assert [user.name for user in server.accounts.users.all()] == ['mary']
+
+
 def test_a_link_whose_form_is_refused_stays_good(server: Monitor) -> None:
     token = str(server.accounts.setup_link(BASE)).rpartition('/')[2]
     browser = server.client()

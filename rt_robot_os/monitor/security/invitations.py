@@ -27,6 +27,7 @@ from rt_robot_os.monitor.security.tables import users
 from rt_robot_os.monitor.security.tokens import kept
 from rt_robot_os.monitor.security.tokens import new_secret
 from rt_robot_os.monitor.security.users import AccountError
+from rt_robot_os.monitor.security.users import admins
 from rt_robot_os.monitor.security.users import set_password
 from rt_robot_os.monitor.security.users import User
 from rt_robot_os.monitor.security.users import Users
@@ -85,6 +86,8 @@ class Invitations:
             row = connection.execute(select(invitations).where(
                 invitations.c.token == kept(secret),
                 invitations.c.expires_ns > self._now_ns())).first()
+            if row is not None and row.user is None and admins(connection):
+                return None  # the first account was made in another way meanwhile
         if row is None:
             return None
         user = self._users.get(row.user) if row.user is not None else None
@@ -109,7 +112,8 @@ class Invitations:
                     invitations.c.token == row.token)).rowcount != 1:
                 return None
             if row.user is None:
-                return self._first(connection, name, password, role)
+                return None if admins(connection) else self._first(connection, name, password,
+                                                                   role)
             if connection.execute(select(users.c.disabled).where(users.c.id == row.user)
                                   ).scalar_one():
                 return None

@@ -36,6 +36,7 @@ LONGEST_DELAY_S: Final = 60
 #: After that long without a wrong password, all is forgotten.
 _FORGOTTEN_S: Final = 900
 _KEYS: Final = 10_000
+_ADDRESS: Final = 'address'
 
 
 def network_of(address: str) -> str:
@@ -104,10 +105,19 @@ class LockOut:
             return 0.0
 
     def succeed(self, account: str, address: str) -> None:
-        """Forget the wrong passwords: the right one came."""
+        """
+        Forget the wrong passwords of the account: the right one came.
+
+        Of the address only that this one was no wrong one: who has an account must not try those
+        of others without a wait by logging in to their own between.
+        """
         with self._lock:
             for key in self._keys(account, address):
-                self._failures.pop(key, None)
+                entry = self._failures.get(key)
+                if entry is not None and key[0] == _ADDRESS and entry.count > 1:
+                    entry.count -= 1
+                else:
+                    self._failures.pop(key, None)
             self._known.pop((account, network_of(address)), None)
             self._known[account, network_of(address)] = None
             while len(self._known) > _KEYS:
@@ -116,8 +126,8 @@ class LockOut:
     def _keys(self, account: str, address: str) -> tuple[tuple[str, ...], ...]:
         network = network_of(address)
         if (account, network) in self._known:
-            return (account, network),
-        return ('account', account), ('address', network)
+            return ('known', account, network),
+        return ('account', account), (_ADDRESS, network)
 
     def _wait_ns(self, key: tuple[str, ...], now: int) -> int:
         entry = self._failures.get(key)

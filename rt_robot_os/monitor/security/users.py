@@ -151,7 +151,7 @@ class Users:
     def is_empty(self) -> bool:
         """Return whether there is no user who could come in and administer."""
         with reading(self._engine) as connection:
-            return _admins(connection) == 0
+            return admins(connection) == 0
 
     def set_password(self, user: str, password: str) -> None:
         """
@@ -189,7 +189,7 @@ class Users:
             if people is not None:
                 connection.execute(grants.delete().where(grants.c.user == user))
                 self._grant(connection, user, people, by)
-            if before.role.value in _ADMINS and changes and _admins(connection) == 0:
+            if before.role.value in _ADMINS and changes and admins(connection) == 0:
                 raise AccountError('nobody would be left who administers the monitor',
                                    'make somebody else an admin first')
             return _one(connection, users.c.id == user)
@@ -244,7 +244,8 @@ def _one(connection: Connection, condition: Any) -> User:
     return found
 
 
-def _admins(connection: Connection) -> int:
+def admins(connection: Connection) -> int:
+    """Return how many there are who administer and can come in."""
     return int(connection.execute(select(func.count()).select_from(users).where(
         users.c.role.in_(_ADMINS), users.c.disabled.is_(False), users.c.password != '')
         ).scalar_one())
