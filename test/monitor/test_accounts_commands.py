@@ -235,13 +235,13 @@ def test_the_last_who_administers_stays(server: Monitor) -> None:
     assert admin.get('/api/session').json()['role'] == 'admin'
 
 
-@pytest.mark.parametrize('name', ['', ' ', 'x' * 65, '<script>', 'a\x00b', '../x',
-                                  'a\u202eb', 'carl', 'CARL', 'Ｃａｒｌ'])
-def test_names_that_are_none_or_look_like_another_are_refused(server: Monitor, name: str) -> None:
+def test_names_that_are_none_or_look_like_another_are_refused(server: Monitor) -> None:
     admin = server.signed_in('adam', Role.ADMIN)
     server.user('carl')
-    answer = admin.post('/api/users', json={'name': name, 'role': 'carer'})
-    assert answer.status_code == 422, answer.text
+    for name in ('', ' ', 'x' * 65, '<script>', 'a\x00b', '../x', 'a\u202eb', 'carl', 'CARL',
+                 'Ｃａｒｌ'):
+        answer = admin.post('/api/users', json={'name': name, 'role': 'carer'})
+        assert answer.status_code == 422, name
 
 
 def test_robots_are_let_in_and_kept_out_by_admins(server: Monitor) -> None:

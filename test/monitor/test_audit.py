@@ -92,15 +92,19 @@ def test_the_database_itself_refuses_to_change_a_row(server: Monitor) -> None:
                 connection.execute(statement)
 
 
-@pytest.mark.parametrize('column', ['t_ns', 'actor', 'name', 'role', 'address', 'action', 'object',
-                                    'details', 'previous', 'mac'])
-def test_a_row_that_was_changed_is_found(server: Monitor, column: str) -> None:
+def test_a_row_that_was_changed_is_found(server: Monitor) -> None:
     audit = rows(server, 4)
-    value: Any = 5 if column == 't_ns' else '{}' if column == 'details' else 'x'
-    tamper(server, lambda connection: connection.execute(
-        table.update().where(table.c.seq == 2).values(**{column: value})))
-    verdict = audit.verify()
-    assert any('row 2' in each for each in verdict.problems)
+    right = dict(audit.rows()[1])
+    for column, value in right.items():
+        changed: Any = 5 if isinstance(value, int) else 'x'
+        kept: Any = json.dumps(value) if column == 'details' else value
+        if column != 'seq':
+            tamper(server, lambda connection: connection.execute(
+                table.update().where(table.c.seq == 2).values(**{column: changed})))
+            assert any('row 2' in each for each in audit.verify().problems), column
+            tamper(server, lambda connection: connection.execute(
+                table.update().where(table.c.seq == 2).values(**{column: kept})))
+            assert audit.verify().is_whole, column
 
 
 def test_rows_that_were_removed_are_found_at_any_place(server: Monitor) -> None:

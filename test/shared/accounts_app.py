@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace
@@ -91,12 +92,17 @@ class Monitor:
                  for name, role in (('adam', Role.ADMIN), ('vera', Role.VIEWER))]
         self.services: Any = SimpleNamespace(accounts=self.accounts, audit=self.accounts.audit,
                                              hub=SimpleNamespace(clients=pages))
-        self.app = FastAPI()
-        self.app.state.services = self.services
-        for each in self.apis():
-            self.app.include_router(each.router(self.services))
-        self.rate = protect(self.app)
         self._hash = self.accounts.passwords.hash(PASSWORD)
+
+    @cached_property
+    def app(self) -> FastAPI:
+        """Return the app; not each test needs one."""
+        found = FastAPI()
+        found.state.services = self.services
+        for each in self.apis():
+            found.include_router(each.router(self.services))
+        protect(found)
+        return found
 
     @staticmethod
     def apis() -> tuple[Any, ...]:
