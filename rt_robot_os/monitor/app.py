@@ -41,6 +41,7 @@ from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.api import users
+from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
@@ -68,6 +69,7 @@ API: Final = (
     session,
     status,
     users,
+    voice,
 )
 
 

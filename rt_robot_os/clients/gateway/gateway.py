@@ -43,10 +43,11 @@ from rt_robot_os.clients.gateway.robot_link import RobotLink
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.clients.gateway.state_connection import StateConnection
 from rt_robot_os.clients.gateway.surroundings import Surroundings
+from rt_robot_os.clients.gateway.voice import Voice
 from rt_robot_os.uplink.messages import encode
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
-PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving, Media)
+PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving, Media, Voice)
 _STOP_LOOK_S: Final = 0.1
 #: So long the robot may take before the server is called without it.
 _ROBOT_S: Final = 1.0

@@ -102,6 +102,12 @@ class GatewaySettings:
                                        '$ROS_HOME or ~/.ros')
     media_mb: float = setting(1000.0, 'Pictures and clips that may wait for the server; beyond '
                               'that the oldest give way', 'MB', 1.0, 1e6)
+    microphone: str = setting('', 'What hears for calls: a sound device, default, file:PATH of a '
+                              'WAV, tone (a simulated one), none; empty: no calls unless there is '
+                              'a speaker')
+    speaker: str = setting('', 'What speaks in calls: a sound device, default, file:PATH, none')
+    duck_db: float = setting(18.0, 'So much quieter is the microphone while the speaker speaks, '
+                             'so that nobody hears themselves', 'dB', 0.0, 60.0)
     heartbeat_s: float = setting(5.0, 'How often monitor/heartbeat is published while the server '
                                  'is heard', 's', 0.1, 3600.0)
     silence_s: float = setting(3.0, 'A server that says nothing for so long is called anew', 's',
