@@ -50,7 +50,7 @@ OPTIONAL = {
     **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'pydantic', 'sqlalchemy',
                      'starlette', 'uvicorn'),
                     'monitor'),
-    'aiortc': 'voice', 'psycopg': 'postgres', 'websockets': 'gateway',
+    'aiortc': 'voice', 'av': 'voice', 'psycopg': 'postgres', 'websockets': 'gateway',
     **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
     **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
 
@@ -60,8 +60,8 @@ DISTRIBUTIONS = {
     'horus': 'horus-robotics',
     'mypy_extensions': 'mypy', 'serial': 'pyserial', 'yaml': 'PyYAML'}
 # What the one brings with it.
-BROUGHT = {'lz4': 'mcap', 'mypyc': 'mypy', 'pydantic': 'fastapi', 'starlette': 'fastapi',
-           'zstandard': 'mcap'}
+BROUGHT = {'av': 'aiortc', 'lz4': 'mcap', 'mypyc': 'mypy', 'pydantic': 'fastapi',
+           'starlette': 'fastapi', 'zstandard': 'mcap'}
 # What runs setup.py is there when it runs.
 BUILD = {'setuptools'}
 
