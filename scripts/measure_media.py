@@ -214,6 +214,7 @@ class World:
         path.write_text(json.dumps({'/**/gateway': {'ros__parameters': {
             'server': f'ws://{address}', 'token_file': str(token),
             'folder': str(self.folder / 'gateway'), 'people': ['anna'], 'duck_db': 0.0,
+            'observations_folder': str(self.folder / 'observations'),
             'microphone': f'file:{self.folder}/chirp.wav',
             'speaker': f'file:{self.folder}/heard.wav'}}}))
         process = subprocess.Popen(

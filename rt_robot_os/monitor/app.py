@@ -94,6 +94,8 @@ def _lifespan(services: Services) -> Any:
         services.accounts.on_revoked(services.hub.revoked)
         tasks = [asyncio.create_task(_look(services)),
                  asyncio.create_task(services.accounts.watch())]
+        if services.media is not None:
+            tasks.append(asyncio.create_task(services.media.keep_house()))
         if services.connections is not None:
             tasks.append(asyncio.create_task(services.connections.look()))
         try:

@@ -55,6 +55,7 @@ def router(services: Services) -> APIRouter:
                 'storing': {'ok': not writer.fault, 'text': writer.fault,
                             'waiting': writer.waiting, 'commits': writer.commits,
                             'failures': writer.failures, 'records': dict(services.store.counts)},
+                'media': services.media.status() if services.media is not None else {},
                 'robots': robots}
 
     @found.get('/metrics', response_class=PlainTextResponse)

@@ -51,6 +51,7 @@ ANSWER_S: Final = 30.0
 VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
 _NAME_MOST: Final = 64
+_HOUSE_S: Final = 3600.0
 
 
 def router(services: Services) -> APIRouter:
@@ -134,6 +135,12 @@ class MediaHub:
         """Forget a connection, unless there is a newer one."""
         if self.robots.get(media.robot) is media:
             del self.robots[media.robot], self._closing[media.robot]
+
+    async def keep_house(self) -> None:
+        """Delete what is older than it is kept, now and each hour; for a task of its own."""
+        while True:
+            await asyncio.to_thread(self.files.expire)
+            await asyncio.sleep(_HOUSE_S)
 
     def revoke(self, what: Any) -> None:
         """End the connection of a robot whose token has ended."""

@@ -25,8 +25,8 @@ class CameraView {
     this.choice = robotChoice(context, robot, () => this.look());
     this.snapshot = button(context.t('camera.snapshot'), () => this.order(), {icon: 'picture'});
     this.live = h('div.camera-live');
-    this.note = h('div');
-    this.talk = h('div');
+    this.note = h('div.camera-note');
+    this.talk = h('div.camera-talk');
     this.kept = new Kept(context, alarm || '');
     replace(root,
       h('div.section-head', h('p.muted', context.t('camera.private')), this.choice.element,
