@@ -284,15 +284,16 @@ def main() -> int:
             context = browser.new_context(bypass_csp=True)
             context.add_cookies([{'name': 'session', 'value': world.cookie,
                                   'url': f'http://{address}'}])
-            page = context.new_page()
-            page.goto(f'http://{address}/#/camera')
-            page.locator('.picture-live').wait_for(timeout=60_000)
-            page.evaluate("() => { window.robotId = 'robot'; }")
             for _ in range(arguments.rounds):
+                page = context.new_page()
+                page.goto(f'http://{address}/#/camera')
+                page.locator('.picture-live').wait_for(timeout=60_000)
+                page.evaluate("() => { window.robotId = 'robot'; }")
                 if arguments.only != 'voice':
                     result['pictures'].append(measure_pictures(page, arguments.seconds))
                 if arguments.only != 'pictures':
                     result['voice'].append(measure_voice(page, world, arguments.seconds))
+                page.close()
             browser.close()
     print(json.dumps(result, indent=2))
     return 0
