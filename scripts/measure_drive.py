@@ -470,7 +470,7 @@ class Measurement:
         if how == 'cable':
             run('ip', 'link', 'set', f'{space}0', 'down')
         else:
-            lose(where)
+            t0_ns = lose(where)
         return t0_ns
 
     def _mend(self, kind: str) -> None:
@@ -526,14 +526,25 @@ def make_spaces() -> None:
         run('ip', 'netns', 'exec', space, 'ip', 'link', 'set', 'lo', 'up')
 
 
-def lose(where: str) -> None:
-    """Lose every packet on a cable, both ways: each goes to an address that nobody has."""
+def lose(where: str) -> int:
+    """
+    Lose every packet on a cable, both ways: each goes to an address that nobody has.
+
+    What comes from the robot is lost first; to take the other way as well is a moment's work, and
+    only that ends what the robot is told.
+
+    :return: when the second way was about to be lost.
+    """
     space, net = SPACES[where]
-    nobody = '02:00:00:00:00:99'
-    run('ip', 'neigh', 'replace', f'{net}.2', 'lladdr', nobody, 'dev', f'{space}0', 'nud',
-        'permanent')
-    run('ip', 'netns', 'exec', space, 'ip', 'neigh', 'replace', f'{net}.1', 'lladdr', nobody,
-        'dev', f'{space}1', 'nud', 'permanent')
+    replace, nobody = ('ip', 'neigh', 'replace'), ('lladdr', '02:00:00:00:00:99', 'nud',
+                                                   'permanent')
+    here = (*replace, f'{net}.2', *nobody, 'dev', f'{space}0')
+    there = ('ip', 'netns', 'exec', space, *replace, f'{net}.1', *nobody, 'dev', f'{space}1')
+    up, down = (here, there) if where == 'page' else (there, here)
+    run(*up)
+    t0_ns = time.monotonic_ns()
+    run(*down)
+    return t0_ns
 
 
 def mend(where: str) -> None:

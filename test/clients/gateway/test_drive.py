@@ -20,7 +20,9 @@ import asyncio
 from collections.abc import Callable
 from collections.abc import Coroutine
 import itertools
+from pathlib import Path
 import struct
+import time
 from typing import Any
 
 import pytest
@@ -29,6 +31,11 @@ from rt_robot_os.clients.gateway.drive import Drive
 from rt_robot_os.clients.gateway.drive_limits import Limits
 from rt_robot_os.clients.gateway.part import Ways
 from rt_robot_os.clients.gateway.settings import GatewaySettings
+from rt_robot_os.sim.world.drive_base import DriveBase
+from rt_robot_os.sim.world.drive_base import STEP_S
+import yaml
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Robot:
@@ -177,3 +184,39 @@ def test_the_settings_of_the_gateway_are_its_limits() -> None:
     nobody = Ways(Link(), Server(), GatewaySettings(drive_linear_m_s=0.0),  # type: ignore
                   None, None, None, None)  # type: ignore
     assert Driving(nobody).hello() == {'limits': {}, 'capabilities': []}
+
+
+@pytest.mark.parametrize('name', ['service_robot', 'assisted_living'])
+def test_the_shipped_robots_stand_soon_enough_after_the_last_command(name: str) -> None:
+    """The gateway's hold ends first; after its death the multiplexer's time-out and the wheels."""
+    robot = yaml.safe_load((ROOT / 'config' / f'{name}.yaml').read_text())['/**/robot']
+    settings = robot['ros__parameters']
+    timeout_s = settings['velocity_mux']['source_timeouts_s'][0]
+    assert Limits().hold_s < timeout_s
+    assert settings['base']['command_timeout_s'] > timeout_s
+    base = DriveBase(wheel_radius_m=settings['base']['wheel_radius_m'],
+                     wheel_separation_m=settings['base']['wheel_separation_m'])
+    speed = Limits().linear_m_s / settings['base']['wheel_radius_m']
+    base.set_wheel_speeds(speed, speed)
+    for _ in range(1000):
+        base.step()
+    base.set_wheel_speeds(0.0, 0.0)
+    brake_s = next(number * STEP_S for number in range(1, 1000)
+                   if base.step() or base.velocity[0] < 0.01)
+    assert timeout_s + brake_s < 0.35
+
+
+def test_a_time_of_day_that_jumps_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test() -> None:
+        robot = Robot()
+        robot.begin()
+        robot.command(0.0, grip=False)
+        for jump_ns in (3_600_000_000_000, -7_200_000_000_000, 10**18):
+            now_ns = time.time_ns() + jump_ns
+            monkeypatch.setattr(time, 'time_ns', lambda now_ns=now_ns: now_ns)
+            robot.drive.beat()
+            robot.command()
+            assert robot.speeds()[-1] == 0.2
+        assert robot.drive.pilot.counters['stale'] == 0
+
+    asyncio.run(test())
