@@ -99,9 +99,14 @@ class Gateway:
 
     def _connect(self, path: str, talk: Talk) -> Connection:
         """Add a connection of a part's own; before :meth:`run`."""
-        made = Connection(self._settings, path, talk, self._tell)
+        made = Connection(self._settings, path, talk, self._tell_more)
         self._extra.append(made)
         return made
+
+    def _tell_more(self, text: str) -> None:
+        """Tell of another connection what that for state has not told already."""
+        if self.server.connected:
+            self._tell(text)
 
     def _hello(self) -> dict[str, Any]:
         """Say who this is, and what it can."""
