@@ -147,7 +147,7 @@ def run(folder: Path, hours: float, rows_per_s: float, limit_s: float
     try:
         processes.append(subprocess.Popen(
             program('monitor.program', '--folder', monitor, '--port', port),
-            env=environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+            env=environ, stdout=subprocess.DEVNULL))
         while True:  # until it listens
             try:
                 socket.create_connection(('127.0.0.1', port), 1.0).close()
@@ -159,7 +159,7 @@ def run(folder: Path, hours: float, rows_per_s: float, limit_s: float
             program('clients.gateway.program', '--server', f'ws://127.0.0.1:{port}',
                     '--ros-args', '-p', f'token_file:={token}', '-p',
                     f'folder:={folder / "gateway"}'),
-            env=environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+            env=environ, stdout=subprocess.DEVNULL))
         path = monitor / DATABASE
         there = counts(path)
         while sum(there.values()) < found['rows'] and time.monotonic() - began_s < limit_s:

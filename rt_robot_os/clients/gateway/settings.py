@@ -73,7 +73,7 @@ class GatewaySettings:
                                       'topics')
     folder: str = setting('', 'Folder of what waits to be sent; when absent gateway-ROBOT in '
                           '$ROS_HOME or ~/.ros')
-    outbox_mb: float = setting(256.0, 'What may wait on the disk; beyond that the oldest of what '
+    outbox_mb: float = setting(1000.0, 'What may wait on the disk; beyond that the oldest of what '
                                'is least important gives way', 'MB', 1.0, 100_000.0)
     outbox_days: float = setting(7.0, 'How long it may wait, counted while the gateway runs; '
                                  'alarms and events wait for ever', 'd', 0.01, 3650.0)
