@@ -102,7 +102,7 @@ LIBRARIES = {
     'sqlalchemy': (f'{PACKAGE}.monitor',),
     'starlette': (f'{PACKAGE}.monitor',),
     'uvicorn': (f'{PACKAGE}.monitor',),
-    'websockets': (f'{PACKAGE}.clients.gateway',),
+    'websockets': (f'{PACKAGE}.clients.gateway', f'{PACKAGE}.tools.bench.workers.gateway'),
 }
 
 

@@ -26,6 +26,7 @@ from rt_robot_os.tools.bench.cases import delay
 from rt_robot_os.tools.bench.cases import devices
 from rt_robot_os.tools.bench.cases import emergency
 from rt_robot_os.tools.bench.cases import frequency
+from rt_robot_os.tools.bench.cases import gateway
 from rt_robot_os.tools.bench.cases import kernel
 from rt_robot_os.tools.bench.cases import load
 from rt_robot_os.tools.bench.cases import localization
@@ -48,6 +49,6 @@ from rt_robot_os.tools.bench.cases import wakeup
 CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
     serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
-    capture.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE, spacing.CASE,
-    localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE, start.START,
-    start.MEMORY)})
+    capture.CASE, gateway.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
+    spacing.CASE, localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE,
+    start.START, start.MEMORY)})
