@@ -31,6 +31,7 @@ from rt_robot_os.link.cdr import string_message
 
 HEARTBEAT: Final = 'monitor/heartbeat'
 _LETTERS: Final = 3900
+_LEAST: Final = ('connected', 'waiting', 'kept', 'stored')
 
 
 class Heartbeat(Part):
@@ -48,11 +49,18 @@ class Heartbeat(Part):
         """Publish it where the robot lists it."""
         return (HEARTBEAT,)
 
+    def _text(self) -> str:
+        counters = self._counters()
+        text = json.dumps(counters, separators=(',', ':'))
+        if len(text.encode()) > _LETTERS:  # of the topic; half a text would be no JSON
+            text = json.dumps({key: counters.get(key) for key in _LEAST})
+        return text
+
     async def run(self) -> None:
         """Publish now and then."""
         while True:
             if self.ways.server.connected and self.ways.robot.has(HEARTBEAT):
-                text = json.dumps(self._counters(), separators=(',', ':'))[:_LETTERS]
+                text = self._text()
                 try:
                     self.ways.robot.publish(HEARTBEAT, string_message(text))
                 except LinkError:

@@ -80,7 +80,7 @@ class Live(Part):
 
     def reads(self) -> Sequence[Reads]:
         """Read what is shown; the first that fits says how often."""
-        return [Reads(topic, partial(self._take, at), rate_hz=rate)
+        return [Reads(topic, partial(self._take, at), rate_hz=rate, shown=True)
                 for at, (topic, rate) in enumerate(self._rates) if rate]
 
     def _take(self, at: int, sample: Sample) -> None:

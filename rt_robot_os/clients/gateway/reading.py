@@ -51,12 +51,14 @@ class Reads:
     :ivar every: all samples, from the oldest that the core keeps; otherwise the newest, at most
         ``rate_hz`` times a second.
     :ivar rate_hz: 0 for as often as it comes.
+    :ivar shown: it is read for who looks: no more often than somebody wants to see it.
     """
 
     topic: str
     take: Callable[[Sample], None]
     every: bool = False
     rate_hz: float = 0.0
+    shown: bool = False
 
 
 class Listener(Protocol):

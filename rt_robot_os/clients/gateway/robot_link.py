@@ -54,10 +54,9 @@ class _Read:
         """Return what to ask for; signals are limited by what somebody wants to see."""
         if any(each.every for each in self.reads):
             return {'policy': 'drain', 'max_rate_hz': 0.0, 'oldest': True, 'patient': True}
-        rates = [each.rate_hz for each in self.reads]
+        rates = [min(each.rate_hz or limit_hz, limit_hz) if each.shown and limit_hz
+                 else each.rate_hz for each in self.reads]
         rate_hz = 0.0 if 0.0 in rates else max(rates)
-        if limit_hz and (rate_hz > limit_hz or not rate_hz):
-            rate_hz = limit_hz
         return {'policy': 'latest', 'max_rate_hz': rate_hz, 'initial': True,
                 'delay_ms': DELAY_MS}
 
@@ -72,7 +71,7 @@ class RobotLink:
     :ivar topics: of the core, by name.
     :ivar samples: that were taken.
     :ivar missed: samples of which all were wanted and that were lost all the same.
-    :ivar limit_hz: no topic of which the newest counts comes more often; 0 for no limit.
+    :ivar limit_hz: no topic that is read to be shown comes more often; 0 for no limit.
     :ivar published: messages to the core.
     :ivar faulty: samples of which a part could make nothing.
     """

@@ -12,16 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A core, a gateway and a monitor as they are: an alarm gets there, and its acknowledgement back."""
+"""A core, a gateway and a monitor: an alarm gets there, its acknowledgement back."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 from urllib.request import Request
 from urllib.request import urlopen
-
-import json
 
 from processes import wait_until
 import pytest
