@@ -27,7 +27,7 @@ import pytest
 
 pytest.importorskip('fastapi', reason='fastapi is not installed')
 
-from fake_robot import token_of  # noqa: E402
+from fake_robot import token_of  # noqa: E402, I100
 from monitor_server import logged_in  # noqa: E402
 from monitor_server import quick_services  # noqa: E402
 from monitor_server import served  # noqa: E402
