@@ -246,6 +246,22 @@ def test_own_limits_and_bad_values_are_marked_in_words(
     page.wait_for_function(f"() => ({BAD})().join() === 'off,suspect'")
 
 
+CUTS = f'() => {VIEW}.rows.get("pulse_per_min").plot.cuts'
+
+
+def test_a_lost_robot_is_marked_until_it_is_back_and_its_records_are_asked_for(
+        robot: FakeRobot, signed_in: SignedIn) -> None:
+    page = signed_in('viewer', '#/data/anna')
+    page.wait_for_function(f'() => {VIEW}.history.requests > 0')
+    before = page.evaluate(REQUESTS)
+    robot.disconnect()
+    page.wait_for_function(f'() => ({CUTS})().some(({{to}}) => to === null)')
+    robot.connect()
+    page.wait_for_function(f'() => ({CUTS})().length && ({CUTS})().every(({{from, to}}) => '
+                           'to >= from)')
+    page.wait_for_function(f'before => ({REQUESTS})() > before', arg=before)
+
+
 QUALITY = """async () => {
   const {Quality} = await import('/views/data/readings.js');
   const made = new Quality();
@@ -269,8 +285,8 @@ def test_stretches_of_bad_values_are_the_same_live_and_from_the_server(modules: 
 
 
 def test_an_alarm_is_a_mark_that_leads_to_it(robot: FakeRobot, signed_in: SignedIn) -> None:
-    page = signed_in('carer', '#/data/anna')
-    robot.raise_alarm('mark1')
+    page = signed_in('carer', '#/data/bob')
+    robot.raise_alarm('mark1', subject='bob')
     mark = page.locator('.data-mark')
     expect(mark).to_have_attribute('aria-label', re.compile('Critical: Fall'))
     mark.click()
@@ -293,3 +309,6 @@ def test_the_plots_are_moved_by_keys(robot: FakeRobot, signed_in: SignedIn) -> N
 def test_somebody_else_is_not_even_named(robot: FakeRobot, signed_in: SignedIn) -> None:
     page = signed_in('viewer', '#/data/bob', people=('anna',))
     expect(page.locator('.data-problem')).to_contain_text('no such person')
+    # What was refused is not asked for again and again.
+    page.wait_for_function(f'() => {VIEW}.history.notBefore > performance.now() + 10_000')
+    assert page.evaluate(REQUESTS) == page.evaluate(f'() => {VIEW}.rows.size')

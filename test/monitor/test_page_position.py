@@ -194,6 +194,8 @@ def test_who_may_only_look_sends_nothing_and_reads_all_in_words(
     expect(person).to_contain_text('± 0,7 m')
     expect(person).to_contain_text('vor 6 Min')
     expect(person).to_have_class(re.compile('is-stale'))
+    robot.raise_alarm('where')
+    expect(page.locator('.position-alarms')).to_contain_text('-1,50, 3,00 m')
     expect(page.locator('.position-nodes')).to_contain_text('Schwach · über sink, schlecht: 70')
     assert robot.commands == []
 

@@ -20,6 +20,8 @@ const USUAL = ['pulse_per_min', 'spo2_percent', 'respiration_per_min', 'systolic
   'diastolic_mmhg', 'body_temperature', 'news2'];
 const NS_PER_MS = 1e6;
 const BACK_MOST = 20;
+// What a robot has kept for us comes within that.
+const LATE_MS = 3000;
 const TABLE_MS = 2000;
 // What the plots show is said in words, too, that often.
 const WORDS_MS = 2000;
@@ -51,6 +53,8 @@ class DataView {
       context.state.on('alarms', () => this.showAlarms()),
       context.state.on('signals', (kind, {signals}) => this.details(signals)),
       context.state.on('gap', () => this.gap()),
+      context.state.on('connection', () => this.connection()),
+      context.state.on('robots', () => this.showCuts()),
       context.state.on('people', () => this.toolbar.showPeople()),
       onTheme(() => this.restyle()),
     ];
@@ -97,6 +101,7 @@ class DataView {
     clearTimeout(this.tableTimer);
     clearTimeout(this.describeTimer);
     this.history.close();
+    this.toolbar.close();
     this.stack.close();
   }
 
@@ -121,6 +126,7 @@ class DataView {
     const shown = names.filter((each) => !(this.layers.hidden || []).includes(each));
     this.shown = shown.map((each) => this.rows.get(each));
     this.shown.forEach((row) => this.zones(row));
+    this.showCuts();
     this.stack.show(this.shown);
     this.history.pixels = this.stack.box().width;
     this.showAlarms();
@@ -191,16 +197,37 @@ class DataView {
       time: format.dateTime(each.t)})})));
   }
 
-  /** A connection was lost for a while: mark it, and ask again for what robots send later. */
+  /** A robot was away for a while: mark it, and ask again for what it sends later. */
   gap() {
     this.showCuts();
-    this.history.refresh(3000);
+    this.history.refresh(LATE_MS);
   }
 
+  /** We were away for a while, or are: what came meanwhile is asked for. */
+  connection() {
+    const {live} = this.context;
+    if (live.isOpen && this.wasLost) {
+      this.history.refresh(LATE_MS);
+    }
+    this.wasLost = !live.isOpen;
+    this.showCuts();
+  }
+
+  /** Mark when robots, or we, were not connected; what lasts has no end. */
   showCuts() {
-    const robots = this.context.state.people.get(this.person)?.robots;
-    const cuts = this.context.state.gaps.filter((each) => !robots || robots.includes(each.robot))
+    const {state, live} = this.context;
+    const robots = state.people.get(this.person)?.robots || [...state.robots.keys()];
+    const cuts = state.gaps.filter((each) => robots.includes(each.robot))
       .map((each) => ({from: each.from_ns / NS_PER_MS, to: each.to_ns / NS_PER_MS}));
+    for (const id of robots) {
+      const robot = state.robots.get(id);
+      if (robot && !robot.connected && robot.last_seen_ns) {
+        cuts.push({from: robot.last_seen_ns / NS_PER_MS, to: null});
+      }
+    }
+    if (!live.isOpen && live.lostMs) {
+      cuts.push({from: live.lostMs + live.offsetMs, to: null});
+    }
     this.rows.forEach((row) => {
       row.plot.cuts = cuts;
     });
@@ -271,7 +298,6 @@ class DataView {
     }
     this.rows.forEach((row) => this.zones(row));
     this.showAlarms();
-    this.stack.isDirty = true;
   }
 
   setTable(isShown) {

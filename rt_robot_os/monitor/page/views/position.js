@@ -171,8 +171,13 @@ class PositionView {
       key === 'no_map' ? t('position.no_map_text') : text));
   }
 
+  /** Open alarms of the robot; one without a place of its own is where the person is. */
   alarms() {
-    return this.context.state.openAlarms().filter((each) => each.robot === this.choice.robot);
+    return this.context.state.openAlarms().filter((each) => each.robot === this.choice.robot)
+      .map((each) => {
+        const {x, y} = this.scene.people.get(each.subject) || {};
+        return Number.isFinite(each.x) && Number.isFinite(each.y) ? each : {...each, x, y};
+      });
   }
 
   /** Write what changes with time: ages, the list, how the drive stands. */

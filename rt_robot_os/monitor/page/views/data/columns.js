@@ -9,6 +9,7 @@ const CAPACITY = 16_384;
 // A gateway records what stays the same once a minute; live it says it every second or so.
 const RECORDED_MS = 75_000;
 const LIVE_MS = 2_500;
+const UNKNOWN_MS = 5_000;
 
 export class Columns {
   constructor(capacity = CAPACITY) {
@@ -19,6 +20,8 @@ export class Columns {
     this.high = new Float64Array(capacity);
     this.count = new Float64Array(capacity);
     this.length = 0;
+    /** How many of them came live, after the history. */
+    this.live = 0;
     /** Live values that are nearer than this to the one before are one with it. */
     this.bucketMs = 0;
     /** What lies further apart is not joined: up to the last time of the history, and after it. */
@@ -56,6 +59,7 @@ export class Columns {
     this.length = taken + tail;
     this.bucketMs = bucketMs;
     this.historyEnd = taken ? this.t[taken - 1] : -Infinity;
+    this.live = tail;
     this.longestGapMs = longestGapMs;
     this.gapMs = gapOf(this.t, 0, taken, bucketMs, longestGapMs, RECORDED_MS);
     this._measureLive();
@@ -77,13 +81,14 @@ export class Columns {
       this._dropOldest();
     }
     const i = this.length;
-    if (i % 16 === 0) {
-      this._measureLive();
-    }
     this.t[i] = t;
     this.low[i] = this.mean[i] = this.high[i] = value;
     this.count[i] = 1;
     this.length = i + 1;
+    this.live += 1;
+    if (this.live < 16 || this.live % 16 === 0) {
+      this._measureLive();
+    }
     return true;
   }
 
@@ -149,6 +154,7 @@ export class Columns {
 
   clear() {
     this.length = 0;
+    this.live = 0;
     this.bucketMs = 0;
     this.historyEnd = -Infinity;
     this.version += 1;
@@ -192,7 +198,8 @@ export function gapOf(t, from, to, bucketMs, longestGapMs, leastMs) {
     steps.push(t[i] - t[i - 1]);
   }
   steps.sort((a, b) => a - b);
-  const usual = steps.length ? steps[steps.length >> 1] : 0;
+  // Of few nobody knows yet what is usual.
+  const usual = steps.length > 3 ? steps[steps.length >> 1] : Math.max(UNKNOWN_MS, ...steps);
   const longest = Math.max(1.25 * longestGapMs, leastMs);
   return Math.max(1.5 * bucketMs, Math.min(Math.max(3 * usual, leastMs), longest));
 }

@@ -12,7 +12,7 @@ export function drawZones(u, plot, palette) {
     drawZone(u, zone, palette);
   }
   for (const cut of plot.cuts) {
-    hatch(ctx, u, cut.from, cut.to ?? plot.end, u.bbox.top, u.bbox.height, palette.gap);
+    hatch(ctx, u, cut.from, cut.to ?? plot.now, u.bbox.top, u.bbox.height, palette.gap);
   }
   ctx.restore();
 }

@@ -1,8 +1,8 @@
 /**
  * Wheel, drag, pinch and keys over a stack of plots, turned into what is shown of time.
  *
- * Mouse: wheel zooms, drag chooses a range, drag with Shift moves. Touch: one finger moves, two
- * zoom.
+ * Mouse: the wheel zooms over a plot, drag chooses a range, drag with Shift moves. Touch: one
+ * finger moves, two zoom.
  */
 
 const WHEEL_STEP = 1.0018;
@@ -56,6 +56,10 @@ export class Gestures {
   }
 
   _wheel(event) {
+    // Beside the plots the page scrolls.
+    if (this._x(event) < this.asks.box().left) {
+      return;
+    }
     if (event.ctrlKey || Math.abs(event.deltaY) >= Math.abs(event.deltaX)) {
       // A page that scrolls goes on scrolling with Alt.
       if (event.altKey) {

@@ -7,10 +7,11 @@
 import {limitZone, styleOf} from './signs.js';
 
 const MARGIN = 0.5;
-const WAIT_MS = 120;
+const WAIT_MS = 50;
 // What robots send later, after a lost connection, and alarms that end, come in by then.
 const REFRESH_MS = 60_000;
 const FINER = 1.6;
+const LONGEST_WAIT_MS = 60_000;
 const NS_PER_MS = 1e6;
 
 export class History {
@@ -30,6 +31,9 @@ export class History {
     this.asked = 0;
     this.requests = 0;
     this.lastMs = 0;
+    /** After a failure nothing is asked before that, by the page's clock. */
+    this.notBefore = 0;
+    this.failures = 0;
   }
 
   /** Show the signs of a person. */
@@ -42,6 +46,9 @@ export class History {
   /** Ask again, soon. */
   refresh(waitMs = 0) {
     this.loaded = null;
+    this.notBefore = 0;
+    clearTimeout(this.timer);
+    this.timer = 0;
     this._soon(waitMs);
   }
 
@@ -74,7 +81,7 @@ export class History {
       this.timer = setTimeout(() => {
         this.timer = 0;
         this._ask();
-      }, waitMs);
+      }, Math.max(waitMs, this.notBefore - performance.now()));
     }
   }
 
@@ -98,8 +105,19 @@ export class History {
     this.failed(wrong ? wrong.reason : null);
     if (wrong) {
       this.loaded = null;
+      this._backOff(wrong.reason);
+    } else {
+      this.failures = 0;
     }
     this.look();
+  }
+
+  /** What may be over soon is asked for again, ever more seldom; what is refused after a minute. */
+  _backOff({status = 0}) {
+    const isPassing = status === 0 || status === 429 || status >= 500;
+    this.failures += 1;
+    this.notBefore = performance.now() + (isPassing
+      ? Math.min(LONGEST_WAIT_MS, 1000 * 2 ** this.failures) : LONGEST_WAIT_MS);
   }
 
   async _one(sign, from, to, mine) {

@@ -25,12 +25,13 @@ export function writeTable(table, rows, timeline, context) {
   const language = t.words.language;
   const head = h('tr', h('th', {scope: 'col'}, t('data.time')), rows.map((row) => h('th',
     {scope: 'col'}, row.name, row.style.unit && h('span.muted', ` ${row.style.unit}`))));
-  const body = linesOf(timeline.start, timeline.end).map(({from, to}) => h('tr',
+  const end = Math.min(timeline.end, timeline.now());
+  const body = linesOf(timeline.start, end).map(({from, to}) => h('tr',
     h('th.number', {scope: 'row'}, timeText(from, timeline.span, language)),
     rows.map((row) => cell(row, row.columns.summary(from, to - 1e-3), t))));
   replace(table, h('caption', t('data.table_caption', {
     from: timeText(timeline.start, timeline.span, language),
-    to: timeText(timeline.end, timeline.span, language)})), h('thead', head), h('tbody', body));
+    to: timeText(end, timeline.span, language)})), h('thead', head), h('tbody', body));
 }
 
 function cell(row, found, t) {

@@ -36,7 +36,28 @@ export class Toolbar {
     this.element = h('div.data-toolbar', h('div.data-tools', this.people, this.ranges, this.now,
       this.steps, h('span.data-space'), this.menu, this.asTable, this.export), this.shown,
     this.problem);
+    this.heard = new AbortController();
+    const {signal} = this.heard;
+    document.addEventListener('pointerdown', (event) => this.fold(event.target), {signal});
+    this.element.addEventListener('keydown', (event) => event.key === 'Escape'
+      && this.fold(null, true), {signal});
     this.showPeople();
+  }
+
+  close() {
+    this.heard.abort();
+  }
+
+  /** Fold the menus in which a place is not; by key the focus goes back to what opens it. */
+  fold(place, byKey = false) {
+    for (const each of [this.menu, this.export]) {
+      if (each.open && !each.contains(place)) {
+        each.open = false;
+        if (byKey) {
+          each.firstChild.focus();
+        }
+      }
+    }
   }
 
   byHand(change) {
