@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import json
+from pathlib import Path
 import time
 from typing import Any
 
 from fake_robot import FakeRobot
 from fake_robot import RobotScript
+from fake_robot import token_of
 from monitor_server import let_robot_in
 from monitor_server import logged_in
 from monitor_server import Page
@@ -35,6 +37,7 @@ from rt_robot_os.monitor.services import Services
 from rt_robot_os.uplink.messages import encode
 from websockets.exceptions import ConnectionClosed
 from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 
 @pytest.fixture(scope='module')
@@ -221,3 +224,38 @@ def test_a_browser_that_says_too_much_is_closed(address: str, me: dict[str, str]
             for _ in range(100_000):
                 page.socket.send('{}')
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
+
+
+def test_what_no_message_can_carry_reaches_nobody_and_harms_nobody(
+        address: str, me: dict[str, str], script: RobotScript, services: Services) -> None:
+    deep = '[' * 900 + ']' * 900
+    with Page(address, me) as page, FakeRobot(f'ws://{address}', script=script) as robot:
+        page.say(kind='watch', robot=script.robot, signals=['*'], rate_hz=30)
+        robot.wait_for('want', signals=['*'])
+        robot.send('{"kind":"live","n":1,"utc_ns":1,"signals":{"b":[1,' + deep + ']}}')
+        robot.send('{"kind":"live","n":1,"utc_ns":1,"signals":{"b":[1,' + 50 * deep + ']}}')
+        robot.send('{"kind":"live","n":2,"utc_ns":1,"signals":{"a":[1,"\\ud800"],'
+                   '"c":[1,"\\u0000\\u202e"],"d":[1,"' + 'x' * 400_000 + '"],"e":[1,1]}}')
+        found = page.next('signals', n=2)['signals']
+        assert found['e'][1] == 1 and found['d'][1] is None
+        assert found['a'][1] == '\\ud800' and found['c'][1] == '\\x00\\u202e'
+        robot.send('{"kind":"records","batch":1,"records":[{"seq":1,"importance":0,"type":'
+                   '"alarm_event","utc_ns":5,"content":{"alarm":"x1","seq":1,"state":"raised",'
+                   '"text":"\\ud800\\u0000' + 'y' * 5000 + '","more":"' + 'z' * 5000 + '"}}]}')
+        alarm = page.next('alarm', robot=script.robot)
+        assert alarm['text'].startswith('\\ud800\\x00yy') and len(alarm['text']) <= 500
+        assert 'more' not in alarm
+        robot.wait_for('stored', batch=1)
+        page.say(kind='ping', t=1)
+        page.next('pong')
+
+
+def test_more_robots_than_there_may_be_are_turned_away(tmp_path: Path) -> None:
+    services = quick_services(tmp_path, robots=1)
+    let_robot_in(services, 'second')
+    with served(services) as address, FakeRobot(f'ws://{address}'), connect(
+            f'ws://{address}/robot/state', proxy=None, additional_headers={
+                'Authorization': f"Bearer {token_of('second')}"}) as second:
+        with pytest.raises(ConnectionClosed) as closed:
+            second.recv(20)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 1013

@@ -115,3 +115,12 @@ def test_nothing_is_replaced_for_who_may_see_all() -> None:
     assert without(value, frozenset()) is value
     assert without(value, frozenset({'bob'})) == {
         'text': '(somebody) and anna', '(somebody)': [1.5, None, True]}
+
+
+def test_the_list_of_all_alarms_is_for_who_may_see_all() -> None:
+    robot = robot_of_two()
+    robot.take(1, 1, {'alarms/list': [1, {'alarms': [{'text': 'bob lies in the hall'}]}],
+                      'battery': [1, {}]})
+    frame = Group(robot, ANNA, ('*',), 5.0).frame(0)
+    assert frame is not None
+    assert list(json.loads(frame)['signals']) == ['battery']

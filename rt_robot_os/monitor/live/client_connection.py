@@ -138,9 +138,8 @@ class ClientConnection:
                            and each.count('*') <= STARS_MOST for each in patterns)):
             return (f'watch: signals is a list of at most {PATTERNS_MOST} names of '
                     f'{PATTERN_CHARACTERS} characters with {STARS_MOST} stars each')
-        if (not isinstance(rate, int | float) or isinstance(rate, bool)
-                or not math.isfinite(rate)):
-            return 'watch: rate_hz is a number'
+        if not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e9:
+            return 'watch: rate_hz is a number above 0'
         self._end(key)
         if not patterns:
             return ''

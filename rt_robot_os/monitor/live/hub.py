@@ -100,7 +100,8 @@ class Hub:
         self._answers: dict[str, tuple[str, asyncio.Future[dict[str, Any]]]] = {}
         self._commands = time.time_ns()
 
-        self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0}
+        self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0,
+                                       'robots_refused': 0}
         #: Called with the id of a robot and what it has sent, for each ``beat``.
         self.on_beat: list[Callable[[str, Mapping[str, Any]], object]] = []
         #: By kind: called with the id of a robot and what it has sent, for messages of others.
@@ -133,6 +134,15 @@ class Hub:
             for each in list(self.clients):
                 each.robot_came(found)
         return found
+
+    @property
+    def connected(self) -> int:
+        """Return how many robots are connected."""
+        return len(self._connections)
+
+    def is_connected(self, robot: str) -> bool:
+        """Return whether a robot is connected."""
+        return robot in self._connections
 
     def robot(self, robot: str) -> dict[str, Any] | None:
         """Return a robot as who may see everything is shown it; None when there is none."""

@@ -24,6 +24,8 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+import logging
 from typing import Final
 
 from fastapi import WebSocket
@@ -33,8 +35,10 @@ from starlette.websockets import WebSocketDisconnect
 #: the whole state, which is less than what it missed.
 URGENT_MOST: Final = 1000
 URGENT_BYTES: Final = 8 << 20
-#: Close codes: try again later; gone.
+#: Close codes.
 OVERRUN: Final = 1013
+DEFECT: Final = 1011
+_LOG: Final = logging.getLogger('monitor')
 
 
 class Outlet:
@@ -72,7 +76,8 @@ class Outlet:
 
         :return: False when the peer does not read any more; it is closed then.
         """
-        if len(self._urgent) >= URGENT_MOST or self._urgent_size + len(text) > URGENT_BYTES:
+        if self._urgent and (len(self._urgent) >= URGENT_MOST
+                             or self._urgent_size + len(text) > URGENT_BYTES):
             self.close(OVERRUN, 'too slow: what is urgent has piled up')
             return False
         self._urgent.append(text)
@@ -111,6 +116,10 @@ class Outlet:
             await self._websocket.close(*self._close)
         except (WebSocketDisconnect, RuntimeError):
             pass  # the peer has gone: whoever reads notices
+        except Exception:
+            _LOG.exception('a connection is closed because of a defect')
+            with suppress(WebSocketDisconnect, RuntimeError):
+                await self._websocket.close(DEFECT, 'a defect of the server; its log says more')
 
     async def _send_all(self) -> None:
         while self._close is None:

@@ -33,6 +33,7 @@ from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.safe_text import safe_text
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.messages import VERSION
@@ -43,6 +44,8 @@ HELLO_S: Final = 10.0
 #: Batches that may wait for the disk; more are refused, and come again.
 BATCHES_MOST: Final = 8
 RETRY_S: Final = 2.0
+MESSAGES_A_SECOND: Final = 500
+BURST_S: Final = 1.0
 PEOPLE_MOST: Final = 64
 NAME_CHARACTERS: Final = 64
 ABOUT_CHARACTERS: Final = 32 << 10
@@ -59,6 +62,11 @@ def router(services: Services) -> APIRouter:
     async def robot_state(websocket: WebSocket) -> None:
         robot = await robot_of(websocket)
         await websocket.accept()
+        hub = services.hub
+        if hub.connected >= services.settings.robots and not hub.is_connected(robot.id):
+            hub.counts['robots_refused'] += 1
+            await websocket.close(1013, 'as many robots as there may be are connected')
+            return
         await RobotConnection(services, websocket, services.hub.known(robot.id, robot.name)).run()
 
     return found
@@ -75,6 +83,7 @@ class RobotConnection:
         self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
         self._map_taken = False
+        self._next_s = 0.0
         self._tasks: set[asyncio.Task[None]] = set()
 
     def say(self, kind: str, content: Mapping[str, Any]) -> bool:
@@ -96,7 +105,7 @@ class RobotConnection:
             if await self._hello():
                 while True:
                     self._take(await self._receive())
-        except (WebSocketDisconnect, RuntimeError):
+        except (WebSocketDisconnect, RuntimeError, KeyError):
             pass
         finally:
             self._services.hub.disconnect(self._robot, self)
@@ -106,11 +115,21 @@ class RobotConnection:
 
     async def _receive(self) -> dict[str, Any]:
         while True:
+            await self._not_too_fast()
             text = await self._websocket.receive_text()
             try:
-                return decode(text)
-            except ValueError:
+                found = decode(text)
+                # A well-behaved robot writes neither escapes nor what is not printed.
+                return clean(found) if '\\u' in text or not text.isprintable() else found
+            except (ValueError, RecursionError):
                 self._robot.count('messages_wrong')
+
+    async def _not_too_fast(self) -> None:
+        """Read no faster than so many messages a second: the rest waits at the robot."""
+        now = asyncio.get_running_loop().time()
+        self._next_s = max(self._next_s, now - BURST_S) + 1 / MESSAGES_A_SECOND
+        if self._next_s > now:
+            await asyncio.sleep(self._next_s - now)
 
     async def _hello(self) -> bool:
         try:
@@ -216,7 +235,7 @@ class RobotConnection:
 
     def _take_records(self, message: dict[str, Any]) -> None:
         records = message.get('records')
-        if not isinstance(records, list) or 'batch' not in message:
+        if not isinstance(records, list) or not isinstance(message.get('batch'), int | str):
             self._robot.count('messages_wrong')
             return
         boot = message.get('boot', self._boot)  # an earlier start may have left some
@@ -255,6 +274,15 @@ class RobotConnection:
 
     def _refuse(self, batch: object, text: str) -> None:
         self.say('refused', {'batch': batch, 'text': text, 'retry_s': RETRY_S})
+
+
+def clean(value: Any) -> Any:
+    """Return a JSON value whose texts can be kept by every database and shown on every screen."""
+    if isinstance(value, str):
+        return safe_text(value)
+    if isinstance(value, dict):
+        return {safe_text(key): clean(each) for key, each in value.items()}
+    return [clean(each) for each in value] if isinstance(value, list) else value
 
 
 def is_record(value: object) -> bool:

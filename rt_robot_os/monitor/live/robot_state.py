@@ -24,20 +24,29 @@ import json
 from typing import Any
 from typing import Final
 
-from rt_robot_os.monitor.live.rights import names_of
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 
 #: Signals that are kept of a robot; further ones are counted and left out.
 SIGNALS_MOST: Final = 2000
+#: What is longer reaches nobody: it is null in messages.
+SIGNAL_CHARACTERS: Final = 256 << 10
+#: Of the name of an alarm.
+ALARM_CHARACTERS: Final = 200
 #: Closed alarms are the database's; open ones beyond that as well.
 ALARMS_MOST: Final = 200
+_TEXTS: Final = frozenset({'alarm', 'event', 'state', 'level', 'subject', 'text', 'by', 'why',
+                          'node'})
+_NUMBERS: Final = frozenset({'t_ns', 'x', 'y', 'restored'})
+_TEXT_CHARACTERS: Final = 500
+_KINDS_MOST: Final = 12
 _CLOSED: Final = frozenset({'resolved', 'cancelled'})
 
 
 def encoded(value: Any) -> str:
     """Write a value as the messages of the page have it."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(',', ':'))
+    # In ASCII, so that there is nothing which a WebSocket could refuse to carry.
+    return json.dumps(value, allow_nan=False, separators=(',', ':'))
 
 
 class Signal:
@@ -47,27 +56,30 @@ class Signal:
     :ivar version: of the robot when it came.
     """
 
-    __slots__ = ('version', 'utc_ns', 'value', '_name', '_text', '_redacted')
+    __slots__ = ('version', 'utc_ns', 'value', '_name', '_texts')
 
     def __init__(self, name: str, version: int, utc_ns: int, value: Any) -> None:
         self.version = version
         self.utc_ns = utc_ns
         self.value = value
         self._name = name
-        self._text = ''
-        self._redacted: dict[frozenset[str], str] = {}
+        self._texts: dict[frozenset[str], str] = {}
 
     def text(self, hidden: frozenset[str]) -> str:
         """Return it as a member of a JSON object, written once for all with the same rights."""
-        if not self._text:
-            self._text = f'{encoded(self._name)}:{encoded([self.utc_ns, self.value])}'
-        if not hidden or names_of(hidden).search(self._text) is None:
-            return self._text
-        found = self._redacted.get(hidden)
+        found = self._texts.get(hidden)
         if found is None:
-            found = f'{encoded(self._name)}:{encoded([self.utc_ns, without(self.value, hidden)])}'
-            self._redacted[hidden] = found
+            found = self._texts[hidden] = self._encode(hidden)
         return found
+
+    def _encode(self, hidden: frozenset[str]) -> str:
+        try:
+            value = encoded([self.utc_ns, without(self.value, hidden)])
+        except (RecursionError, ValueError):
+            value = ''
+        if not 0 < len(value) <= SIGNAL_CHARACTERS:
+            value = encoded([self.utc_ns, None])
+        return f'{encoded(self._name)}:{value}'
 
 
 @dataclass
@@ -134,16 +146,15 @@ class RobotState:
             what is newer did.
         """
         alarm = event.get('alarm')
-        if not isinstance(alarm, str) or not alarm:
+        if not isinstance(alarm, str) or not 0 < len(alarm) <= ALARM_CHARACTERS:
             self.count('alarms_wrong')
             return None
         before = self.alarms.get(alarm)
-        seq = event.get('seq')
-        seq = seq if isinstance(seq, int) else 0
+        seq = event['seq'] if is_time(event.get('seq')) else 0
         if before is not None and (seq <= before['seq'] if 'seq' in before
                                    else utc_ns < before['utc_ns']):
             return None
-        now = {**(before or {}), **event, 'id': alarm, 'robot': self.id, 'seq': seq,
+        now = {**(before or {}), **_known(event), 'id': alarm, 'robot': self.id, 'seq': seq,
                'utc_ns': utc_ns, 'opened_ns': (before or {}).get('opened_ns', utc_ns),
                'is_open': event.get('state') not in _CLOSED}
         if before is None and len(self.alarms) >= ALARMS_MOST:
@@ -173,6 +184,21 @@ class RobotState:
             return None
         shown: dict[str, Any] = without(alarm, hidden)
         return shown
+
+
+def _known(event: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what everybody is told of an event of an alarm, each part of bounded length."""
+    found: dict[str, Any] = {}
+    for key, value in event.items():
+        if key in _TEXTS and isinstance(value, str):
+            found[key] = value[:_TEXT_CHARACTERS]
+        elif key in _NUMBERS and isinstance(value, int | float) and abs(value) < 1 << 63:
+            found[key] = value
+    kinds = event.get('kinds')
+    if isinstance(kinds, list):
+        found['kinds'] = [each[:_TEXT_CHARACTERS] for each in kinds[:_KINDS_MOST]
+                          if isinstance(each, str)]
+    return found
 
 
 def is_time(value: object) -> bool:
