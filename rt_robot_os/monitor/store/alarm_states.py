@@ -29,6 +29,8 @@ from typing import Final
 
 from rt_robot_os.monitor.store.tables import ALARM_EVENTS
 from rt_robot_os.monitor.store.tables import ALARMS
+from rt_robot_os.monitor.store.tables import MEDIA
+from rt_robot_os.units import NS_PER_S
 from sqlalchemy import bindparam
 from sqlalchemy import Connection
 from sqlalchemy import insert
@@ -37,6 +39,9 @@ from sqlalchemy import tuple_
 from sqlalchemy import update
 
 CLOSED: Final = frozenset({'resolved', 'cancelled'})
+#: A clock may step back by so much between two events of an alarm.
+LATE_NS: Final = 60 * NS_PER_S
+_OPENING: Final = frozenset({'suspected', 'raised', 'test'})
 _PART: Final = 200
 _STATE: Final = tuple(column.name for column in ALARMS.c
                       if column.name not in ('id', 'robot_id', 'alarm'))
@@ -53,7 +58,12 @@ def follow(connection: Connection, rows: Sequence[dict[str, Any]]) -> None:
     known = set(states)
     for row in rows:
         key = row['robot_id'], row['alarm']
-        states[key] = folded(states.get(key), row)
+        state = states.get(key)
+        if state is not None and key in known and _is_another(state, row):
+            _put_away(connection, key, state['id'])
+            known.discard(key)
+            state = None
+        states[key] = folded(state, row)
     ids = _save(connection, states, known)
     connection.execute(insert(ALARM_EVENTS), [
         {'alarm_id': ids[row['robot_id'], row['alarm']], **{
@@ -90,6 +100,26 @@ def folded(state: Mapping[str, Any] | None, row: Mapping[str, Any]) -> dict[str,
         made.update(acknowledged_seq=seq, acknowledged_ns=t_ns,
                     acknowledged_by=_string(content, 'by'))
     return made
+
+
+def _is_another(state: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    """
+    Return whether a name was given again: the robot counts anew, its journal was lost.
+
+    An event that is only late has both a smaller number and an earlier time.
+    """
+    return (row['event'] in _OPENING and row['event_seq'] <= state['last_seq']
+            and row['t_ns'] > state['t_ns'] + LATE_NS
+            and not json.loads(row['content']).get('restored'))
+
+
+def _put_away(connection: Connection, key: tuple[int, str], number: int) -> None:
+    """Give the older alarm of a name another one."""
+    robot, alarm = key
+    older = f'{alarm[:90]}~{number}'
+    connection.execute(update(ALARMS).where(ALARMS.c.id == number), {'alarm': older})
+    connection.execute(update(MEDIA).where(
+        MEDIA.c.robot_id == robot, MEDIA.c.alarm == alarm), {'alarm': older})
 
 
 def _load(connection: Connection, keys: Sequence[tuple[int, str]]

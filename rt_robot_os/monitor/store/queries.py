@@ -176,6 +176,7 @@ def limits(connection: Connection, person: str, sign: str) -> list[Any]:
             ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(PEOPLE.c.person == person)).scalars():
         said = json.loads(details or '{}').get('limits')
         of_person = said.get(person) if isinstance(said, dict) else None
-        of_sign = of_person.get(sign) if isinstance(of_person, dict) else None
-        found += of_sign if isinstance(of_sign, list) else []
+        of_sign = of_person.get(sign) if isinstance(of_person, dict) else of_person
+        found += [each for each in (of_sign if isinstance(of_sign, list) else [])
+                  if not isinstance(each, str) or each.split(' ', 1)[0] == sign]
     return found

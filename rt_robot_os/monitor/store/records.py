@@ -147,7 +147,7 @@ def _value(seq: int, t_ns: int, content: Mapping[str, Any], sign: str, value: ob
     number = QUALITIES.index(quality)
     if number in _NO_VALUE:
         value = None
-    elif value is None:
+    elif value is None and quality != 'stale':
         raise Refused(f'quality is {quality}, and there is no value')
     return Sent(seq, 'observations', {
         't_ns': t_ns, 'value': None if value is None else _float(value, 'value'),

@@ -67,7 +67,7 @@ class Model:
             if (boot, seq) in self.taken:
                 continue
             self.taken.add((boot, seq))
-            if value is None and quality != 'off':
+            if value is None and quality in ('good', 'suspect'):
                 continue  # Kept aside: good, and no value.
             kept = None if quality == 'off' else value
             self.rows.append((t_ns, kept, quality))

@@ -116,6 +116,25 @@ def test_an_alarm_is_what_its_newest_event_says_in_whatever_order_they_come(
     assert store.alarms(people=None, is_open=True) == []
 
 
+def test_a_name_that_is_given_again_after_the_journal_was_lost_is_another_alarm(
+        store: Store) -> None:
+    store.add('r1', 'b1', [
+        alarm(0, 10, 'raised', 'raised', NOW_NS - 900 * S),
+        alarm(1, 11, 'resolved', 'resolved', NOW_NS - 800 * S),
+        record(2, 'media', NOW_NS - 850 * S, id='m', alarm='7', kind='picture', size=1)])
+    # Late, and no other.
+    store.add('r1', 'b1', [alarm(3, 9, 'suspected', 'suspected', NOW_NS - 901 * S)])
+    store.add('r1', 'b2', [alarm(0, 1, 'raised', 'raised', NOW_NS - 100 * S),
+                           alarm(1, 2, 'acknowledged', 'acknowledged', NOW_NS - 90 * S)])
+    newer, older = store.alarms(people=None)
+    assert (newer['id'], newer['state'], newer['is_open']) == ('7', 'acknowledged', True)
+    assert (older['id'].partition('~')[0], older['state'], older['is_open']) == (
+        '7', 'resolved', False)
+    assert [len(found['events']) for each in (newer, older)
+            if (found := store.alarm('r1', each['id']))] == [2, 3]
+    assert [len(store.media_of('r1', each['id'])) for each in (newer, older)] == [0, 1]
+
+
 def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> None:
     store.hello('r1', 'b1', name='robbie', people=['anna', 'ben'])
     store.hello('r2', 'b1', people=['cleo'])
