@@ -81,16 +81,29 @@ class Adding:
         self._rows: dict[str, list[dict[str, Any]]] = {}
         self._seen: set[tuple[int, int]] = set()
 
-    def add(self, batch: Batch) -> Added:
-        """Take a batch; it is written by :meth:`save`."""
-        robot = self._names.robot(self._connection, batch.robot, self._now_ns)
-        boot = self._names.boot(self._connection, robot, batch.boot, self._now_ns)
-        self._seen.add((robot, boot))
-        found = [read(record, self._now_ns) for record in batch.records]
-        self._received.load(boot, (each.seq for each in found if each.seq is not None))
+    def add(self, batches: Sequence[Batch]) -> list[Added]:
+        """Take batches; they are written by :meth:`save`."""
+        who: list[tuple[int, int]] = []
+        found: list[list[Sent | Aside]] = []
+        numbers: dict[int, set[int]] = {}
+        for batch in batches:
+            robot = self._names.robot(self._connection, batch.robot, self._now_ns)
+            boot = self._names.boot(self._connection, robot, batch.boot, self._now_ns)
+            records = [read(record, self._now_ns) for record in batch.records]
+            who.append((robot, boot))
+            found.append(records)
+            numbers.setdefault(boot, set()).update(
+                each.seq for each in records if each.seq is not None)
+        # Of all robots at once: asking takes longer than the answer.
+        self._received.load(numbers)
+        self._seen.update(who)
+        return [self._add(robot, boot, records)
+                for (robot, boot), records in zip(who, found, strict=True)]
+
+    def _add(self, robot: int, boot: int, records: Sequence[Sent | Aside]) -> Added:
         fresh: list[Sent] = []
         odd: list[Aside] = []
-        for each in found:
+        for each in records:
             if each.seq is not None and not self._received.take(boot, each.seq):
                 continue
             if isinstance(each, Aside):
@@ -100,7 +113,7 @@ class Adding:
         for one in fresh:
             self._take(robot, boot, one)
         kept = self._keep_aside(boot, odd) if odd else 0
-        known = len(found) - len(fresh) - len(odd)
+        known = len(records) - len(fresh) - len(odd)
         return Added(len(fresh) + len(odd), known, len(odd), len(odd) - kept)
 
     def save(self) -> None:

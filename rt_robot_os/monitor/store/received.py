@@ -23,7 +23,11 @@ that are full are only a number, so that what is complete takes no room.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Final
+from typing import TypeVar
 
 from rt_robot_os.monitor.store.tables import BOOTS
 from rt_robot_os.monitor.store.tables import RECEIVED
@@ -32,6 +36,7 @@ from sqlalchemy import Connection
 from sqlalchemy import delete
 from sqlalchemy import insert
 from sqlalchemy import select
+from sqlalchemy import tuple_
 from sqlalchemy import update
 
 #: Numbers in a block.
@@ -39,6 +44,7 @@ BLOCK: Final = 2048
 _BYTES: Final = BLOCK // 8
 _FULL: Final = b'\xff' * _BYTES
 _PART: Final = 500
+_T = TypeVar('_T')
 
 
 class Received:
@@ -51,23 +57,23 @@ class Received:
         self._there: set[tuple[int, int]] = set()
         self._changed: set[tuple[int, int]] = set()
 
-    def load(self, boot: int, numbers: Iterable[int]) -> None:
-        """Read the blocks of these numbers of a start, at once."""
-        if boot not in self._complete:
-            self._complete[boot] = self._connection.execute(
-                select(BOOTS.c.blocks).where(BOOTS.c.id == boot)).scalar_one()
-        wanted = sorted(
-            block for block in {seq // BLOCK for seq in numbers}
-            if block >= self._complete[boot] and (boot, block) not in self._blocks)
-        for begin in range(0, len(wanted), _PART):
-            part = wanted[begin:begin + _PART]
-            for block, bits in self._connection.execute(
-                    select(RECEIVED.c.block, RECEIVED.c.bits).where(
-                        RECEIVED.c.boot_id == boot, RECEIVED.c.block.in_(part))):
+    def load(self, numbers: Mapping[int, Iterable[int]]) -> None:
+        """Read the blocks of these numbers, by start, at once."""
+        fresh = [boot for boot in numbers if boot not in self._complete]
+        for part in _parts(fresh):
+            for boot, blocks in self._connection.execute(
+                    select(BOOTS.c.id, BOOTS.c.blocks).where(BOOTS.c.id.in_(part))):
+                self._complete[boot] = blocks
+        wanted = [key for boot, seqs in numbers.items()
+                  for key in sorted({(boot, seq // BLOCK) for seq in seqs})
+                  if key[1] >= self._complete[boot] and key not in self._blocks]
+        for keys in _parts(wanted):
+            for boot, block, bits in self._connection.execute(select(RECEIVED).where(
+                    tuple_(RECEIVED.c.boot_id, RECEIVED.c.block).in_(keys))):
                 self._blocks[boot, block] = bytearray(bits or _FULL)
                 self._there.add((boot, block))
-            for block in part:
-                self._blocks.setdefault((boot, block), bytearray(_BYTES))
+            for key in keys:
+                self._blocks.setdefault(key, bytearray(_BYTES))
 
     def take(self, boot: int, seq: int) -> bool:
         """Return whether a number is new, and note it; its block has been loaded."""
@@ -116,3 +122,8 @@ class Received:
             return self._blocks[boot, block] == _FULL
         return self._connection.execute(select(RECEIVED.c.bits).where(
             RECEIVED.c.boot_id == boot, RECEIVED.c.block == block)).scalar() == b''
+
+
+def _parts(found: Sequence[_T]) -> Iterator[Sequence[_T]]:
+    for begin in range(0, len(found), _PART):
+        yield found[begin:begin + _PART]

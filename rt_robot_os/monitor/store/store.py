@@ -187,7 +187,7 @@ class Store:
         try:
             with self.writing() as connection:
                 adding = Adding(connection, self._names, self.now_ns())
-                added = [adding.add(batch) for batch in batches]
+                added = adding.add(batches)
                 adding.save()
         except BaseException:
             self._names.forget()
