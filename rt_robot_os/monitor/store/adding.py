@@ -83,6 +83,7 @@ class Adding:
 
     def add(self, batches: Sequence[Batch]) -> list[Added]:
         """Take batches; they are written by :meth:`save`."""
+        self._names.learn(self._connection)
         who: list[tuple[int, int]] = []
         found: list[list[Sent | Aside]] = []
         numbers: dict[int, set[int]] = {}

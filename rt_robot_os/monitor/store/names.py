@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
+from typing import Final
 
 from rt_robot_os.monitor.store.tables import BOOTS
 from rt_robot_os.monitor.store.tables import PEOPLE
@@ -29,6 +30,9 @@ from sqlalchemy import insert
 from sqlalchemy import select
 from sqlalchemy import Table
 from sqlalchemy import update
+
+#: Of a table, at the start; the others are asked for when they are needed.
+_LEARNT: Final = 100_000
 
 
 class Names:
@@ -48,6 +52,20 @@ class Names:
     def forget(self) -> None:
         """Read all anew: somebody else may have changed them."""
         self.__init__()  # type: ignore[misc]
+
+    def learn(self, connection: Connection) -> None:
+        """Read people and their signs at once, where nothing is known yet; one by one is slow."""
+        if self._people:
+            return
+        for number, person in connection.execute(select(PEOPLE.c.id, PEOPLE.c.person).limit(
+                _LEARNT)):
+            self._people[person] = number
+        for number, owner, code in connection.execute(select(
+                SERIES.c.id, SERIES.c.person_id, SERIES.c.code).limit(_LEARNT)):
+            self._series[owner, code] = number
+        for robot, number in connection.execute(select(
+                ROBOT_PEOPLE.c.robot_id, ROBOT_PEOPLE.c.person_id).limit(_LEARNT)):
+            self._lives.add((robot, number))
 
     def robot(self, connection: Connection, robot: str, now_ns: int) -> int:
         """Return the number of a robot."""
