@@ -294,3 +294,25 @@ def test_a_file_that_is_no_database_is_put_aside(tmp_path: Path) -> None:
     box.add(rows(box, Importance.ALARM, 3))
     box.close()
     assert path.stat().st_mode & 0o077 == 0
+
+
+def test_a_clock_that_is_set_back_by_years_changes_no_order_and_deletes_nothing(
+        tmp_path: Path) -> None:
+    now_s = 0.0
+    kept = keeper_in(tmp_path, lambda: now_s, [])
+    years_ns = 20 * 365 * 86400 * 10 ** 9
+    for number in range(6):
+        kept.keep(Record(Importance.OBSERVATION, 'log', {'n': number},
+                         2 * years_ns - (number > 2) * years_ns))
+    kept.met_server()
+    items = [kept._queue.get() for _ in range(7)]
+    kept.step(items)
+    now_s = 100.0  # a minute of the gateway, not of the clock
+    kept.step(())
+    text = kept.next_text()
+    assert text is not None
+    batch = decode(text)['records']
+    assert [each['content']['n'] for each in batch] == list(range(6))
+    assert batch[2]['utc_ns'] - batch[3]['utc_ns'] == years_ns  # as it was said: the server judges
+    assert not any(kept.outbox.lost.values())
+    kept.outbox.close()
