@@ -6,6 +6,7 @@ import {icon} from '../../lib/icons.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
 import {release} from '../../lib/stop.js';
 import {announce} from '../../lib/toast.js';
+import {voiceOf} from '../../lib/voice.js';
 import {Gamepads} from './gamepad.js';
 import {Hand, letGoUnseen} from './hand.js';
 import {joystick} from './joystick.js';
@@ -52,7 +53,19 @@ export class Cockpit {
         h('div.drive-over', this.told, h('div.drive-held', this.reason, this.released))),
       h('section.drive-board', {'aria-label': t('drive.controls')}, chooser || null, this.seat,
         this.stick.element, h('p.drive-hint.small.muted', t('drive.hint')),
-        this.speedLimit(), this.facts()));
+        this.speedLimit(), this.facts()),
+      this.talk = h('div.drive-talk'));
+    this.offerCall();
+  }
+
+  /** Talk with whoever is there, where that is allowed and the robot can. */
+  offerCall() {
+    const can = (this.robot.capabilities || []).includes('talk')
+      && this.context.permissions.has('talk');
+    if (can && !this.voice) {
+      this.voice = voiceOf(this.context, {robot: this.robot.id});
+      replace(this.talk, this.voice.element);
+    }
   }
 
   speedLimit() {
@@ -249,6 +262,7 @@ export class Cockpit {
   robotChanged(robot) {
     this.robot = robot;
     this.picture.robotChanged(robot);
+    this.offerCall();
   }
 
   close() {
@@ -256,6 +270,7 @@ export class Cockpit {
     this.keys.end();
     this.gamepads.end();
     this.picture.close();
+    this.voice?.close();
     this.ends.forEach((each) => each());
   }
 }
