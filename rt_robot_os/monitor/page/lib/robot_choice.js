@@ -38,7 +38,6 @@ export function robotChoice(context, wanted, onchange) {
   };
   const later = framed(draw);
   const off = state.on('robots', later);
-  context.shownRobot = () => choice.robot;
   choice.close = () => {
     off();
     later.stop();

@@ -26,7 +26,10 @@ export function stopButton(context) {
   return {element, close: () => removeEventListener('keydown', onkey, {capture: true})};
 }
 
-/** Stop the only robot at once; of several ask which, all of them first. */
+/**
+ * Stop the only robot at once, or the one that a view is about; of several ask which, all of them
+ * first: the key twice stops all.
+ */
 export async function stopOrAsk(context) {
   const {t, state} = context;
   const robots = [...state.robots.values()];
@@ -34,8 +37,11 @@ export async function stopOrAsk(context) {
   if (robots.length <= 1 || shown) {
     return stop(context, shown ? [shown] : robots);
   }
-  if (document.querySelector('dialog.dialog-stop')) {
-    return stop(context, robots);
+  const asked = document.querySelector('dialog.dialog-stop .critical');
+  if (asked) {
+    // The key once more: all of them.
+    asked.click();
+    return null;
   }
   const chosen = await openDialog(t('shell.stop_which'), (close) => h('div.choices',
     button(t('shell.stop_all', {n: robots.length}), () => close(robots),

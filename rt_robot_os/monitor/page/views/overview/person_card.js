@@ -8,6 +8,8 @@ import {icon} from '../../lib/icons.js';
 import {badge, button, levelIcon, setBadge} from '../../lib/parts.js';
 import {drawSpark, sparkline} from '../../lib/spark.js';
 
+// A value is of now.
+const FRESH_S = 5;
 // Signs that a card has a place for, whether they are measured or not: nothing jumps.
 const SHOWN = ['pulse_per_min', 'spo2_percent', 'respiration_per_min', 'body_temperature',
   'systolic_mmhg'];
@@ -100,8 +102,12 @@ function showSign(parts, reading, t, format, name) {
   parts.row.classList.toggle('is-stale', !isGood);
   parts.row.classList.toggle('is-missing', !isThere);
   const quality = reading ? t.word('quality', reading.quality) : t('overview.not_measured');
-  write(parts.note, !isThere ? quality : isGood ? format.duration(reading.ageS)
-    : `${reading.quality === 'good' ? '' : `${quality}, `}${format.duration(reading.ageS)}`);
+  const isBad = !isThere || reading.quality !== 'good';
+  const age = !isThere ? '' : reading.ageS < FRESH_S ? t('overview.now')
+    : format.duration(reading.ageS);
+  // What is bad and fresh says why; what is bad and old says that as well.
+  write(parts.note, [isBad && quality, (!isBad || reading?.ageS >= FRESH_S) && age]
+    .filter(Boolean).join(', '));
 }
 
 /** One line for each open alarm, with what to do at once. */
