@@ -161,7 +161,7 @@ class Opened:
     def __init__(self, server: Monitor, browser: Browser) -> None:
         self.complaints: list[str] = []
         #: Beginnings of complaints that a test brings about itself.
-        self.expected: list[str] = ['Failed to load resource']
+        self.expected: list[str] = ['Failed to load resource', 'WebSocket connection to']
         self._server = server
         self._browser = browser
         self._contexts: list[BrowserContext] = []

@@ -94,9 +94,11 @@ export class Shell {
       this.links.set(each.name, link);
       return h(`li${index >= FIRST_VIEWS ? '.rail-later' : ''}`, link);
     });
-    const more = views.length > FIRST_VIEWS && h('li.rail-more', h('button.rail-link',
-      {type: 'button', onclick: () => this.more(views.slice(FIRST_VIEWS))}, icon('more'),
-      h('span', t('shell.more'))));
+    const later = views.slice(FIRST_VIEWS);
+    this.moreButton = h('button.rail-link', {type: 'button', onclick: () => this.more(later)},
+      icon('more'), h('span', t('shell.more')));
+    this.later = new Set(later.map((each) => each.name));
+    const more = later.length > 0 && h('li.rail-more', this.moreButton);
     return h('nav.rail', {'aria-label': t('shell.views')}, h('ul', items, more));
   }
 
@@ -154,6 +156,9 @@ export class Shell {
     this.showTitle();
     this.links.forEach((link, name) => attribute(link, 'aria-current',
       name === view.name ? 'page' : null));
+    if (this.moreButton) {
+      attribute(this.moreButton, 'aria-current', this.later.has(view.name) ? 'true' : null);
+    }
     if (this.wasRouted) {
       this.main.focus({preventScroll: true});
       this.main.scrollTop = 0;
