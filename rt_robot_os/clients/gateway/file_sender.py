@@ -99,8 +99,8 @@ class FileSender:
             offset = int(answer['offset'])
             if offset >= size:
                 self._forget(name)
-                await asyncio.to_thread(self._spool.done, name)
                 self.sent += 1
+                await asyncio.to_thread(self._spool.done, name)
                 return
             try:
                 part = await asyncio.to_thread(self._spool.part, item, offset, PART_BYTES)
