@@ -41,6 +41,8 @@ import background  # noqa: E402, I100
 MANY = 2000
 # What is made of the compiled modules, and how it looks from outside. Property tests come on top.
 BOTH_BUILDS = ('core', 'e2e', 'golden', 'kernel', 'link', 'linux', 'topics')
+# But not of these, which use nothing that is compiled.
+INTERPRETED = ('monitor', 'slam', 'uplink')
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 # Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
@@ -92,7 +94,10 @@ def pytest_report_header() -> str:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is tested on both builds, and let what reads the whole package begin."""
     folders = {ROOT / 'test' / name for name in BOTH_BUILDS}
+    interpreted = {ROOT / 'test' / name for name in INTERPRETED}
     for item in items:
+        if not interpreted.isdisjoint(item.path.parents):
+            item.add_marker('interpreted')
         if not folders.isdisjoint(item.path.parents):
             item.add_marker('both_builds')
         if state().compiled and item.get_closest_marker('interpreted'):
