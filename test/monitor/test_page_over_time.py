@@ -90,6 +90,7 @@ def test_a_lost_connection_is_shown_and_comes_back(
     network.is_up = True
     expect(link).to_have_text('Live')
     expect(page.locator('.strip')).to_contain_text('anna – Fall')
+    expect(page.locator('#say-now')).to_contain_text('anna, Fall')
 
 
 def test_it_tries_again_at_least_each_two_seconds(

@@ -6,12 +6,15 @@ import {announce} from './toast.js';
 /** Watch the alarms of a context; returns what ends it. */
 export function watchAlarms(context) {
   const told = new Set();
+  let isNew = true;
   const take = (kind, {alarms, before, isFirst}) => {
     show(context);
-    if (isFirst) {
-      alarms.forEach((each) => told.add(signature(each)));
+    if (isFirst && isNew) {
+      isNew = false;
+      begin(context, alarms, told);
       return;
     }
+    // After a reconnection: what came meanwhile has nothing before it, and is told now.
     for (const alarm of alarms) {
       if (isNews(alarm, before) && !told.has(signature(alarm))) {
         told.add(signature(alarm));
@@ -27,6 +30,15 @@ export function watchAlarms(context) {
     off();
     context.sound.alarm(null);
   };
+}
+
+/** Of those that are open already only the worst is read out. */
+function begin(context, alarms, told) {
+  alarms.forEach((each) => told.add(signature(each)));
+  const [worst] = context.state.openAlarms().filter(isLoud);
+  if (worst) {
+    announce(sentence(context, worst), true);
+  }
 }
 
 function signature(alarm) {
