@@ -93,6 +93,7 @@ class Records(Part):
         self._marks = keeper.marks()
         self._kinds = {each.topic: each for each in EVENTS}
         self._states: dict[tuple[str, ...], tuple[Any, float]] = {}
+        self._measured: dict[tuple[str, ...], int] = {}  # stamps that were recorded last
 
     def reads(self) -> Sequence[Reads]:
         """Read all of what happens, and the newest of what is."""
@@ -128,11 +129,15 @@ class Records(Part):
             sign = each.name.rpartition('/')[2]
             value, quality = _number(each.values.get('value')), each.values.get('quality', '')
             source = each.values.get('source', '')
-            measured = _number(each.values.get('stamp_ns'))
-            if not self._is_due(('sign', person, sign), (value, quality, source),
-                                self.ways.settings.observation_s):
+            measured = _number(each.values.get('stamp_ns')) if quality == 'good' else None
+            stamp_ns = sample.stamp_ns if measured is None else int(measured)
+            key = ('sign', person, sign)
+            # A cuff measures once an hour: its value stays good, and is one observation.
+            if measured is not None and self._measured.get(key) == stamp_ns:
                 continue
-            stamp_ns = sample.stamp_ns if quality != 'good' or measured is None else int(measured)
+            if not self._is_due(key, (value, quality, source), self.ways.settings.observation_s):
+                continue
+            self._measured[key] = stamp_ns
             self._keep(Importance.OBSERVATION, 'observation', {
                 'person': person, 'sign': sign, 'value': value, 'quality': quality,
                 'source': source}, stamp_ns)

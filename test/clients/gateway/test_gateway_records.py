@@ -18,7 +18,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from typing import cast
 
 from fake_server import FakeServer
 from processes import wait_until
@@ -28,6 +30,9 @@ pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 pytest.importorskip('websockets', reason='websockets is not installed')
 
 from rt_robot_os.clients.gateway.part import Record  # noqa: E402
+from rt_robot_os.clients.gateway.reading import Sample  # noqa: E402
+from rt_robot_os.clients.gateway.records import Records  # noqa: E402
+from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.uplink.importance import Importance  # noqa: E402
 
 
@@ -98,3 +103,26 @@ def test_a_record_that_is_refused_blocks_no_other(
         wait_until(lambda: any('it is set aside' in line for line in said), 'a word about it')
         wait_until(lambda: made.statistics()['waiting'] == 0, 'an empty outbox')
         json.dumps(made.statistics())
+
+
+def test_a_measurement_is_one_observation_however_long_it_is_shown() -> None:
+    kept: list[Record] = []
+    keeper = SimpleNamespace(marks=dict, keep=kept.append)
+    # Whatever is there is due again at once.
+    settings = SimpleNamespace(observation_s=0.0, signs_s=0.0)
+    records = Records(cast(Any, SimpleNamespace(settings=settings)), cast(Any, keeper))
+    signs, = (each for each in records.reads() if each.topic.endswith('/signs'))
+
+    def shown(value: str, quality: str, measured_ns: int, now_ns: int) -> None:
+        cdr = string_message(json.dumps({'status': [{
+            'level': 0, 'name': 'systolic_mmhg', 'message': '', 'hardware_id': '', 'values': {
+                'value': value, 'quality': quality, 'source': 'cuff',
+                'stamp_ns': str(measured_ns)}}]}))
+        signs.take(Sample('health/anna/signs', 'std_msgs/msg/String', now_ns, 1, memoryview(cdr)))
+
+    for now_ns in (10, 20, 30):
+        shown('120', 'good', 5, now_ns)
+    shown('120', 'good', 35, 40)  # measured again, and the same
+    shown('120', 'stale', 35, 50)
+    assert [(each.content['value'], each.content['quality']) for each in kept] == [
+        (120.0, 'good'), (120.0, 'good'), (120.0, 'stale')]
