@@ -97,6 +97,17 @@ def test_the_shipped_robot_notices_a_fall_and_the_carer_ends_it(flat):
     assert again.transitions == record.transitions and again.events == record.events
 
 
+def test_who_was_looked_after_gets_up_and_who_lies_cannot_fall(flat):
+    story = Story(3, (Scene(20.0, 'fall', 'anna', 0.0, 'help'),
+                      Scene(110.0, 'fall', 'anna', 40.0, 'fine')), Carer(5.0, 30.0))
+    record = Director(flat, story).tell()
+    assert not record.no_falls and judge(story, record).noticed == 2
+    again = Scene(45.0, 'fall', 'anna', 40.0, 'fine')
+    story = Story(3, (Scene(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
+    record = Director(flat, story).tell()
+    assert record.no_falls == [again] and not judge(story, record).problems
+
+
 def test_a_killed_core_goes_on_with_its_alarm(flat):
     story = Story(3, (*FALL.scenes, Scene(50.0, 'core_killed', '', 3.0)),
                   Carer(float('inf'), 10.0))

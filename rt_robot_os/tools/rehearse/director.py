@@ -27,8 +27,10 @@ from typing import Final
 
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world.posture import Posture
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.network import Network
+from rt_robot_os.tools.rehearse.office import CARER
 from rt_robot_os.tools.rehearse.office import Channels
 from rt_robot_os.tools.rehearse.office import Disk
 from rt_robot_os.tools.rehearse.office import Later
@@ -59,6 +61,7 @@ class Record:
     :ivar crashes: of the core.
     :ivar lasted_s: of virtual time.
     :ivar moved_m: the way of the robot.
+    :ivar no_falls: scenes in which somebody was to fall who lay on the floor already.
     """
 
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -68,6 +71,7 @@ class Record:
     crashes: int = 0
     lasted_s: float = 0.0
     moved_m: float = 0.0
+    no_falls: list[Scene] = field(default_factory=list)
 
     @property
     def agent_state(self) -> str:
@@ -133,6 +137,7 @@ class Director:
         self.record = Record()
         self._later = Later()
         self._crash_at_s: list[tuple[float, float]] = []
+        self._heard = 0
         for scene in story.scenes:
             self._plan(scene)
 
@@ -189,8 +194,19 @@ class Director:
     def act(self, now_ns: int) -> None:
         """Let happen what is due."""
         self._later.act(now_ns)
+        self._help_up()
         if now_ns % _LOOK_NS == 0 and self._is_over(now_ns / NS_PER_S):
             self._stage.end()
+
+    def _help_up(self) -> None:
+        """Who was looked after lies on the floor no longer."""
+        events = self.record.events
+        for each in events[self._heard:]:
+            person = self.world.crowd.named(each['subject'])
+            if (each['event'], each['by']) == ('resolved', CARER) and person is not None and (
+                    person.stance.posture is Posture.FALLEN):
+                self.world.inject(['rise', person.name])
+        self._heard = len(events)
 
     # ---- scenes ------------------------------------------------------------------------------
 
@@ -209,6 +225,9 @@ class Director:
         order = self.world.inject
         match scene.what:
             case 'fall':
+                person = self.world.crowd.named(scene.who)
+                if person is not None and person.stance.posture is Posture.FALLEN:
+                    self.record.no_falls.append(scene)
                 order(['answer', scene.who, scene.answer])
                 order(['fall', scene.who])
             case 'help':

@@ -32,7 +32,8 @@ from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
-_NAME: Final = 'carer'
+#: The name under which the carer acknowledges and resolves.
+CARER: Final = 'carer'
 # What is written is on the disk so much later, and a channel answers so much later.
 _DISK_NS: Final = 5 * NS_PER_MS
 _CHANNEL_NS: Final = 800 * NS_PER_MS
@@ -178,10 +179,10 @@ class Channels:
                        partial(self._acknowledge, alarm))
 
     def _acknowledge(self, alarm: str, now_ns: int) -> None:
-        _say(self._commands, f'acknowledge {alarm} by {_NAME}', now_ns)
+        _say(self._commands, f'acknowledge {alarm} by {CARER}', now_ns)
         self._later.at(now_ns + round(self._carer.ends_after_s * NS_PER_S),
                        partial(self._end, alarm))
 
     def _end(self, alarm: str, now_ns: int) -> None:
-        _say(self._commands, f'resolve {alarm} by {_NAME} looked after', now_ns)
+        _say(self._commands, f'resolve {alarm} by {CARER} looked after', now_ns)
         self._busy.discard(alarm)  # what comes again is looked at again

@@ -69,7 +69,7 @@ def judge(story: Story, record: Record) -> Verdict:
                  if count > 1]
     noticed = hidden = 0
     for scene in story.scenes:
-        if scene.what not in EMERGENCIES:
+        if scene.what not in EMERGENCIES or scene in record.no_falls:
             continue
         if _is_noticed(scene, record.events):
             noticed += 1
