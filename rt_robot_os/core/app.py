@@ -30,6 +30,7 @@ from rt_robot_os.compiled import state as compiled_state
 from rt_robot_os.core.dump_keeper import BlackBoxKeeper
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
+from rt_robot_os.core.frames import FrameRequests
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.core.kernel_requests import KernelRequests
 from rt_robot_os.core.lifecycle import ModuleLifecycle
@@ -183,6 +184,7 @@ class Core:
         self.watch.add(self.logs.sweep)
         ThreadWatch(functools.partial(self.note, Severity.WARN, 'core'), owners).attach(host)
         self.parameters.attach(host)
+        FrameRequests(self.settings).attach(host)
         statistics.add_rows('topic', lambda: map(asdict, self.bus.statistics()))
         statistics.add_rows('device', lambda: map(asdict, self.sensors.statistics()))
         statistics.add_rows('module', lambda: module_rows(self.modules, self.requests))

@@ -26,14 +26,9 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-from typing import Final
 import weakref
 
 from rt_robot_os.linux import _libc
-
-# NumPy's libraries start threads, which only take memory where one thread does all.
-ONE_BLAS_THREAD: Final = {
-    'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
 
 
 def start_child(

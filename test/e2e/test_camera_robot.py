@@ -36,6 +36,8 @@ from sensor_msgs.msg import TimeReference  # noqa: E402
 from std_msgs.msg import Float32  # noqa: E402
 from std_msgs.msg import Int16MultiArray  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROBOT = """

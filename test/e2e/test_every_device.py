@@ -30,6 +30,8 @@ from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 from rt_robot_os.settings import load  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'all_devices.yaml'
 
 

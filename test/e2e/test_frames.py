@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +26,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from geometry_msgs.msg import PoseStamped  # noqa: E402
+from nav_msgs.msg import OccupancyGrid  # noqa: E402
 from nav_msgs.msg import Path  # noqa: E402
 from rclpy.qos import QoSDurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
@@ -40,14 +42,18 @@ robot:
     devices: [laser, camera]
     laser: {type: hokuyo, port: sim, mounting_m: [0.1, 0.0, 0.3], mounting_rad: [0.0, 0.0, 1.5708]}
     camera: {type: camera, port: sim, enabled: false, mounting_m: [0.0, 0.0, 1.0]}
-    topics: [way, goal, odom_to_base, map_to_odom]
+    topics: [way, goal, odom_to_base, map_to_odom, map]
+    map: {message: nav_msgs/msg/OccupancyGrid, depth: 2, tail: 1000000,
+          fixed: {header.frame_id: map}}
     way: {message: std_msgs/msg/Float64MultiArray, tail: 30}
     goal: {message: geometry_msgs/msg/PoseStamped, fixed: {header.frame_id: map}}
     odom_to_base: {message: geometry_msgs/msg/TransformStamped,
                    fixed: {header.frame_id: odom, child_frame_id: base_link}}
     map_to_odom: {message: geometry_msgs/msg/TransformStamped,
                   fixed: {header.frame_id: map, child_frame_id: odom}}
-    mirrors: [way_in, way_out, goal_in, goal_out, odom_tf, map_tf]
+    mirrors: [way_in, way_out, goal_in, goal_out, odom_tf, map_tf, map_in, map_out]
+    map_in: {topic: map, direction: in, durability: transient_local}
+    map_out: {topic: map, ros_topic: map_taken, durability: transient_local}
     way_in: {topic: way, direction: in, ros_topic: path, as: nav_msgs/msg/Path}
     way_out: {topic: way, ros_topic: plan, as: nav_msgs/msg/Path}
     goal_in: {topic: goal, direction: in, ros_topic: goal_pose}
@@ -67,6 +73,17 @@ def path(*xs: float, frame_id: str = 'map') -> Path:
     return message
 
 
+def grid(width: int, value: int) -> OccupancyGrid:
+    """Make a square map as map_server and slam_toolbox send it."""
+    message = OccupancyGrid()
+    message.header.frame_id = 'map'
+    message.info.resolution = 0.05
+    message.info.width = message.info.height = width
+    message.info.origin.position.x = -3.0
+    message.data = array('b', bytes([value]) * (width * width))
+    return message
+
+
 def row(diagnostics: list[Any], what: str) -> dict[str, str]:
     """Give the last row of /diagnostics with that name: its values, and what it says."""
     for message in reversed(list(diagnostics)):
@@ -78,6 +95,10 @@ def row(diagnostics: list[Any], what: str) -> dict[str, str]:
 
 def test_paths_and_goals_go_both_ways_and_those_of_other_frames_are_told(
         world: Any, until: Until) -> None:
+    latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    maps = world.listen(OccupancyGrid, '/map_taken', latched)
+    drawn = world.node.create_publisher(OccupancyGrid, '/map', latched)
+    drawn.publish(grid(900, 42))  # once, before there is a robot
     plans, goals = world.listen(Path, '/plan'), world.listen(PoseStamped, '/goal_taken')
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     ways = world.node.create_publisher(Path, '/path', 10)
@@ -102,6 +123,14 @@ def test_paths_and_goals_go_both_ways_and_those_of_other_frames_are_told(
     until(lambda: wanted.publish(goal) or goals, 'a goal')
     assert goals[0].pose.position.x == 4.0
     assert goals[0].pose.orientation.z == pytest.approx(0.5 ** 0.5)
+    until(lambda: maps, 'the map of before')
+    assert (maps[0].info.width, maps[0].info.origin.position.x) == (900, -3.0)
+    assert maps[0].data == array('b', bytes([42]) * 810_000)
+    drawn.publish(grid(1001, 1))
+    until(lambda: robot.said('map -> map: refused: a sample of 1'), 'a refusal')
+    drawn.publish(grid(300, 7))
+    until(lambda: len(maps) > 1, 'a map that fits')
+    assert set(maps[1].data) == {7} and len(maps[1].data) == 90_000
     assert robot.end() == 0
 
 

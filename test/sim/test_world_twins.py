@@ -89,6 +89,24 @@ def test_a_lidar_sees_the_room_from_where_it_is_mounted(tmp_path: Path, room: Wo
             2.2 + world.base.pose[1], abs=0.05)
 
 
+def test_a_lidar_turns_while_the_robot_does(tmp_path: Path, room: WorldSettings) -> None:
+    world = World(room)
+    with rig(tmp_path, SimulatedHokuyo, Hokuyo, sim={**QUIET, 'scanning': True}, world=world,
+             configure=False) as made:
+        world.base.set_wheel_speeds(-2.5, 2.5)
+        made.run(2000, 10.0)
+        turning = world.base.velocity[1]
+        assert turning > 0.8
+        scan = last(made)
+    corners = np.flatnonzero(np.isclose(scan.ranges, math.hypot(3.0, 2.0), atol=0.02))
+    groups = np.split(corners, np.flatnonzero(np.diff(corners) > 9) + 1)
+    first, second = (float(group.mean()) * scan.angle_increment for group in groups[:2])
+    # While the ray went on to the second corner, that came towards it.
+    apart = (second - first) * (1 + turning * 0.1 / math.tau)
+    known = 2 * math.atan2(2.0, 3.0)
+    assert min(abs(apart - known), abs(apart - (math.pi - known))) < 0.01
+
+
 def test_an_ultrasonic_cone_sees_what_is_beside_its_axis(tmp_path: Path, room: WorldSettings
                                                          ) -> None:
     world = World(replace(room, people=('anna 0 1.5 0.4',)))

@@ -13,7 +13,11 @@
 # limitations under the License.
 
 
-"""A simulated Hokuyo laser scanner on the robot, or turning in a room with a pillar."""
+"""
+A simulated Hokuyo laser scanner on the robot, or turning in a room with a pillar.
+
+On a robot that moves each ray is measured from where the laser was then, as its mirror turns.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +44,9 @@ _MINIMUM_MM: Final = 20
 _MAX_PENDING: Final = 256
 _BAD_COMMAND: Final = 4
 _SCAN_COMMAND: Final = 15
+#: Rays that are cast from one place while the robot moves: their time is 6 ms.
+_SECTOR: Final = 64
+_S_PER_MIN: Final = 60.0
 
 Ranges = npt.NDArray[np.float64]
 
@@ -80,7 +87,20 @@ class SimulatedHokuyo(SimulatedDevice):
     def _ranges(self, angles: Ranges, time_s: float) -> Ranges:
         if self.world is None:
             return room(angles + self.settings['turn_rad_s'] * time_s)
-        x, y, yaw = self.world.pose_of(self.mounting)
+        ahead, turning = self.world.base.velocity
+        if not ahead and not turning:
+            return self._cast(angles, 0.0)
+        # The last ray is measured now, the others before it.
+        ages_s = (angles[-1] - angles) / math.tau * (_S_PER_MIN / self._rpm)
+        return np.concatenate([
+            self._cast(angles[start:start + _SECTOR],
+                       float(ages_s[start:start + _SECTOR].mean()))
+            for start in range(0, len(angles), _SECTOR)])
+
+    def _cast(self, angles: Ranges, age_s: float) -> Ranges:
+        """Return the distances as they were measured some time ago."""
+        assert self.world is not None
+        x, y, yaw = self.world.pose_of(self.mounting, age_s)
         upside_down = abs(self.mounting.rotation_rad[0]) > math.pi / 2
         return self.world.cast(x, y, yaw - angles if upside_down else yaw + angles,
                                self._maximum_mm / 1000, self.mounting.position_m[2])

@@ -245,9 +245,18 @@ class World:
 
     # ---- looking at it -------------------------------------------------------------------------
 
-    def pose_of(self, mounting: Mounting) -> Pose:
-        """Return x, y and yaw of a frame on the robot; its height is that of the mounting."""
+    def pose_of(self, mounting: Mounting, age_s: float = 0.0) -> Pose:
+        """
+        Return x, y and yaw of a frame on the robot; its height is that of the mounting.
+
+        :param age_s: so long ago, at the speed that the robot has now: for a moment.
+        """
         x, y, yaw = self.base.pose
+        if age_s:
+            ahead_m_s, turning_rad_s = self.base.velocity
+            way, half = ahead_m_s * age_s, turning_rad_s * age_s / 2
+            x, y = x - way * math.cos(yaw - half), y - way * math.sin(yaw - half)
+            yaw -= 2 * half
         ahead, left, _ = mounting.position_m
         cosine, sine = math.cos(yaw), math.sin(yaw)
         return (x + cosine * ahead - sine * left, y + sine * ahead + cosine * left,
