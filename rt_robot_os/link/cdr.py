@@ -19,10 +19,13 @@ from __future__ import annotations
 import struct
 from typing import Final
 
+from rt_robot_os.units import NS_PER_S
+
 ENCAPSULATION: Final = 4
 LITTLE_ENDIAN: Final = b'\x00\x01\x00\x00'
 
 _COUNT: Final = struct.Struct('<I')
+_TIME: Final = struct.Struct('<iI')
 _DOUBLE: Final = 8
 
 
@@ -84,6 +87,11 @@ class CdrReader:
         """Read a number of items, or of bytes."""
         count: int = _COUNT.unpack_from(self.cdr, self.skip(_COUNT.size, _COUNT.size))[0]
         return count
+
+    def stamp_ns(self) -> int:
+        """Read a ``builtin_interfaces/msg/Time``."""
+        seconds, nanoseconds = _TIME.unpack_from(self.cdr, self.skip(_COUNT.size, _TIME.size))
+        return int(seconds) * NS_PER_S + int(nanoseconds)
 
     def text(self) -> str:
         """Read a text."""

@@ -21,10 +21,7 @@ may wait: not for the real-time loop.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from collections.abc import Mapping
 from dataclasses import dataclass
-from dataclasses import field
 import itertools
 import os
 from pathlib import Path
@@ -33,11 +30,13 @@ import select
 import socket
 import struct
 import time
-from types import MappingProxyType
 from typing import Any
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link.client_rooms import ClientRoom
+from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.core_statistics import collect
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
@@ -45,12 +44,10 @@ from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.reader import connection_error
 from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.robots import others_than
-from rt_robot_os.link.task_records import decode_counts
-from rt_robot_os.link.task_records import decode_task
-from rt_robot_os.link.task_records import TaskCounts
 from rt_robot_os.safe_text import safe_line
 from rt_robot_os.topics import Bus
 
@@ -77,57 +74,10 @@ def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
         for channel, topic in enumerate(bus.topics))
 
 
-@dataclass(frozen=True)
-class CoreStatistics:
-    """
-    What a core says of itself, as :meth:`LinkClient.statistics` gives it.
-
-    :ivar resources: what tasks share, each as in ``kernel.ResourceStatistics``.
-    :ivar counts: the histograms of each task by its name, to be subtracted from later ones.
-    """
-
-    core: dict[str, Any]
-    tasks: tuple[TaskStatistics, ...]
-    topics: tuple[dict[str, Any], ...]
-    devices: tuple[dict[str, Any], ...]
-    clients: tuple[dict[str, Any], ...]
-    resources: tuple[dict[str, Any], ...] = ()
-    modules: tuple[dict[str, Any], ...] = ()
-    # A read-only mapping has no hash before Python 3.12, so it is no default by itself.
-    counts: Mapping[str, TaskCounts] = field(default_factory=lambda: MappingProxyType({}))
-
-
-def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
-    """
-    Put the packets of an answer to ``statistics`` together.
-
-    :raises LinkError: one of them is no packet of the link, or says why there are no statistics.
-    """
-    tasks: list[TaskStatistics] = []
-    counts: dict[str, TaskCounts] = {}
-    parts: dict[str, list[dict[str, Any]]] = {
-        'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
-    for head, packet in packets:
-        if head.kind == Kind.TASK:
-            record = memoryview(packet)[HEADER_BYTES:]
-            tasks.append(decode_task(record))
-            counts[tasks[-1].name] = decode_counts(record)
-            continue
-        content = decode_json(packet)
-        if 'error' in content:
-            raise LinkError(str(content['error']))
-        part = content.pop('part', None)
-        if part in parts:
-            parts[part].append(content)
-    core = parts['core'][0] if parts['core'] else {}
-    return CoreStatistics(core, tuple(tasks), tuple(parts['topic']), tuple(parts['device']),
-                          tuple(parts['client']), tuple(parts['resource']),
-                          tuple(parts['module']), counts)
-
-
 RECEIVE_BUFFER_BYTES = 1 << 20
 Answers = dict[int, queue.SimpleQueue[tuple[Header, bytes]]]
 US_PER_S = 1_000_000
+_DATA_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM - HEADER_BYTES
 
 
 class LinkSilent(LinkError):
@@ -336,18 +286,40 @@ class LinkClient(Reader):
         :return: the channel for :meth:`publish`.
         :raises LinkError: as for :meth:`request`.
         """
-        return int(self.request('advertise', topic=topic)['channel'])
+        answer = self.request('advertise', topic=topic)
+        channel = int(answer['channel'])
+        deadline = time.monotonic() + self._timeout_s
+        while answer.get('room') and channel not in self.rooms.by_channel:
+            if time.monotonic() > deadline:
+                raise LinkSilent(f'topic {topic!r}: no memory came within {self._timeout_s:g} s')
+            self.pump(0.02)
+        return channel
 
     def publish(self, channel: int, cdr: bytes, stamp_ns: int = 0) -> None:
         """
-        Publish a sample in the core.
+        Publish a sample in the core, however long it is; any thread.
 
         :param cdr: with its four bytes of encapsulation.
         :param stamp_ns: on CLOCK_MONOTONIC; 0, or a time in the future, means the arrival in
             the core.
-        :raises LinkError: the core is gone, or does not keep up.
+        :raises SampleTooLong: the topic takes no such sample; nothing was sent.
+        :raises LinkSilent: the core does not keep up; nothing was sent.
+        :raises LinkError: the core is gone.
         """
+        if channel in self.rooms.by_channel:
+            self._publish_large(self.rooms.by_channel[channel], cdr, stamp_ns)
+            return
+        if len(cdr) > _DATA_BYTES_MAXIMUM:
+            raise SampleTooLong(f'a sample of {len(cdr)} bytes for channel {channel}; its topic '
+                                f'takes less than {_DATA_BYTES_MAXIMUM}')
         self._send(header(Kind.DATA, channel, stamp_ns=stamp_ns) + cdr)
+
+    def _publish_large(self, room: ClientRoom, cdr: bytes, stamp_ns: int) -> None:
+        if room.publish(cdr, stamp_ns, self._send):
+            return
+        self.pump(0.0)  # a slot may have come back that nobody has read of
+        if not room.publish(cdr, stamp_ns, self._send):
+            raise LinkSilent('the core has not taken the large samples before')
 
     def beat(self) -> None:
         """

@@ -38,7 +38,7 @@ from rt_robot_os.link.cdr import padding
 from rt_robot_os.link.cdr import text_bytes
 from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
 from rt_robot_os.link.diagnostic_array import to_diagnostics
-from rt_robot_os.link.markers import MARKERS
+from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.markers import to_markers
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.units import NS_PER_S
@@ -261,10 +261,10 @@ def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
     return convert
 
 
-# ---- networks of sensors ---------------------------------------------------------------------
+# ---- networks of sensors, graphs of maps -----------------------------------------------------
 
 def to_network(frame_id: str) -> Outward:
-    """Make what turns the rows of a sensor network into markers."""
+    """Make what turns the rows of a sensor network, or the graph of a map, into markers."""
     return to_markers(labelled_numbers, frame_id)
 
 

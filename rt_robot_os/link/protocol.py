@@ -35,10 +35,13 @@ Samples that go out at the same moment share a ``BATCH``: after its header, whos
 counts them, each of them as a ``DATA`` packet of its own, its length before it in 8 bytes, and
 zeros behind it up to a multiple of 8. The core sends it; clients send ``DATA`` alone.
 
-A sample that is too long for a packet lies in a memory file that both sides have mapped. The core
-sends the file once for each mirror, in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT`` packet
-for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
-between.
+A sample that is too long for a packet lies in a memory file that both sides have mapped; the core
+makes it. For a mirror it sends the file once in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT``
+packet for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
+between. For a large topic that the client advertises it sends the file in a ``ROOM`` packet; its
+slots belong to the client at first, which sends a ``SLOT`` packet for each sample, and the core
+answers with ``GIVE_BACK`` when it has taken it. A ``DATA`` packet of that topic must not come
+while the core has a slot: it would overtake.
 
 With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.sign_of_life`
 (SCM_RIGHTS).
@@ -47,8 +50,9 @@ With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.sig
 kind      after the header                                        sent by
 ========= ======================================================= =========
 MEMORY    number of the memory, of its slots; bytes of a slot     core
-SLOT      number of the memory, of the slot; bytes of the sample  core
-GIVE_BACK number of the memory, of the slot                       client
+ROOM      as ``MEMORY``                                           core
+SLOT      number of the memory, of the slot; bytes of the sample  both
+GIVE_BACK number of the memory, of the slot                       both
 ========= ======================================================= =========
 
 After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a record of
@@ -67,7 +71,7 @@ from typing import NamedTuple
 
 from rt_robot_os.errors import LinkError
 
-VERSION = 4
+VERSION = 5
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
 RECORD = struct.Struct('<Q')
@@ -103,6 +107,7 @@ class Kind(IntEnum):
     GIVE_BACK = 9
     BATCH = 10
     LIFE = 11
+    ROOM = 12
 
 
 class Header(NamedTuple):

@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Iterator
-from collections.abc import Sequence
-import os
 import queue
 import select
 import socket
@@ -29,89 +27,24 @@ import time
 from typing import Any
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.link.client_memories import ClientMemories
+from rt_robot_os.link.client_memories import give_back
+from rt_robot_os.link.client_rooms import ClientRooms
 from rt_robot_os.link.fetch_clock import FetchClock
 from rt_robot_os.link.protocol import CONTINUED
 from rt_robot_os.link.protocol import decode_json
-from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.protocol import MEMORY
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import parse_header
-from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.records import Record
 from rt_robot_os.link.records import records
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.linux.memory_file import FD_BYTES
-from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import received_fds
-
-
-def give_back(packet: bytes) -> bytes:
-    """Make the answer to a ``SLOT`` packet."""
-    number, slot, _ = SLOT.unpack_from(packet, HEADER_BYTES)
-    return header(Kind.GIVE_BACK, parse_header(packet).channel) + GIVE_BACK.pack(number, slot)
-
-
-class ClientMemories:
-    """The memory files of one connection; one for each large topic that is mirrored."""
-
-    def __init__(self) -> None:
-        self._by_channel: dict[int, tuple[int, int, MemoryFile]] = {}
-
-    def take(self, packet: memoryview, fds: Sequence[int]) -> None:
-        """
-        Take the file that came with a packet; it replaces that of an earlier mirror of the topic.
-
-        :raises LinkError: it is no memory file, or not as the packet says.
-        """
-        fit = (len(packet) == HEADER_BYTES + MEMORY.size and packet[0] == Kind.MEMORY
-               and len(fds) == 1)
-        if not fit:
-            for fd in fds:
-                os.close(fd)
-            raise LinkError(f'{len(fds)} file descriptors came with a packet of {len(packet)} '
-                            'bytes that is no memory of the link')
-        channel = parse_header(packet).channel
-        number, count, size = MEMORY.unpack_from(packet, HEADER_BYTES)
-        try:
-            memory = MemoryFile.received(fds[0], count, size)
-        except (OSError, OverflowError, ValueError) as error:
-            raise LinkError(f'the core sent no usable memory: {error}') from error
-        old = self._by_channel.pop(channel, None)
-        if old is not None:
-            old[2].close()
-        self._by_channel[channel] = (number, size, memory)
-
-    def sample(self, packet: bytes) -> memoryview | None:
-        """
-        Return the sample that a ``SLOT`` packet names, in place.
-
-        :return: None when it belongs to a memory of before.
-        :raises LinkError: there is no such slot, or not so much in it.
-        """
-        if len(packet) != HEADER_BYTES + SLOT.size:
-            raise LinkError(f'a packet of {len(packet)} bytes names no slot')
-        number, slot, length = SLOT.unpack_from(packet, HEADER_BYTES)
-        channel = parse_header(packet).channel
-        known, size, memory = self._by_channel.get(channel, (0, 0, None))
-        if memory is None or known != number:
-            return None
-        if slot >= len(memory.slots) or length > size:
-            raise LinkError(f'the core names slot {slot} with {length} bytes; there are '
-                            f'{len(memory.slots)} of {size}')
-        sample: memoryview = memory.slots[slot][:length]
-        return sample
-
-    def close(self) -> None:
-        """Unmap everything; may be called twice."""
-        for _, _, memory in self._by_channel.values():
-            memory.close()
-        self._by_channel = {}
 
 
 DataHandler = Callable[[Header, memoryview], None]
@@ -149,6 +82,7 @@ class Reader:
         before it was set, with the answer to the greeting, come first.
     :ivar replies: where the answers to requests go, by the number of the request.
     :ivar last_beat_ns: when a beat of the core was read last, on CLOCK_MONOTONIC.
+    :ivar rooms: for the large samples that this client publishes.
     :ivar life: the core's sign of life, which needs no packets; None until it has come.
     """
 
@@ -165,6 +99,7 @@ class Reader:
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._view = memoryview(self._buffer)
         self._memories = ClientMemories()
+        self.rooms = ClientRooms()
         self._owed: deque[bytes] = deque()
         self._reports: deque[dict[str, Any]] = deque(maxlen=_REPORTS_MAXIMUM)
         self._records: Iterator[Record] | None = None
@@ -177,6 +112,7 @@ class Reader:
         """Close the socket and all memory files; may be called twice."""
         self.closed = True
         self._socket.close()
+        self.rooms.close()
         if self._taken.acquire(blocking=False):  # else a thread reads in them: they end with it
             self._memories.close()
             if self.life is not None:
@@ -249,6 +185,8 @@ class Reader:
             if self.life is not None:
                 self.life.close()
             self.life = Life(fds[0])
+        elif length and self._buffer[0] == Kind.ROOM:
+            self.rooms.take(self._view[:length], fds)
         else:
             self._memories.take(self._view[:length], fds)
 
@@ -277,6 +215,8 @@ class Reader:
             self._deliver(head.seq, head, packet)
         elif kind == Kind.REPLY:
             self._deliver(head.seq, head, packet)
+        elif kind == Kind.GIVE_BACK:
+            self.rooms.returned(head.channel, packet)
 
     def _hand_on(self, samples: Iterator[Record]) -> None:
         carriers = self.carriers

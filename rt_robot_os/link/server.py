@@ -41,6 +41,7 @@ from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.requests import Requests
+from rt_robot_os.link.rooms import UploadTurns
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
 from rt_robot_os.link.sign_of_life import LifePage
@@ -107,6 +108,7 @@ class LinkServer:
         self._page = LifePage(life_fd)
         self._parent = os.getppid()
         self._shares = Shares()
+        self._uploads = UploadTurns()
         self._lines = Lines(functools.partial(self._tell, Severity.WARN))
         self._identity: tuple[int, int] | None = None
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
@@ -200,7 +202,7 @@ class LinkServer:
             if self._shares.used_up(session, now_ns):
                 self._kernel.remove_interrupt(session.connection.fileno())
                 pause = True
-            work = work or bool(session.gone or session.requests)
+            work = work or bool(session.gone or session.requests or session.uploads.waiting)
         if pause and self._kernel.running:
             self._listening.start_at(self._shares.end_ns)
         if work:
@@ -222,6 +224,7 @@ class LinkServer:
             some |= session.carry(now_ns)
             if session.gone:
                 self._remove(session)
+        more = self._uploads.take(self._sessions, now_ns) or more
         if some:
             self._gather.carried(now_ns)
         if more:
@@ -305,6 +308,8 @@ class LinkServer:
 
     def _remove(self, session: Session) -> None:
         refused = session.gone.startswith('refused')
+        while session.uploads.waiting and not refused:
+            session.upload()  # handed over before it left
         self.refused += refused
         self._note(Severity.WARN if refused else Severity.INFO,
                    f'client {session.name} (pid {session.pid}) left: {session.gone}')

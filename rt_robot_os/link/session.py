@@ -40,8 +40,12 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import PART_BYTES
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
+from rt_robot_os.link.rooms import Room
+from rt_robot_os.link.rooms import room_bytes
+from rt_robot_os.link.rooms import Uploads
 from rt_robot_os.linux.memory_file import send_with_fd
 from rt_robot_os.topics import Bus
+from rt_robot_os.topics import LargePublisher
 from rt_robot_os.topics import Publisher
 
 REQUESTS_WAITING_MAXIMUM = 64
@@ -59,6 +63,9 @@ class ClientStatistics:
     A client and what passed.
 
     :ivar received: samples that it published.
+    :ivar last_refusal: why the last one that did not fit was refused.
+    :ivar large: those of them that were too long for a packet.
+    :ivar large_waiting: samples that it has handed over and that are not published yet.
     :ivar refused: samples that did not fit their topic.
     :ivar outbox_dropped: replies and reports that it was too slow for.
     :ivar quiet_ns: since it was heard last.
@@ -67,10 +74,13 @@ class ClientStatistics:
     name: str
     pid: int
     received: int
+    large: int
+    large_waiting: int
     refused: int
     outbox_dropped: int
     quiet_ns: int
     mirrors: tuple[MirrorStatistics, ...]
+    last_refusal: str = ''
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -110,6 +120,7 @@ class Session:
         self.batch = Batch(connection)
         self._large: dict[int, LargeMirror] = {}
         self._memories = 0
+        self.uploads = Uploads()
         self._bus = bus
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
@@ -164,6 +175,9 @@ class Session:
                 self.gone = f'refused: more than {REQUESTS_WAITING_MAXIMUM} requests at once'
             else:
                 self.requests.append(bytes(packet))
+        elif head.kind == Kind.SLOT:
+            wrong = self.uploads.handed_over(head, packet[HEADER_BYTES:], now_ns)
+            self.gone = self.gone or (f'refused: {wrong}' if wrong else '')
         elif head.kind == Kind.GIVE_BACK:
             self._take_back(packet[HEADER_BYTES:])
         elif head.kind != Kind.BEAT:
@@ -190,14 +204,18 @@ class Session:
         :param size: bytes of its memory.
         :raises LinkError: it would be more memory than one client may have.
         """
-        taken = sum(mirror.memory_bytes for mirror in self._large.values())
-        if taken + size > CLIENT_MEMORY_MAXIMUM:
-            raise LinkError(f'topic {topic!r}: mirroring it takes {size} bytes of memory, and '
-                            f'{taken} of {CLIENT_MEMORY_MAXIMUM} are taken by this client; mirror '
-                            'fewer large topics, or connect twice')
+        self._check_memory(f'topic {topic!r}: mirroring it', size)
         mirror = make(self._memories + 1)
         self._memories += 1
         self._large[self._memories] = self.mirrors[topic] = mirror
+
+    def _check_memory(self, what: str, size: int) -> None:
+        users: list[LargeMirror | Room] = [*self._large.values(), *self.uploads.rooms.values()]
+        taken = sum(user.memory_bytes for user in users)
+        if taken + size > CLIENT_MEMORY_MAXIMUM:
+            raise LinkError(f'{what} takes {size} bytes of memory, and {taken} of '
+                            f'{CLIENT_MEMORY_MAXIMUM} are taken by this client; use fewer large '
+                            'topics, or connect twice')
 
     def remove_mirror(self, topic: str) -> None:
         """Stop carrying a topic; unknown ones are fine."""
@@ -211,6 +229,9 @@ class Session:
         if publisher is None:
             self.gone = f'refused: a sample for channel {channel}, which it never advertised'
             return
+        if self.uploads.rooms and self.uploads.is_busy(channel):
+            self.gone = f'refused: a sample for channel {channel} would overtake a large one'
+            return
         try:
             publisher.publish_cdr(cdr, stamp_ns)
             self.received += 1
@@ -218,17 +239,35 @@ class Session:
             self.refused += 1
             self.last_refusal = str(error)
 
-    def advertise(self, topic: str) -> int:
+    def advertise(self, topic: str) -> tuple[int, bool]:
         """
         Allow the client to publish on a topic.
 
-        :return: the channel to use.
+        :return: the channel to use, and whether there is a room for large samples.
         :raises TopicError: there is no such topic.
+        :raises LinkError: there is not so much memory.
         """
-        publisher = self._bus.publisher(topic)
-        channel = self._bus.topics.index(publisher.topic)
-        self._publishers.setdefault(channel, publisher)
-        return channel
+        channel = self.channel(topic)
+        if channel not in self._publishers:
+            publisher = self._bus.publisher(topic)
+            if isinstance(publisher, LargePublisher):
+                self._add_room(publisher, channel)
+            self._publishers[channel] = publisher
+        return channel, channel in self.uploads.rooms
+
+    def upload(self) -> int:
+        """Publish the first of the large samples that wait; return its bytes."""
+        length, refusal = self.uploads.publish()
+        self.received += not refusal
+        self.refused += bool(refusal)
+        self.last_refusal = refusal or self.last_refusal
+        return length
+
+    def _add_room(self, publisher: LargePublisher, channel: int) -> None:
+        self._check_memory(f'topic {publisher.topic.name!r}: publishing there',
+                           room_bytes(publisher.topic))
+        self._memories += 1
+        self.uploads.add(Room(publisher, channel, self._memories, self.connection), channel)
 
     def channel(self, topic: str) -> int:
         """
@@ -310,6 +349,7 @@ class Session:
             for mirror in self.mirrors.values():
                 some |= mirror.carry(now_ns)
             self.batch.send()
+            self.uploads.settle()
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
         return some
@@ -322,10 +362,13 @@ class Session:
         for mirror in self.mirrors.values():
             mirror.close(left)
         self.mirrors.clear()
+        self.uploads.close(left)
         self.connection.close()
 
     def statistics(self, now_ns: int) -> ClientStatistics:
         """Take the statistics."""
+        uploads = self.uploads
         return ClientStatistics(
-            self.name, self.pid, self.received, self.refused, self.outbox_dropped,
-            now_ns - self.heard_ns, tuple(m.statistics() for m in self.mirrors.values()))
+            self.name, self.pid, self.received, uploads.published, len(uploads.waiting),
+            self.refused, self.outbox_dropped, now_ns - self.heard_ns,
+            tuple(m.statistics() for m in self.mirrors.values()), self.last_refusal[:300])

@@ -113,4 +113,5 @@ class TopicRequests:
         return {}
 
     def _advertise(self, session: Session, arguments: Arguments) -> Arguments:
-        return {'channel': session.advertise(text_of(arguments, 'topic'))}
+        channel, room = session.advertise(text_of(arguments, 'topic'))
+        return {'channel': channel, 'room': room}

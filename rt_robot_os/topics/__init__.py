@@ -16,6 +16,7 @@
 
 from rt_robot_os.topics.bus import Bus
 from rt_robot_os.topics.layout import Layout
+from rt_robot_os.topics.publisher import LargePublisher
 from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import ReadStatus
 from rt_robot_os.topics.subscription import Subscription
@@ -25,5 +26,5 @@ from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import TopicStatistics
 from rt_robot_os.topics.topic import Trigger
 
-__all__ = ['Bus', 'Layout', 'MAX_SUBSCRIBERS', 'Publisher', 'ReadStatus', 'SubscriberStatistics',
-           'Subscription', 'Topic', 'TopicStatistics', 'Trigger']
+__all__ = ['Bus', 'LargePublisher', 'Layout', 'MAX_SUBSCRIBERS', 'Publisher', 'ReadStatus',
+           'SubscriberStatistics', 'Subscription', 'Topic', 'TopicStatistics', 'Trigger']

@@ -194,6 +194,23 @@ class LargePublisher(Publisher):
         if kernel.pending:
             kernel.settle()
 
+    def publish_shared(self, data: memoryview, stamp_ns: int = 0) -> None:
+        """
+        Publish CDR out of memory that another process may still write to: the copy is judged.
+
+        :param data: with its four bytes of encapsulation.
+        :param stamp_ns: as for :meth:`publish`.
+        :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
+        """
+        layout = self.topic.layout
+        length = min(len(data), layout.max_size)  # padding may follow
+        copied = self._buffer[:length]
+        copy_in_pieces(copied, data[:length])
+        reason = layout.check(copied)
+        if reason is not None:
+            raise TopicError(f'topic {self.topic.name!r}: {reason}')
+        self.publish(stamp_ns)
+
     def _publish(self, data: memoryview, stamp_ns: int) -> None:
         copy_in_pieces(self._buffer, data)
         self.publish(stamp_ns)

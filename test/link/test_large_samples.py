@@ -38,6 +38,8 @@ import pytest
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
+from rt_robot_os.link.client_memories import ClientMemories
+from rt_robot_os.link.client_memories import give_back
 from rt_robot_os.link.large import SLOTS
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import HEADER
@@ -48,8 +50,6 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import SLOT
-from rt_robot_os.link.reader import ClientMemories
-from rt_robot_os.link.reader import give_back
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile

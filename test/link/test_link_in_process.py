@@ -150,7 +150,7 @@ REQUESTS = st.builds(
          'value']),
         VALUES, max_size=5))
 HEADS = st.builds(
-    HEADER.pack, st.integers(0, 10), st.sampled_from([VERSION] * 7 + [0, VERSION + 1, 255]),
+    HEADER.pack, st.integers(0, 13), st.sampled_from([VERSION] * 7 + [0, VERSION + 1, 255]),
     st.integers(0, 4), st.integers(0, (1 << 32) - 1), st.integers(-(1 << 63), (1 << 63) - 1),
     st.integers(0, (1 << 64) - 1))
 PACKETS = st.one_of(

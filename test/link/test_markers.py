@@ -20,15 +20,16 @@ from collections.abc import Sequence
 import math
 from typing import Any
 
+from hypothesis import assume
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.link.conversions import to_network
+from rt_robot_os.link.marker import LINE_LIST
+from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.markers import LIFETIME_S
-from rt_robot_os.link.markers import LINE_LIST
-from rt_robot_os.link.markers import MARKERS
 from rt_robot_os.topics import Layout
 from rt_robot_os.wsn.network_rows import names_label
 from rt_robot_os.wsn.network_rows import NodeRow
@@ -112,6 +113,7 @@ def test_each_mirror_deletes_its_own() -> None:
                          min_size=WIDTH, max_size=WIDTH), max_size=6),
        st.text('abc=1 2\u00e4\n', max_size=20))
 def test_any_numbers_give_a_message(rows: list[list[float]], label: str) -> None:
+    assume(not rows or rows[0][0] != -1.0)  # the graph of a map begins so
     convert = to_network('map')
     for _ in range(2):
         shown(convert(sample(rows, label), WALL_NS))

@@ -35,7 +35,7 @@ from rt_robot_os.clients.top.rows import TopicRow
 from rt_robot_os.kernel import summarise
 from rt_robot_os.kernel import Summary
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.task_records import TaskCounts
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US

@@ -47,7 +47,7 @@ from rt_robot_os.kernel import DeadlineMiss
 from rt_robot_os.kernel import Summary
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.task_records import TaskCounts
 
 S = 1_000_000_000

@@ -1,0 +1,58 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the programs beside a robot have in common: one of each, with a folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+
+from rt_robot_os.errors import StartError
+from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.linux.folders import ros_home
+from rt_robot_os.linux.lock_file import LockFile
+
+
+def folder_of(program: str, robot: str, setting: str) -> Path:
+    """
+    Return where a program keeps what has to outlast it.
+
+    :param setting: what the user has set; empty: ``~/.ros/PROGRAM-ROBOT``.
+    """
+    return Path(setting).expanduser() if setting else ros_home() / f'{program}-{robot}'
+
+
+@contextmanager
+def only_one(program: str, robot: str, refusal: str) -> Iterator[None]:
+    """
+    Be the only one of a program beside a robot.
+
+    :param refusal: what whoever comes second is told.
+    :raises StartError: there is one already, or the lock cannot be made.
+    """
+    lock = LockFile(runtime_folder() / f'{robot}-{program}.lock')
+    try:
+        taken = lock.acquire()
+    except OSError as error:
+        raise StartError(f'{lock.path} cannot be made: {error.strerror}') from error
+    if not taken:
+        raise StartError(refusal)
+    try:
+        lock.note(pid=os.getpid())
+        yield
+    finally:
+        lock.release()
