@@ -32,6 +32,7 @@ from typing import Final
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.poses import composed
 
 # x-x, x-y, x-heading, y-y, y-heading, heading-heading in m^2, m rad, rad^2.
 PoseCovariance = tuple[float, float, float, float, float, float]
@@ -48,6 +49,36 @@ UNKNOWN_VARIANCE: Final = 1e6
 # What stands for ever grows its variance for ever; and rounding must not make one negative.
 _VARIANCE_MOST: Final = 1e9
 _VARIANCE_LEAST: Final = 1e-14
+
+
+def _inverse(a: float, b: float, c: float, d: float, e: float, f: float
+             ) -> PoseCovariance | None:
+    """Return the inverse of the symmetric a b c, b d e, c e f; None when there is none."""
+    i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * i00 + b * i01 + c * i02
+    if not determinant > 0.0:
+        return None
+    scale = 1 / determinant
+    return (i00 * scale, i01 * scale, i02 * scale, (a * f - c * c) * scale,
+            (b * c - a * e) * scale, (a * d - b * b) * scale)
+
+
+def displaced_covariance(covariance: PoseCovariance, movement: Pose) -> PoseCovariance:
+    """Return the covariance of a pose after its frame was moved."""
+    xx, xy, xh, yy, yh, hh = covariance
+    c, s = math.cos(movement[2]), math.sin(movement[2])
+    cc, ss, cs = c * c, s * s, c * s
+    return (cc * xx - 2 * cs * xy + ss * yy, cs * (xx - yy) + (cc - ss) * xy, c * xh - s * yh,
+            ss * xx + 2 * cs * xy + cc * yy, s * xh + c * yh, hh)
+
+
+def displaced(state: State, movement: Pose) -> State:
+    """Return what :meth:`Ekf.state` gives after the frame of the pose was moved, and no more."""
+    x, y, heading, drift, xx, xy, xh, xd, yy, yh, yd, hh, hd, dd = state
+    xx, xy, xh, yy, yh, hh = displaced_covariance((xx, xy, xh, yy, yh, hh), movement)
+    c, s = math.cos(movement[2]), math.sin(movement[2])
+    return (*composed(movement, (x, y, heading)), drift, xx, xy, xh, c * xd - s * yd, yy, yh,
+            s * xd + c * yd, hh, hd, dd)
 
 
 class Ekf:
@@ -98,6 +129,10 @@ class Ekf:
         """Go back to what :meth:`state` returned."""
         (self.x, self.y, self.heading, self.drift, self.p00, self.p01, self.p02, self.p03,
          self.p11, self.p12, self.p13, self.p22, self.p23, self.p33) = state
+
+    def displace(self, movement: Pose) -> None:
+        """Move the frame in which the pose is: what was at p is at ``composed(movement, p)``."""
+        self.restore(displaced(self.state(), movement))
 
     def predict(self, distance_m: float, turn_rad: float, lever: float, distance_variance: float,
                 turn_variance: float, covariance: float = 0.0, drift_variance: float = 0.0
@@ -150,17 +185,12 @@ class Ekf:
         """
         p00, p01, p02, p11, p12, p22 = (
             self.p00, self.p01, self.p02, self.p11, self.p12, self.p22)
-        a, b, c = p00 + covariance[0], p01 + covariance[1], p02 + covariance[2]
-        d, e, f = p11 + covariance[3], p12 + covariance[4], p22 + covariance[5]
-        # The inverse of the symmetric a b c, b d e, c e f.
-        i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
-        determinant = a * i00 + b * i01 + c * i02
-        if not determinant > 0.0:
+        inverse = _inverse(p00 + covariance[0], p01 + covariance[1], p02 + covariance[2],
+                           p11 + covariance[3], p12 + covariance[4], p22 + covariance[5])
+        if inverse is None:
             self.nis = math.inf
             return False
-        scale = 1 / determinant
-        i00, i01, i02 = i00 * scale, i01 * scale, i02 * scale
-        i11, i12, i22 = (a * f - c * c) * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
+        i00, i01, i02, i11, i12, i22 = inverse
         u, v, w = pose[0] - self.x, pose[1] - self.y, wrapped(pose[2] - self.heading)
         if covariance[5] >= UNKNOWN_VARIANCE:
             w = 0.0
@@ -178,6 +208,20 @@ class Ekf:
         self.drift += self.p03 * g + self.p13 * h + self.p23 * k
         self._shrink(i00, i01, i02, i11, i12, i22)
         return True
+
+    def compared(self, pose: Pose, covariance: PoseCovariance) -> float:
+        """Return the normalised innovation squared of a measured pose, and correct nothing."""
+        inverse = _inverse(self.p00 + covariance[0], self.p01 + covariance[1],
+                           self.p02 + covariance[2], self.p11 + covariance[3],
+                           self.p12 + covariance[4], self.p22 + covariance[5])
+        if inverse is None:
+            return math.inf
+        i00, i01, i02, i11, i12, i22 = inverse
+        u, v, w = pose[0] - self.x, pose[1] - self.y, wrapped(pose[2] - self.heading)
+        if covariance[5] >= UNKNOWN_VARIANCE:
+            w = 0.0
+        return (u * (i00 * u + 2 * (i01 * v + i02 * w)) + v * (i11 * v + 2 * i12 * w)
+                + w * i22 * w)
 
     def _shrink(self, i00: float, i01: float, i02: float, i11: float, i12: float, i22: float
                 ) -> None:

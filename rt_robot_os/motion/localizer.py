@@ -24,6 +24,7 @@ finds it the same way. Everything is safe in the real-time loop.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 import math
 from typing import Final
@@ -34,15 +35,22 @@ from rt_robot_os.motion.ekf import GATE_2
 from rt_robot_os.motion.ekf import GATE_3
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
+from rt_robot_os.motion.fix_record import FixRecord
 from rt_robot_os.motion.pose_history import Fix
 from rt_robot_os.motion.pose_history import PoseHistory
 from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
 from rt_robot_os.units import NS_PER_S
 
 # Measurements that wait for the odometry of their moment.
 _WAITING_MOST: Final = 16
 _LATE_NS: Final = NS_PER_S // 10
+_SOURCES_MOST: Final = 3
+# For so long a source that was heard comes before those behind it.
+_RANK_NS: Final = NS_PER_S
+# Movements of the map that measurements of before may have to follow.
+_MOVEMENTS_MOST: Final = 16
 # Of the mean of the innovations: about so many count.
 _NIS_COUNT: Final = 100
 
@@ -77,6 +85,7 @@ class FixCounters:
     :ivar too_late: older than the history.
     :ivar overflow: dropped: too many waited for odometry, or were of one step of it.
     :ivar recovered: times that the robot had been carried away, and was found.
+    :ivar corrected: times that the map was moved, and the estimate with it.
     """
 
     accepted: int = 0
@@ -84,17 +93,19 @@ class FixCounters:
     too_late: int = 0
     overflow: int = 0
     recovered: int = 0
+    corrected: int = 0
 
 
 class _Candidate:
-    """Another place where the robot may be."""
+    """Another place where the robot may be, that a source says."""
 
-    __slots__ = ('state', 'votes', 'since_ns')
+    __slots__ = ('state', 'votes', 'since_ns', 'last_ns', 'source')
 
-    def __init__(self, state: Ekf, since_ns: int) -> None:
+    def __init__(self, state: Ekf, fix: Fix) -> None:
         self.state = state
         self.votes = 1
-        self.since_ns = since_ns
+        self.since_ns = self.last_ns = fix.stamp_ns
+        self.source = fix.source
 
 
 class Localizer:
@@ -109,7 +120,9 @@ class Localizer:
         each number that was measured: about 1 when the covariances are right; 0 before.
     :ivar late: measurements that came more than 0.1 s after the odometry of their moment.
     :ivar latest_ns: how late the latest was that could be put in its place.
-    :ivar jump: by how much the last recovery moved the pose, in m and rad.
+    :ivar records: how the measurements of each source fit, by its number.
+    :ivar jump: by how much the last recovery, or correction of the map, moved the pose, in m and
+        rad.
     """
 
     def __init__(self, tuning: Tuning = Tuning()) -> None:
@@ -120,10 +133,12 @@ class Localizer:
         self.nis = 0.0
         self.jump = (0.0, 0.0)
         self.late = self.latest_ns = 0
+        self.records = tuple(FixRecord() for _ in range(_SOURCES_MOST))
         self._tuning = tuning
         self._history = PoseHistory(self.state, tuning.history_s, tuning.scale)
         self._waiting: list[Fix] = []
         self._candidate: _Candidate | None = None
+        self._movements: deque[tuple[int, Pose]] = deque(maxlen=_MOVEMENTS_MOST)
 
     @property
     def stamp_ns(self) -> int:
@@ -156,9 +171,12 @@ class Localizer:
     def restart(self, stamp_ns: int) -> None:
         """Go on from here after a pause, or on another clock: what was before is forgotten."""
         self._waiting.clear()
+        self._movements.clear()
         self._candidate = None
         self._history.begin(stamp_ns)
         self.accepted_ns = self.fix_ns = 0
+        for record in self.records:
+            record.restart()
 
     def move(self, step: Step) -> bool:
         """
@@ -180,12 +198,48 @@ class Localizer:
         self._take_due(step.stamp_ns)
         return True
 
+    def displace(self, stamp_ns: int, movement: Pose) -> bool:
+        """
+        Follow a map that was moved, exactly: nothing that fitted before does not fit afterwards.
+
+        The estimate is moved, so are its history, what waits, and what comes late. Its covariance
+        turns with it, and grows by nothing.
+
+        :param stamp_ns: what was measured from then on is of the map as it is now.
+        :param movement: what was at p is at ``composed(movement, p)``.
+        :return: False when it is older than the history, and nothing was moved: what has been
+            measured since was compared with the estimate for too long.
+        """
+        history = self._history
+        if stamp_ns < history.oldest_ns:
+            return False
+        x, y, _ = self.state.pose
+        self._movements.append((stamp_ns, movement))
+        history.displace(movement, stamp_ns)
+        for fix in self._waiting:
+            if fix.stamp_ns < stamp_ns:
+                fix.displace(movement)
+        candidate = self._candidate
+        if candidate is not None and candidate.since_ns < stamp_ns:
+            candidate.state.displace(movement)
+        self.counters.corrected += 1
+        if self.located:
+            there = composed(movement, (x, y, 0.0))
+            self.jump = math.hypot(there[0] - x, there[1] - y), abs(there[2])
+        return True
+
     def fix(self, fix: Fix) -> None:
         """
         Take a measured pose, in any order; :attr:`Fix.judged` tells whether it had its turn.
 
         One that is newer than the last step waits for the next.
         """
+        for moved_ns, movement in self._movements:
+            if fix.stamp_ns < moved_ns:
+                fix.displace(movement)
+        self._place(fix)
+
+    def _place(self, fix: Fix) -> None:
         history = self._history
         if not history.stamp_ns or fix.stamp_ns > history.stamp_ns:
             self._waiting.append(fix)
@@ -212,7 +266,7 @@ class Localizer:
             self._waiting = [fix for fix in self._waiting if fix.stamp_ns > stamp_ns]
             due.sort(key=lambda fix: fix.stamp_ns)
             for fix in due:
-                self.fix(fix)
+                self._place(fix)
 
     def transform(self, odometry: Pose) -> Pose:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
@@ -223,6 +277,8 @@ class Localizer:
     def _judge(self, fix: Fix) -> None:
         """See what a measurement was good for, after it was compared."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
+        if self.located and fix.judged and fix.source < len(self.records):
+            self.records[fix.source].add(fix)
         if not self.located:
             self._consider(fix)
         elif fix.accepted:
@@ -251,13 +307,26 @@ class Localizer:
             gate = GATE_3 if fix.dimensions == 3 else GATE_2
             if candidate.state.update_pose(there.pose, there.covariance, gate):
                 candidate.votes += 1
+                candidate.last_ns = fix.stamp_ns
                 self._believe(candidate, fix.stamp_ns)
                 return
-            candidate.votes -= 1
+            if not self._outranks(candidate, fix):
+                candidate.votes -= 1
+            if fix.source < candidate.source:
+                candidate.votes = 0
         # Of a position alone no pose can be begun.
         if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
-            self._candidate = candidate = _Candidate(there, fix.stamp_ns)
+            self._candidate = candidate = _Candidate(there, fix)
             self._believe(candidate, fix.stamp_ns)
+
+    def _outranks(self, candidate: _Candidate, fix: Fix) -> bool:
+        """
+        Return whether a place is that of a source before the one that contradicts, and is fresh.
+
+        Where two sources have different frames, one of them has to say where the robot is.
+        """
+        return (candidate.source < fix.source
+                and fix.stamp_ns - candidate.last_ns < _RANK_NS)
 
     def _believe(self, candidate: _Candidate, stamp_ns: int) -> None:
         """Take over the other place when it has been right for long enough."""

@@ -27,13 +27,17 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.ekf import displaced
+from rt_robot_os.motion.ekf import displaced_covariance
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.ekf import GATE_2
 from rt_robot_os.motion.ekf import GATE_3
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.ekf import State
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
+from rt_robot_os.motion.poses import composed
 from rt_robot_os.units import NS_PER_S
 
 # At 200 Hz these are 2.5 s.
@@ -49,19 +53,29 @@ class Fix:
 
     :ivar stamp_ns: when it was measured.
     :ivar covariance: of it; a heading that is not known has ``UNKNOWN_VARIANCE``.
-    :ivar source: who measured it, for statistics.
+    :ivar source: who measured it, the most believed first.
+    :ivar inflation: by how much more the covariance counts in the estimate, not in the comparison:
+        errors that last over many measurements are not averaged away.
     :ivar judged: it has been compared with the estimate once.
     :ivar accepted: it was used, when it was last compared.
     :ivar nis: normalised innovation squared, of the first comparison.
+    :ivar innovation: measured minus estimated pose, of the first comparison.
     """
 
     stamp_ns: int
     pose: Pose
     covariance: PoseCovariance
     source: int = 0
+    inflation: float = 1.0
     judged: bool = False
     accepted: bool = False
     nis: float = math.nan
+    innovation: Pose = (0.0, 0.0, 0.0)
+
+    def displace(self, movement: Pose) -> None:
+        """Move the frame that it was measured in."""
+        self.pose = composed(movement, self.pose)
+        self.covariance = displaced_covariance(self.covariance, movement)
 
     @property
     def dimensions(self) -> int:
@@ -193,11 +207,37 @@ class PoseHistory:
             step.fixes.append(fix)
             if len(step.fixes) > 1:
                 step.fixes.sort(key=_stamp)
+        self._replay(index)
+        return True
+
+    def _replay(self, index: int) -> None:
+        """Bring the filter forward again through the steps from one on, counted from the end."""
+        steps = self._steps
+        if index:
             self._go_back_to(steps[index - 1])
         for again in range(index, 0):
             self._advance(steps[again], steps[again - 1].stamp_ns)
         self.replayed -= index
-        return True
+
+    def displace(self, movement: Pose, stamp_ns: int) -> None:
+        """
+        Move the frame of the map: the estimate, what it was, and what was measured in the old one.
+
+        :param movement: what was at p is at ``composed(movement, p)``.
+        :param stamp_ns: what was measured from then on is of the new frame already.
+        """
+        state, steps = self._state, self._steps
+        state.displace(movement)
+        again = 0
+        for index, step in enumerate(steps):
+            step.after = displaced(step.after, movement)
+            for fix in step.fixes:
+                if fix.stamp_ns < stamp_ns:
+                    fix.displace(movement)
+                elif index:
+                    again = again or index - len(steps)
+        if again:  # they were compared in the wrong frame
+            self._replay(again)
 
     def carried(self, fix: Fix) -> Ekf:
         """Return where the robot is now, if it was then where a measurement says."""
@@ -265,10 +305,25 @@ class PoseHistory:
 
 def correct(state: Ekf, fix: Fix) -> None:
     """Compare a filter with a measurement, and correct it if the two agree."""
-    fix.accepted = state.update_pose(
-        fix.pose, fix.covariance, GATE_3 if fix.dimensions == 3 else GATE_2)
+    gate = GATE_3 if fix.dimensions == 3 else GATE_2
+    x, y, heading = state.pose
+    if fix.inflation > 1.0:
+        nis = state.compared(fix.pose, fix.covariance)
+        fix.accepted = nis <= gate and state.update_pose(
+            fix.pose, inflated(fix.covariance, fix.inflation), gate)
+        state.nis = nis
+    else:
+        fix.accepted = state.update_pose(fix.pose, fix.covariance, gate)
     if not fix.judged:
         fix.judged, fix.nis = True, state.nis
+        turn = wrapped(fix.pose[2] - heading) if fix.dimensions == 3 else 0.0
+        fix.innovation = fix.pose[0] - x, fix.pose[1] - y, turn
+
+
+def inflated(covariance: PoseCovariance, factor: float) -> PoseCovariance:
+    """Return a covariance times a factor; a heading that is not known stays so."""
+    xx, xy, xh, yy, yh, hh = (each * factor for each in covariance)
+    return xx, xy, xh, yy, yh, max(hh, covariance[5])
 
 
 def _stamp(fix: Fix) -> int:

@@ -108,6 +108,10 @@ class PosePrediction:
             self._left = (0.0, 0.0, 0.0)
             self.jumps += 1
 
+    def settle(self) -> None:
+        """Take over at once what is left of the corrections: a new way begins where they lead."""
+        self._left = (0.0, 0.0, 0.0)
+
     def at(self, now_ns: int, lead_s: float, period_s: float) -> Pose:
         """
         Return the pose on the map; only when :attr:`known`.

@@ -64,6 +64,7 @@ class Bench(ModuleBench):
         self.marks = self.topic('stargazer/pose', POSE, {'header.frame_id': frame})
         self.told = self.topic('initialpose', POSE, {'header.frame_id': 'map'})
         self.slam = self.topic('slam/pose', POSE, {'header.frame_id': 'map'})
+        self.loops = self.topic('slam/correction', POSE, {'header.frame_id': 'map'})
         self.add(Odometry, 'odometry', wheel_radius_m=RADIUS_M, wheel_separation_m=SEPARATION_M)
         self.module = self.add(Localization, initial_pose_topic='initialpose', **settings)
         self.pose = self.watch('pose')
@@ -74,10 +75,15 @@ class Bench(ModuleBench):
         self.attitude: tuple[float, float] | None = None
         self.delay_s = 0.0
         self.time_s = 0.0
+        # Who says where the robot is, and how its map lies on the true one.
+        self.source = self.marks
+        self.map_at: Pose = (0.0, 0.0, 0.0)
+        # How the map of a SLAM beside the marks lies on the true one.
+        self.slam_at: Pose | None = None
 
     def mark(self, pose: Pose, stamp_ns: int = 0, to: Publisher | None = None,
              stddev_m: float = STDDEV_M) -> None:
-        to = to or self.marks
+        to = to or self.source
         to.msg.pose.pose.position = pose[0], pose[1], 0.0
         to.msg.pose.pose.orientation = 0.0, 0.0, math.sin(pose[2] / 2), math.cos(pose[2] / 2)
         to.msg.pose.covariance[[0, 7, 35]] = stddev_m ** 2, stddev_m ** 2, STDDEV_RAD ** 2
@@ -96,7 +102,10 @@ class Bench(ModuleBench):
                     self.inertial()
                 if marks and index % self.mark_every == 0:
                     seen, stamp_ns = self.robot.seen(STDDEV_M, STDDEV_RAD), self.kernel.now_ns()
-                    self.later.append((index + round(self.delay_s / DT_S), seen, stamp_ns))
+                    self.later.append((index + round(self.delay_s / DT_S),
+                                       composed(self.map_at, seen), stamp_ns))
+                if self.slam_at is not None and index % self.mark_every == 3:
+                    self.mark(composed(self.slam_at, self.robot.pose), to=self.slam)
                 while self.later and self.later[0][0] <= index:
                     self.mark(*self.later.pop(0)[1:])
 

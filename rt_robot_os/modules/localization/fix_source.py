@@ -64,15 +64,18 @@ class FixSource:
     :param frame_id: of the map.
     :param least_m: smallest standard deviation of x and y that is believed.
     :param least_rad: the same of the heading.
+    :param correlation_s: its errors last so long.
     :param timed: the stamps matter; not when a person says where the robot is, on a machine with
         a clock of its own.
     :raises ConfigError: the topic is in another frame.
+    :ivar number: of the source.
     :ivar refused: poses that could not be used.
     :ivar why: the last pose that came cannot be used; empty when it could.
     """
 
     def __init__(self, source: Subscription, number: int, topic: str, frame_id: str,
-                 least_m: float, least_rad: float, timed: bool = True) -> None:
+                 least_m: float, least_rad: float, correlation_s: float = 0.0,
+                 timed: bool = True) -> None:
         frame = source.msg.header.frame_id
         if frame != frame_id:
             raise ConfigError([f'{topic} is in the frame {frame!r}, but poses on the map are '
@@ -81,12 +84,13 @@ class FixSource:
         self.counters = IntakeCounters()
         self.topic = topic
         self._source = source
-        self._number = number
+        self.number = number
         self._least = least_m, least_rad
+        self._correlation_ns = correlation_s * NS_PER_S
         self._timed = timed
         self._unpack = source.topic.layout.packer('pose.pose').unpack
         self._covariance = source.msg.pose.covariance
-        self._stamp_ns = 0
+        self._stamp_ns = self._before_ns = 0
         self._values: tuple[float, ...] = ()
         self._bad = self.refused = 0
         self.why = ''
@@ -102,7 +106,7 @@ class FixSource:
                 x, y, _, *orientation = self._values
                 if covariance is not None:
                     found = Fix(source.stamp_ns, (x, y, yaw_of(*orientation)), covariance,
-                                self._number)
+                                self.number, self._inflation(source.stamp_ns))
                 else:
                     self.counters.bad_covariance += 1
                     why = 'their covariance is none'
@@ -118,6 +122,16 @@ class FixSource:
         if self._bad < _BAD_IN_ROW:
             return ''
         return f'the last {self._bad} poses of {self.topic} cannot be used: {self.why}'
+
+    def _inflation(self, stamp_ns: int) -> float:
+        """
+        Return by how much less a pose says because the one before had the same error.
+
+        Errors whose correlation falls as exp(-t/T), measured f times a second, are worth as much
+        as independent ones of 2 f T times the variance.
+        """
+        dt_ns, self._before_ns = abs(stamp_ns - self._before_ns), stamp_ns
+        return max(1.0, 2.0 * self._correlation_ns / dt_ns) if dt_ns else 1.0
 
     def _problem(self, now_ns: int) -> str:
         counters, stamp_ns = self.counters, self._source.stamp_ns

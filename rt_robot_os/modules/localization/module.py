@@ -29,7 +29,9 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.localization.corrections import Corrections
 from rt_robot_os.modules.localization.fix_source import FixSource
 from rt_robot_os.modules.localization.odometry_intake import OdometryIntake
 from rt_robot_os.modules.localization.odometry_intake import StepTuning
@@ -38,6 +40,7 @@ from rt_robot_os.modules.odometry.gyro import VerticalGyro
 from rt_robot_os.modules.odometry.planar import flatten
 from rt_robot_os.modules.odometry.planar import half_turn
 from rt_robot_os.modules.odometry.planar import set_covariance
+from rt_robot_os.motion.fix_record import disagreement
 from rt_robot_os.motion.localizer import Localizer
 from rt_robot_os.motion.localizer import Tuning
 from rt_robot_os.schema import TopicSpec
@@ -47,6 +50,8 @@ from rt_robot_os.units import NS_PER_S
 
 _POSE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 _FIXES: Final = ('fix', 'second_fix', 'third_fix')
+# A source that has been refused for so long is told, though another is used.
+_REFUSED_NS: Final = 3 * NS_PER_S
 _GYRO_GAP_S: Final = 0.1
 _SILENT_S: Final = 1.0
 # Odometry that is silent for so long, and for three of its periods, is not waited for.
@@ -67,6 +72,7 @@ class Localization(Module):
     second_fix = Input('second_fix', message=_POSE, wake=True)
     third_fix = Input('third_fix', message=_POSE, wake=True)
     initial_pose = Input('initialpose', message=_POSE)
+    correction = Input('correction', message=_POSE)
     pose = Output('pose', _POSE)
     map_to_odom = Output('map_to_odom', 'geometry_msgs/msg/TransformStamped')
 
@@ -122,6 +128,14 @@ class Localization(Module):
                        if self.connected(attribute)]
         self._initial = (self._source('initial_pose', len(_FIXES), timed=False)
                          if self.connected('initial_pose') else None)
+        self._corrections = None
+        if self.connected('correction'):
+            if s['use_imu_heading']:
+                raise ConfigError([f'{self.name}: correction_topic turns the map, and '
+                                   'use_imu_heading keeps its direction: use one of them'])
+            self._corrections = Corrections(
+                self.correction, self.topic_of('correction'), s['map_frame_id'],
+                s['correction_max_m'], self.log)
         if s['initial_pose_known']:
             at, turned = s['initial_stddev_m'] ** 2, s['initial_stddev_rad'] ** 2
             self._localizer.begin(
@@ -140,6 +154,8 @@ class Localization(Module):
         located, recovered = localizer.located, localizer.counters.recovered
         if self._initial is not None:
             self._take_initial(localizer, self._initial, now_ns)
+        if self._corrections is not None:
+            self._corrections.follow(localizer, now_ns)
         for source in self._fixes:
             fix = source.next(now_ns)
             while fix is not None:
@@ -204,8 +220,23 @@ class Localization(Module):
         for source in self._fixes:
             for name, value in asdict(source.counters).items():
                 found[name] = found.get(name, 0) + value
+        if self._corrections is not None:
+            found.update(asdict(self._corrections.counters))
+        if len(self._fixes) > 1:
+            found.update(self._sources(localizer))
         if self._gyro is not None:
             found.update(self._gyro.statistics())
+        return found
+
+    def _sources(self, localizer: Localizer) -> dict[str, Any]:
+        """Return what became of the poses of each source, where there are several."""
+        apart_m, apart_rad = disagreement(localizer.records, localizer.stamp_ns)
+        found: dict[str, Any] = {'disagreement_m': apart_m,
+                                 'disagreement_deg': math.degrees(apart_rad)}
+        for source in self._fixes:
+            record = localizer.records[source.number]
+            found[f'{source.topic} accepted'] = record.accepted
+            found[f'{source.topic} rejected'] = record.rejected
         return found
 
     # ---- work --------------------------------------------------------------------------------
@@ -213,8 +244,10 @@ class Localization(Module):
     def _source(self, attribute: str, number: int, timed: bool = True) -> FixSource:
         s = self.settings
         return FixSource(getattr(self, attribute), number, self.topic_of(attribute),
-                         s['map_frame_id'], s['fix_stddev_min_m'], s['fix_stddev_min_rad'],
-                         timed)
+                         s['map_frame_id'],
+                         max(s['fix_stddev_min_m'], s.get(f'{attribute}_stddev_min_m', 0.0)),
+                         s['fix_stddev_min_rad'],
+                         s.get(f'{attribute}_correlation_s', 0.0), timed)
 
     def _publish(self, localizer: Localizer, intake: OdometryIntake) -> None:
         state, stamp_ns = localizer.state, localizer.stamp_ns
@@ -260,13 +293,16 @@ class Localization(Module):
                 return why
         if not localizer.located:
             return f'the pose is not known yet: no measured poses that agree, on {self._named()}'
-        contradicted_s = (localizer.fix_ns - localizer.accepted_ns) / NS_PER_S
-        if localizer.accepted_ns and contradicted_s > _SILENT_S:
-            return (f'measured poses have contradicted the estimate for {contradicted_s:.1f} s: '
-                    'is the map right?')
+        why = self._source_warning(localizer)
+        if why:
+            return why
         deviation = math.sqrt(max(0.0, localizer.state.p00 + localizer.state.p11))
         if deviation > self.settings['stddev_warn_m']:
             return f'the position is sure to {deviation:.1f} m only: no measured poses are used'
+        silent_s = (localizer.stamp_ns - localizer.fix_ns) / NS_PER_S
+        if localizer.fix_ns and 0.0 < self.settings['fix_silent_warn_s'] < silent_s:
+            return (f'no measured pose for {silent_s:.0f} s on {self._named()}: the pose is that '
+                    f'of odometry alone, sure to {deviation:.2f} m')
         if localizer.nis > _NIS_MOST and localizer.counters.accepted >= _NIS_FIXES:
             return (f'measured poses scatter {math.sqrt(localizer.nis):.1f} times as much as '
                     'their covariance says')
@@ -274,6 +310,26 @@ class Localization(Module):
             return (f'no samples of {self.topic_of("imu")} at the time of {topic}: the turn is '
                     'that of odometry')
         return ''
+
+    def _source_warning(self, localizer: Localizer) -> str:
+        """Say how measured poses contradict the estimate, or each other, and corrections it."""
+        contradicted_s = (localizer.fix_ns - localizer.accepted_ns) / NS_PER_S
+        if localizer.accepted_ns and contradicted_s > _SILENT_S:
+            return (f'measured poses have contradicted the estimate for {contradicted_s:.1f} s: '
+                    'is the map right?')
+        for source in self._fixes:
+            record = localizer.records[source.number]
+            refused_ns = record.fix_ns - max(record.accepted_ns, self._begun_ns)
+            if refused_ns > _REFUSED_NS and localizer.accepted_ns > record.accepted_ns:
+                x, y, turn = record.offset
+                return (f'{source.topic} has contradicted the estimate for '
+                        f'{refused_ns / NS_PER_S:.1f} s, by {math.hypot(x, y):.2f} m and '
+                        f'{math.degrees(abs(turn)):.1f} degrees: is its map another one?')
+        apart_m, apart_rad = disagreement(localizer.records, localizer.stamp_ns)
+        if apart_m > self.settings['disagreement_warn_m']:
+            return (f'{self._named()} differ by {apart_m:.2f} m and '
+                    f'{math.degrees(apart_rad):.1f} degrees in the mean: are their maps the same?')
+        return self._corrections.warning() if self._corrections is not None else ''
 
     def _named(self) -> str:
         return ', '.join(source.topic for source in self._fixes) or 'any topic; set initial_pose'

@@ -25,6 +25,16 @@ SETTINGS: Final = (
     Field('second_fix_topic', str, '', 'A further source of measured poses, such as a SLAM node: '
           'geometry_msgs/msg/PoseWithCovarianceStamped on the map; empty: none'),
     Field('third_fix_topic', str, '', 'One more; empty: none'),
+    Field('fix_correlation_s', float, 0.0, 'The errors of fix_topic last so long: within it many '
+          'poses say no more than one, as of a SLAM, whose map is what is wrong', 's', 0.0, 600.0),
+    Field('second_fix_correlation_s', float, 0.0, 'The same of second_fix_topic', 's', 0.0,
+          600.0),
+    Field('third_fix_correlation_s', float, 0.0, 'The same of third_fix_topic', 's', 0.0, 600.0),
+    Field('correction_topic', str, '', 'By what the map was moved, such as by a SLAM that closed '
+          'a loop: geometry_msgs/msg/PoseWithCovarianceStamped; the estimate moves with it. Not '
+          'where something else keeps the map in its place; empty: none'),
+    Field('correction_max_m', float, 10.0, 'A correction that moves the robot by more is refused',
+          'm', 0.001, 1e6),
     Field('initial_pose_topic', str, '', 'Where somebody says where the robot is, such as '
           'initialpose of RViz; empty: nobody does'),
     Field('map_frame_id', str, 'map', 'Frame of the estimate, and of the measured poses'),
@@ -48,6 +58,10 @@ SETTINGS: Final = (
     Field('fix_stddev_min_m', float, 0.005, 'No measured pose is surer than that, also when its '
           'covariance is zero', 'm', 1e-6, 100.0),
     Field('fix_stddev_min_rad', float, 0.005, 'The same of its heading', 'rad', 1e-6, 10.0),
+    Field('second_fix_stddev_min_m', float, 0.0, 'More than that for second_fix_topic', 'm', 0.0,
+          100.0),
+    Field('third_fix_stddev_min_m', float, 0.0, 'More than that for third_fix_topic', 'm', 0.0,
+          100.0),
     Field('speed_max_m_s', float, 3.0, 'Fastest speed of the robot; odometry that is faster has '
           'jumped', 'm/s', 0.01, 100.0),
     Field('scale_stddev', float, 0.01, 'Error of the length of the way, as a part of it', '', 0.0,
@@ -69,6 +83,10 @@ SETTINGS: Final = (
     Field('kidnapped_fixes', int, 4, 'So many of them at least', '', 2, 1000),
     Field('start_fixes', int, 3, 'So many that agree say where the robot is at first', '', 1,
           1000),
+    Field('fix_silent_warn_s', float, 0.0, 'Warn when no source has measured a pose for so long; '
+          '0: never, as where marks are far apart', 's', 0.0, 3600.0, live=True),
+    Field('disagreement_warn_m', float, 0.15, 'Warn when two sources differ by so much in the '
+          'mean: their maps are not the same', 'm', 0.001, 1e6, live=True),
     Field('stddev_warn_m', float, 0.5, 'Warn when the position is less sure', 'm', 0.001, 1e6,
           live=True),
 )
