@@ -20,8 +20,8 @@ from collections.abc import Sequence
 import math
 from typing import Final
 
+from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.terrain import Terrain
 
 Point = tuple[float, float]
 
@@ -37,13 +37,13 @@ class Beside:
     """
     Choose places to stand at; safe in the real-time loop, some hundreds of microseconds.
 
-    :param terrain: the ground that the map has; None without a map: all of it is free.
     :param standoff_m: the distance that is wanted.
     :param spread_m: how far from that a place may be before it counts as farther away.
+    :ivar clearing: the map as it is now; None without one: all of it is free.
     """
 
-    def __init__(self, terrain: Terrain | None, standoff_m: float, spread_m: float) -> None:
-        self._terrain = terrain
+    def __init__(self, clearing: Clearing | None, standoff_m: float, spread_m: float) -> None:
+        self.clearing = clearing
         self.standoff_m = standoff_m
         self.spread_m = spread_m
 
@@ -101,17 +101,13 @@ class Beside:
         return not self._is_hidden(*robot, place)
 
     def _is_free(self, x: float, y: float) -> bool:
-        terrain = self._terrain
-        if terrain is None:
-            return True
-        cell = terrain.cell(x, y)
-        return cell >= 0 and math.isfinite(terrain.static.item(cell))
+        return self.clearing is None or self.clearing.is_free(x, y)
 
     def _is_hidden(self, x: float, y: float, place: Point) -> bool:
         """Return whether something is between, but for the furniture that somebody lies on."""
-        if self._terrain is None:
+        if self.clearing is None:
             return False
-        grid = self._terrain.grid
+        grid = self.clearing.grid
         length_m = math.dist((x, y), place)
         steps = max(1, int(length_m / grid.resolution_m))
         dx, dy = (x - place[0]) / steps, (y - place[1]) / steps

@@ -22,6 +22,7 @@ and map_saver writes: a YAML file and a picture (PGM).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 import math
 import os
@@ -50,6 +51,7 @@ _GREY_OCCUPIED: Final = 0
 _GREY_UNKNOWN: Final = 205
 _GREY_FREE: Final = 254
 _RAW_UNKNOWN: Final = 255
+_WHITE: Final = 255
 
 _LONGEST_YAML: Final = 1 << 16
 _LONGEST_PGM: Final = 5 * MOST_PIXELS
@@ -59,6 +61,7 @@ Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 Coordinates = npt.NDArray[np.float64]
 Origin = tuple[float, float, float]
+_NOTHING: Final[Cells] = np.zeros((1, 1), np.int8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,19 @@ class GridMap:
         object.__setattr__(self, 'cells', cells)
 
     @classmethod
+    def owning(cls, cells: Cells, resolution_m: float, origin: Origin) -> GridMap:
+        """
+        Make a map of cells that nobody else has, without a look at them; it takes some us.
+
+        :param cells: of shape (rows, columns), each from -1 to 100, and not empty.
+        :raises ConfigError: the resolution or the origin is none.
+        """
+        made = cls(_NOTHING, resolution_m, origin)
+        cells.flags.writeable = False
+        object.__setattr__(made, 'cells', cells)
+        return made
+
+    @classmethod
     def load(cls, path: str | os.PathLike[str]) -> GridMap:
         """
         Read a map, as map_server does.
@@ -132,13 +148,33 @@ class GridMap:
         :raises OSError: a file cannot be written.
         """
         file = Path(path)
-        if mode not in MODES or mode == 'scale':
-            raise ConfigError([f'{file}: a map cannot be written with mode {mode!r}: use trinary '
-                               'or raw'])
         image = file.with_suffix('.pgm')
-        described = MapFile(Path(image.name), self.resolution_m, self.origin, mode=mode)
-        _replace(image, write_pgm(np.flipud(_grey_of(self.cells, described))))
-        _replace(file, described.text().encode())
+        try:
+            text, pixels = self.files(image.name, mode)
+        except ConfigError as error:
+            raise ConfigError([f'{file}: {error}']) from None
+        _replace(image, pixels)
+        _replace(file, text)
+
+    def files(self, image: str, mode: str = 'trinary') -> tuple[bytes, bytes]:
+        """
+        Return the bytes of the YAML file and of the picture.
+
+        :param image: name of the picture, as the YAML file gives it.
+        :param mode: as in :meth:`save`.
+        :raises ConfigError: no such mode to write.
+        """
+        if mode not in MODES or mode == 'scale':
+            raise ConfigError([f'a map cannot be written with mode {mode!r}: use trinary or raw'])
+        described = MapFile(Path(image), self.resolution_m, self.origin, mode=mode)
+        return (described.text().encode(),
+                write_pgm(np.flipud(_grey_of(self.cells, described))))
+
+    def trinary(self) -> GridMap:
+        """Return the map as it is read again after it was saved: free, occupied or unknown."""
+        described = MapFile(Path(), self.resolution_m, self.origin)
+        grey = _grey_of(self.cells, described).astype(np.uint16)
+        return replace(self, cells=_values_of(grey, _WHITE, described))
 
     # ---- size and place ----------------------------------------------------------------------
 
@@ -174,6 +210,12 @@ class GridMap:
         """Return the point of the frame that is so far from the origin along rows and columns."""
         x, y, cosine, sine = self._turn
         return x + cosine * along_m - sine * across_m, y + sine * along_m + cosine * across_m
+
+    def along(self, x: float, y: float) -> tuple[float, float]:
+        """Return how far a point is from the origin along rows and columns, in m."""
+        x0, y0, cosine, sine = self._turn
+        dx, dy = x - x0, y - y0
+        return cosine * dx + sine * dy, cosine * dy - sine * dx
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
         """Return the middle of a cell, in m; it need not be on the map."""
@@ -302,10 +344,15 @@ def _values_of(grey: Grey, highest: int, described: MapFile) -> Cells:
 
 
 def _grey_of(cells: Cells, described: MapFile) -> npt.NDArray[np.uint8]:
+    """Turn values into greys; one look-up a cell, for there are few values."""
+    values = np.arange(UNKNOWN, OCCUPIED + 1)
     if described.mode == 'raw':
-        grey = np.where(cells == UNKNOWN, _RAW_UNKNOWN, cells)
+        grey = np.where(values == UNKNOWN, _RAW_UNKNOWN, values)
     else:
-        share = cells / OCCUPIED
-        grey = np.where(share >= described.occupied_thresh, _GREY_OCCUPIED, np.where(
-            (cells >= FREE) & (share <= described.free_thresh), _GREY_FREE, _GREY_UNKNOWN))
-    return grey.astype(np.uint8)
+        # map_saver rounds the thresholds to whole values: 20 is free, though above 0.196.
+        occupied, free = (round(each * OCCUPIED) for each in (
+            described.occupied_thresh, described.free_thresh))
+        grey = np.where(values >= occupied, _GREY_OCCUPIED, np.where(
+            (values >= FREE) & (values <= free), _GREY_FREE, _GREY_UNKNOWN))
+    # What is unknown, -1, is the last of the table as well as of the values.
+    return np.roll(grey, UNKNOWN).astype(np.uint8)[cells]

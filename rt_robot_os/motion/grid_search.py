@@ -52,8 +52,9 @@ class GridSearch:
     def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
         size, width = terrain.cost.size, terrain.width
-        self._spent: Costs = np.full(size, math.inf, np.float32)
-        self._next: npt.NDArray[np.int32] = np.zeros(size, np.int32)
+        # Each search begins with filling the one, and reads of the other what it wrote.
+        self._spent: Costs = np.empty(size, np.float32)
+        self._next: npt.NDArray[np.int32] = np.empty(size, np.int32)
         diagonal = math.sqrt(2.0)
         self._steps = tuple((offset, np.float32(length)) for offset, length in (
             (1, 1.0), (-1, 1.0), (width, 1.0), (-width, 1.0), (width + 1, diagonal),

@@ -31,6 +31,7 @@ import numpy as np
 
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_search import GridSearch
+from rt_robot_os.motion.terrain import Cells
 from rt_robot_os.motion.terrain import Terrain
 from rt_robot_os.motion.way_smoothing import rounded
 from rt_robot_os.motion.way_smoothing import shortened
@@ -67,16 +68,21 @@ class RoutePlanner:
     :param most: poses of a way at most.
     :param goal_room_m: distance from walls to the middle of the robot at a goal, if there is a
         place with so much within the tolerance.
+    :param own_m: radius of the robot: what it stands on is free, if nothing is known to be there.
+    :param is_growing: the map is made while the robot drives: what is off it was not seen yet.
     """
 
     def __init__(self, terrain: Terrain, goal_tolerance_m: float, start_tolerance_m: float,
-                 most: int, goal_room_m: float = 0.0) -> None:
+                 most: int, goal_room_m: float = 0.0, *, own_m: float = 0.0,
+                 is_growing: bool = False) -> None:
         self.terrain = terrain
         self.search = GridSearch(terrain)
         self.goal_tolerance_m = goal_tolerance_m
         self.start_tolerance_m = start_tolerance_m
         self._most = most
         self._goal_room_m = goal_room_m
+        self._own_m = own_m
+        self._is_growing = is_growing
 
     def plan(self, start: Pose, goal: Pose, obstacles: Collection[int]
              ) -> Generator[None, None, Route]:
@@ -87,7 +93,7 @@ class RoutePlanner:
         :raises RouteError: there is no way.
         """
         terrain = self.terrain
-        for _ in terrain.stamp(obstacles):
+        for _ in terrain.stamp(obstacles, start[:2], self._own_m):
             yield
         from_cell = self._leave(start)
         yield
@@ -137,9 +143,7 @@ class RoutePlanner:
             return here
         near = terrain.around(here, self.start_tolerance_m)
         for cell in near[np.isfinite(terrain.cost[near])].tolist():
-            # Not through a wall, unless the robot is thought to be within one.
-            if terrain.solid[here] or not terrain.solid[
-                    terrain.line(start[:2], terrain.place(cell))].any():
+            if self._is_beside(here, terrain.line(start[:2], terrain.place(cell))):
                 return int(cell)
         raise RouteError(f'the robot, at {start[0]:.2f}, {start[1]:.2f}, is too near to something '
                          f'to go anywhere: no free ground within {self.start_tolerance_m:g} m')
@@ -158,7 +162,8 @@ class RoutePlanner:
             x0, y0, x1, y1 = grid.bounds
             inside = min(max(x, x0), x1), min(max(y, y0), y1)
             if not math.dist(inside, (x, y)) <= self.goal_tolerance_m:
-                raise RouteError(f'{where} is off the map, which goes from {x0:g}, {y0:g} to '
+                unseen = 'lies in ground that nobody has seen yet, ' if self._is_growing else 'is '
+                raise RouteError(f'{where} {unseen}off the map, which goes from {x0:g}, {y0:g} to '
                                  f'{x1:g}, {y1:g}')
             here = self._nearest_on_map(inside)
         is_free = math.isfinite(terrain.cost[here])
@@ -168,13 +173,22 @@ class RoutePlanner:
         seen_from = (x, y) if terrain.cell(x, y) >= 0 else terrain.place(here)
         for cell in [*roomy.tolist(), *([here] if is_free else near.tolist())]:
             place = (x, y) if cell == here else terrain.place(cell)
-            if math.dist(place, (x, y)) <= self.goal_tolerance_m and (
-                    terrain.solid[here] or not terrain.solid[
-                        terrain.line(seen_from, place)].any()):
+            if math.dist(place, (x, y)) <= self.goal_tolerance_m and self._is_beside(
+                    here, terrain.line(seen_from, place)):
                 return int(cell)
-        what = 'in something' if terrain.solid[here] else 'too near to something'
-        raise RouteError(f'{where} is {what}, and the robot can stand nowhere within '
+        if terrain.is_unseen(here):
+            what = 'lies in ground that nobody has seen yet'
+        else:
+            what = 'is in something' if terrain.solid[here] else 'is too near to something'
+        raise RouteError(f'{where} {what}, and the robot can stand nowhere within '
                          f'{self.goal_tolerance_m:g} m of it')
+
+    def _is_beside(self, here: int, line: Cells) -> bool:
+        """Return whether a line passes no wall, unless it begins within one."""
+        terrain = self.terrain
+        if terrain.is_unseen(here):
+            return not terrain.is_wall(line).any()
+        return bool(terrain.solid[here]) or not terrain.solid[line].any()
 
     def _nearest_on_map(self, place: tuple[float, float]) -> int:
         """Return the cell at the edge of the map that is nearest to a place on its bounds."""

@@ -16,12 +16,13 @@
 Where on a map a robot may be, and how dear each place is: the ground of a search for a way.
 
 A round robot is a point when everything in its way is grown by its radius; beyond that it is dear
-to be near walls. Making it takes some tenths of a second for 1000 x 1000 cells and is done at the
-start; what is added later is stamped, a few microseconds each.
+to be near walls. Maps grow while they are made: a terrain is computed tile by tile, in pieces
+that can be preempted, and what the map before had as well is taken over from its terrain.
 """
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from collections.abc import Iterable
 from collections.abc import Iterator
 import math
@@ -30,10 +31,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rt_robot_os.motion.distances import distances_within
+from rt_robot_os.motion.distances import halo_of
 from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.grid_map import UNKNOWN
 
 Costs = npt.NDArray[np.float32]
 Cells = npt.NDArray[np.intp]
+Values = npt.NDArray[np.int8]
 
 # How much dearer than free ground it is right beside what is forbidden.
 _DEAR: Final = 4.0
@@ -41,6 +46,14 @@ _DEAR: Final = 4.0
 PIECE: Final = 1 << 15
 # A wall ends somewhere in its cell, and the robot is somewhere in its own.
 _CELL_SHARE: Final = 0.75
+_OCCUPIED: Final = 50
+# Beyond the edges of the map.
+_OUTSIDE: Final = -2
+# Edge of a tile, in cells.
+_TILE: Final = 128
+_WIDEST_TILE: Final = 512
+# Two maps have the same cells when they lie so well on each other.
+_SAME_CELL: Final = 0.01
 
 
 class Terrain:
@@ -58,33 +71,132 @@ class Terrain:
     :ivar cost: with what was stamped.
     :ivar solid: whether something stands in a cell, or nobody knows it and may not.
     :ivar width: cells in a row, with the border.
+    :ivar computed: tiles that could not be taken over from the terrain before.
     """
 
     def __init__(self, grid: GridMap, radius_m: float, prefer_m: float, unknown: bool) -> None:
+        self._prepare(grid, radius_m, prefer_m, unknown)
+        for _ in self._fill(None):
+            pass
+
+    # ---- making ------------------------------------------------------------------------------
+
+    @classmethod
+    def in_pieces(cls, grid: GridMap, radius_m: float, prefer_m: float, unknown: bool,
+                  before: Terrain | None = None) -> Generator[None, None, Terrain]:
+        """
+        Make one; it yields after each bounded piece of work.
+
+        :param before: of the map before: tiles that are as they were are copied.
+        :return: the terrain; ``before`` itself when nothing is different.
+        """
+        made = cls.__new__(cls)
+        made._prepare(grid, radius_m, prefer_m, unknown)
+        yield from made._fill(before)
+        is_same = before is not None and not made.computed and (
+            made._shift_to(before) == (0, 0) and made.static.size == before.static.size
+            and made.width == before.width)
+        return before if before is not None and is_same else made
+
+    def _prepare(self, grid: GridMap, radius_m: float, prefer_m: float, unknown: bool) -> None:
         self.grid = grid
         self.radius_m = radius_m
+        self.computed = 0
+        self._unknown = unknown
         resolution = grid.resolution_m
-        # Neighbours of what is occupied are forbidden at the least: else a diagonal slips through.
-        self._forbidden_m = max(radius_m + _CELL_SHARE * resolution, 1.01 * resolution)
-        self._stamp = _disc(self._forbidden_m / resolution)
+        self._forbidden_m = forbidden_m(radius_m, resolution)
+        self._stamp = disc(self._forbidden_m / resolution)
         self._border = border = int(self._forbidden_m / resolution) + 2
         self.width = grid.columns + 2 * border
-        occupied = np.zeros((grid.rows + 2 * border, self.width), bool)
-        inner = slice(border, -border), slice(border, -border)
-        occupied[inner] = grid.occupied_mask()
-        self._reach_m = reach_m = max(prefer_m, self._forbidden_m + resolution)
-        distance = np.minimum(
-            distances(occupied, reach_m / resolution) * np.float32(resolution), reach_m)
+        self._reach_m = max(prefer_m, self._forbidden_m + resolution)
+        size = (grid.rows + 2 * border) * self.width
+        self.solid: npt.NDArray[np.bool_] = np.empty(size, np.bool_)
+        self.static: Costs = np.empty(size, np.float32)
+        self.cost: Costs = np.empty(size, np.float32)
+        self._wall_m: Costs = np.empty(size, np.float32)
+
+    def _fill(self, before: Terrain | None) -> Iterator[None]:
+        shift = self._shift_to(before) if before is not None else None
+        tile = min(max(_TILE, self._halo), _WIDEST_TILE)
+        rows = self.grid.rows + 2 * self._border
+        for row in range(0, rows, tile):
+            for column in range(0, self.width, tile):
+                area = row, column, min(tile, rows - row), min(tile, self.width - column)
+                if before is None or shift is None or not self._take_over(before, shift, area):
+                    yield from self._compute(area)
+                yield
+
+    @property
+    def _halo(self) -> int:
+        return halo_of(self._reach_m / self.grid.resolution_m)
+
+    def _shift_to(self, before: Terrain) -> tuple[int, int] | None:
+        """Return where the first cell is on the map before; None when cells do not match."""
+        grid, other = self.grid, before.grid
+        if (grid.resolution_m, grid.origin[2], self.radius_m, self._reach_m, self._unknown) != (
+                other.resolution_m, other.origin[2], before.radius_m, before._reach_m,
+                before._unknown):
+            return None
+        columns, rows = (each / grid.resolution_m for each in other.along(*grid.origin[:2]))
+        shift = round(rows), round(columns)
+        if abs(rows - shift[0]) > _SAME_CELL or abs(columns - shift[1]) > _SAME_CELL:
+            return None
+        return shift
+
+    def _values(self, row: int, column: int, rows: int, columns: int) -> Values:
+        """Return the values of an area, its first cell counted from that of the map."""
+        cells = self.grid.cells
+        r0, r1 = max(row, 0), min(row + rows, self.grid.rows)
+        c0, c1 = max(column, 0), min(column + columns, self.grid.columns)
+        if (r1 - r0, c1 - c0) == (rows, columns):
+            return cells[r0:r1, c0:c1]
+        found = np.full((rows, columns), _OUTSIDE, np.int8)
+        if r0 < r1 and c0 < c1:
+            found[r0 - row:r1 - row, c0 - column:c1 - column] = cells[r0:r1, c0:c1]
+        return found
+
+    def _around_area(self, area: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+        row, column, rows, columns = area
+        halo, out = self._halo, self._halo + self._border
+        return row - out, column - out, rows + 2 * halo, columns + 2 * halo
+
+    def _take_over(self, before: Terrain, shift: tuple[int, int],
+                   area: tuple[int, int, int, int]) -> bool:
+        """Copy a tile of the terrain before, if all that matters for it is as it was."""
+        row, column, rows, columns = area
+        up, across, high, wide = self._around_area(area)
+        there, beside = row + shift[0], column + shift[1]
+        if there < 0 or beside < 0 or beside + columns > before.width or (
+                there + rows > before.static.size // before.width):
+            return False
+        if not np.array_equal(self._values(up, across, high, wide), before._values(
+                up + shift[0], across + shift[1], high, wide)):
+            return False
+        for mine, theirs in ((self.static, before.static), (self.cost, before.static),
+                             (self._wall_m, before._wall_m), (self.solid, before.solid)):
+            mine.reshape(-1, self.width)[row:row + rows, column:column + columns] = (
+                theirs.reshape(-1, before.width)[there:there + rows, beside:beside + columns])
+        return True
+
+    def _compute(self, area: tuple[int, int, int, int]) -> Iterator[None]:
+        self.computed += 1
+        row, column, rows, columns = area
+        values = self._values(*self._around_area(area))
+        halo, resolution, reach_m = self._halo, self.grid.resolution_m, self._reach_m
+        cells = yield from distances_within(values >= _OCCUPIED, reach_m / resolution)
+        yield
+        distance = np.minimum(cells * np.float32(resolution), np.float32(reach_m))
         near = np.clip((reach_m - distance) / (reach_m - self._forbidden_m), 0.0, 1.0)
         cost = (1.0 + (_DEAR - 1.0) * near * near).astype(np.float32)
-        solid = np.ones_like(occupied)
-        solid[inner] = occupied[inner] if unknown else (
-            occupied[inner] | grid.unknown_mask())
+        yield
+        inner = values[halo:halo + rows, halo:halo + columns]
+        solid = (inner >= _OCCUPIED) | (inner == _OUTSIDE)
+        if not self._unknown:
+            solid |= inner == UNKNOWN
         cost[(distance < self._forbidden_m) | solid] = math.inf
-        self.solid: npt.NDArray[np.bool_] = solid.ravel()
-        self.static: Costs = cost.ravel()
-        self.cost: Costs = self.static.copy()
-        self._wall_m: Costs = distance.ravel()
+        for whole, tile in ((self.static, cost), (self.cost, cost), (self._wall_m, distance)):
+            whole.reshape(-1, self.width)[row:row + rows, column:column + columns] = tile
+        self.solid.reshape(-1, self.width)[row:row + rows, column:column + columns] = solid
 
     # ---- cells and places --------------------------------------------------------------------
 
@@ -116,7 +228,7 @@ class Terrain:
     def around(self, cell: int, radius_m: float) -> Cells:
         """Return the cells round one, the nearest first, without those beyond the border."""
         reach = int(radius_m / self.grid.resolution_m)
-        up, across = _disc(reach + 0.5)
+        up, across = disc(reach + 0.5)
         order = np.argsort(up * up + across * across, kind='stable')
         up, across = up[order], across[order]
         row, column = divmod(cell, self.width)
@@ -129,6 +241,24 @@ class Terrain:
         least_m = min(room_m + 0.49 * self.grid.resolution_m, self._reach_m)
         return np.asarray(self._wall_m[cells] >= least_m)
 
+    def is_wall(self, cells: Cells) -> npt.NDArray[np.bool_]:
+        """Return which cells the map has as occupied."""
+        return np.asarray(self._wall_m[cells] <= 0.0)
+
+    def is_unseen(self, cell: int) -> bool:
+        """Return whether nobody knows what is in a cell of the map."""
+        row, column = divmod(cell, self.width)
+        row, column = row - self._border, column - self._border
+        return 0 <= row < self.grid.rows and 0 <= column < self.grid.columns and (
+            self.grid.cells.item(row, column) == UNKNOWN)
+
+    def has_ground(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64],
+                   room_m: float) -> npt.NDArray[np.bool_]:
+        """Return at which places the robot may be, and has so much room."""
+        cells = self.cells(x, y)
+        least_m = room_m + _CELL_SHARE * self.grid.resolution_m
+        return np.asarray((self._wall_m[cells] >= least_m) & ~self.solid[cells])
+
     def beside_wall(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64],
                     within_m: float) -> npt.NDArray[np.bool_]:
         """Return which places are so near to what the map has, or off the map."""
@@ -137,14 +267,22 @@ class Terrain:
 
     # ---- what is not on the map --------------------------------------------------------------
 
-    def stamp(self, obstacles: Iterable[int]) -> Iterator[None]:
+    def stamp(self, obstacles: Iterable[int], here: tuple[float, float] = (math.nan, math.nan),
+              own_m: float = 0.0) -> Iterator[None]:
         """
         Forbid what the map forbids and the surroundings of obstacles, piece by piece.
 
         :param obstacles: cells in which something stands.
+        :param here: where the robot is.
+        :param own_m: its radius: it stands on free ground, though nobody may have seen that.
         """
         for begin in range(0, self.static.size, PIECE):
             self.cost[begin:begin + PIECE] = self.static[begin:begin + PIECE]
+            yield
+        if own_m > 0.0 and (cell := self.cell(*here)) >= 0:
+            own = [each for each in self.around(cell, own_m).tolist() if self.is_unseen(each)
+                   and self._wall_m[each] >= self._forbidden_m]
+            self.cost[own] = _DEAR
             yield
         up, across = self._stamp
         offsets = up * self.width + across
@@ -153,32 +291,13 @@ class Terrain:
             yield
 
 
-def distances(occupied: npt.NDArray[np.bool_], most: float) -> Costs:
-    """
-    Return how far each cell is from the nearest occupied one, in cells, middle to middle.
-
-    :param occupied: of shape (rows, columns).
-    :param most: longer distances are given as this.
-    """
-    rows = occupied.shape[0]
-    far = np.float32(most + 1.0)
-    # Along the columns first: down, then up.
-    column = np.where(occupied, np.float32(0.0), far)
-    for row in range(1, rows):
-        np.minimum(column[row], column[row - 1] + 1, out=column[row])
-    for row in range(rows - 2, -1, -1):
-        np.minimum(column[row], column[row + 1] + 1, out=column[row])
-    squares = column * column
-    best = squares.copy()
-    for shift in range(1, int(most) + 1):
-        other = squares + np.float32(shift * shift)
-        np.minimum(best[:, shift:], other[:, :-shift], out=best[:, shift:])
-        np.minimum(best[:, :-shift], other[:, shift:], out=best[:, :-shift])
-    found: Costs = np.minimum(np.sqrt(best), np.float32(most))
-    return found
+def forbidden_m(radius_m: float, resolution_m: float) -> float:
+    """Return how far what is occupied keeps the middle of a robot, from middle to middle."""
+    # Neighbours of what is occupied are forbidden at the least: else a diagonal slips through.
+    return max(radius_m + _CELL_SHARE * resolution_m, 1.01 * resolution_m)
 
 
-def _disc(radius: float) -> tuple[Cells, Cells]:
+def disc(radius: float) -> tuple[Cells, Cells]:
     """Return the rows and columns of all cells nearer than a radius, seen from one."""
     reach = int(radius)
     span = np.arange(-reach, reach + 1)

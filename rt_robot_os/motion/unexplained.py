@@ -16,17 +16,25 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.terrain import Terrain
 
 Array = npt.NDArray[np.float64]
 
 
-def unexplained(terrain: Terrain, pose: Pose, x: Array, y: Array, tolerance_m: float
+class HasWalls(Protocol):
+    """A map that knows what is beside what it has."""
+
+    def beside_wall(self, x: Array, y: Array, within_m: float) -> npt.NDArray[np.bool_]:
+        """Return which places are so near to what the map has, or off the map."""
+        ...
+
+
+def unexplained(chart: HasWalls, pose: Pose, x: Array, y: Array, tolerance_m: float
                 ) -> tuple[Array, Array]:
     """
     Return which points the map does not have, in the map; safe in the real-time loop.
@@ -41,7 +49,7 @@ def unexplained(terrain: Terrain, pose: Pose, x: Array, y: Array, tolerance_m: f
     cosine, sine = math.cos(yaw), math.sin(yaw)
     there_x = x0 + cosine * x - sine * y
     there_y = y0 + sine * x + cosine * y
-    strange = ~terrain.beside_wall(there_x, there_y, tolerance_m)
+    strange = ~chart.beside_wall(there_x, there_y, tolerance_m)
     return there_x[strange], there_y[strange]
 
 

@@ -27,8 +27,8 @@ import pytest
 from rt_robot_os.agent.beside import Beside
 from rt_robot_os.agent.drive import Drive
 from rt_robot_os.agent.senses import Goal
+from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.terrain import Terrain
 
 CELLS = np.zeros((80, 120), np.int8)
 CELLS[0] = CELLS[-1] = 100
@@ -36,7 +36,7 @@ CELLS[:, 0] = CELLS[:, -1] = 100
 CELLS[:30, 60:62] = CELLS[45:, 60:62] = 100  # a wall with a door at 3.05, 1.9
 CELLS[50:80, 90:120] = 100  # a bed in the corner
 GRID = GridMap(CELLS, 0.05)
-BESIDE = Beside(Terrain(GRID, 0.4, 0.0, False), 1.0, 0.2)
+BESIDE = Beside(Clearing(GRID, 0.4), 1.0, 0.2)
 
 
 def test_nobody_is_looked_at_through_a_wall() -> None:

@@ -21,6 +21,7 @@ import json
 import math
 from typing import Any
 
+from live_maps import map_topic
 from rt_robot_os.modules.agent import AgentModule
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
@@ -57,6 +58,7 @@ class AgentRig(ModuleBench):
         self.level = self.topic('sound/level', 'std_msgs/msg/Float32')
         self.button = self.topic('wsn/wrist/alarm', 'std_msgs/msg/Float64')
         self.topic('goal_pose', 'geometry_msgs/msg/PoseStamped', ON_MAP)
+        self.charts = map_topic(self.bus)
         self.agent = self.add(AgentModule, 'agent', **{
             'people': ['anna'], 'nodes': ['wrist 5 5 1 on anna alarm', 'kitchen 8 1 2 smoke'],
             'voice_topic': 'sound/level', 'answer_topics': ['wsn/wrist/alarm'],

@@ -21,7 +21,10 @@ import math
 from pathlib import Path
 
 from agent_rig import AgentRig
+from live_maps import put_grid
+import numpy as np
 import pytest
+from rt_robot_os.motion.grid_map import GridMap
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
@@ -57,6 +60,26 @@ def test_it_turns_to_an_emergency_at_once_and_drives_there() -> None:
     (goal,) = rig.goals
     assert math.dist(goal[:2], (1.0, 5.0)) == pytest.approx(1.0)
     assert abs(math.remainder(goal[2] - math.atan2(5.0 - goal[1], 1.0 - goal[0]), math.tau)) < 1e-9
+
+
+def test_on_a_live_map_it_stands_where_somebody_has_been() -> None:
+    rig = rig_of(map_topic='map')
+    assert rig.agent.settings['map'] == ''
+    cells = np.full((200, 200), -1, np.int8)
+    cells[105:] = 0  # beyond anna, seen from the robot
+    put_grid(rig.charts, GridMap(cells, 0.05)).info.width = 1
+    rig.charts.publish()  # no map: refused
+    rig.at(1.0, lambda: rig.alarm('raised'))
+    rig.run(5.0)
+    assert '40000 cells' in rig.agent.statistics()['warning']
+    (goal,) = rig.goals
+    assert goal[1] < 5.0
+    put_grid(rig.charts, GridMap(cells, 0.05))
+    rig.charts.publish()
+    rig.at(1.0, lambda: rig.place(3.0, 5.0))
+    rig.run(20.0)
+    assert rig.goals[-1][1] > 5.4
+    assert rig.agent.statistics()['maps'] == 1
 
 
 def test_it_asks_while_it_drives_and_silence_is_help() -> None:

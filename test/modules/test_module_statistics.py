@@ -25,7 +25,7 @@ import pytest
 
 from rt_robot_os.core.statistics import statistics_of
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.modules import Module
 

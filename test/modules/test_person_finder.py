@@ -19,13 +19,15 @@ import math
 from pathlib import Path
 from typing import Any
 
+from live_maps import map_topic
+from live_maps import put_grid
 import numpy as np
 import pytest
 from rt_robot_os.agent.beside import Beside
 from rt_robot_os.modules.person_finder import PersonFinder
+from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.motion.terrain import Terrain
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing.module_bench import ModuleBench
@@ -37,7 +39,7 @@ LASER = (0.12, 0.0, 0.25)
 POSE = 'geometry_msgs/msg/PoseStamped'
 Pose = tuple[float, float, float]
 #: As that of the agent, with its defaults.
-BESIDE = Beside(Terrain(GridMap.load(MAP), 0.42, 0.0, False), 1.0, 0.2)
+BESIDE = Beside(Clearing(GridMap.load(MAP), 0.42), 1.0, 0.2)
 #: In the living room, looking to where anna lies.
 ROBOT: Pose = (3.4, 1.2, 2.2)
 
@@ -62,8 +64,9 @@ class Room:
         self.scan = bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
             'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0})
         self.nodes = bench.topic('health/anna/place_by_nodes', POSE, fixed)
-        self.finder = bench.add(PersonFinder, 'anna_seen', rate_hz=5.0, map=MAP,
-                                person='anna', **settings)
+        self.charts = map_topic(bench.bus)
+        self.finder = bench.add(PersonFinder, 'anna_seen', rate_hz=5.0,
+                                **{'map': MAP, 'person': 'anna', **settings})
         self.seen = bench.watch('health/anna/seen')
         self._random = np.random.default_rng(1)
         self._noise_m = noise_m
@@ -240,6 +243,28 @@ def test_it_looks_only_while_the_agent_serves_that_person(state: str) -> None:
     assert room.finder.statistics()['scans'] == 0
     room.bench.at(0.5, lambda: room.say('confirm anna: fall'))
     assert room.run(3.0)
+
+
+def test_who_lies_still_and_comes_onto_the_live_map_is_seen_until_the_agent_has_ended() -> None:
+    room = Room(map='', map_topic='map')
+    room.lie('anna', 2.2, 3.0, 0.3)
+    assert not room.run(2.0)
+    assert room.finder.statistics()['warning'] == 'no map yet on map'
+    grid = GridMap.load(MAP)
+    put_grid(room.charts, grid)
+    room.charts.publish()
+    room.bench.at(0.1, lambda: room.say('idle'))
+    room.bench.at(0.3, lambda: room.say('approach anna: fall'))
+    assert room.run(4.0)
+    cells = grid.cells.copy()
+    row, column = grid.cell(2.2, 3.0) or (0, 0)
+    cells[row - 25:row + 25, column - 25:column + 25] = 100
+    put_grid(room.charts, grid, cells)
+    room.charts.publish()
+    assert len(room.run(4.0)) > 10
+    room.bench.at(0.1, lambda: room.say('idle'))
+    room.bench.at(0.3, lambda: room.say('approach anna: fall'))
+    assert not [at_s for at_s, _, _ in room.run(4.0) if at_s > 10.5]
 
 
 def test_a_turn_in_place_shows_no_walls_beside_themselves() -> None:

@@ -16,13 +16,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
 from pathlib import Path
 from typing import Any
 
+from live_maps import map_topic
+from live_maps import put_grid
 import numpy as np
+import numpy.typing as npt
 import pytest
-
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.planner import Planner
 from rt_robot_os.motion.grid_map import GridMap
@@ -38,8 +41,8 @@ RAYS = 360
 ANGLES = -math.pi + 2 * math.pi / RAYS * np.arange(RAYS)
 
 
-def write_map(path: Path, door: bool = True) -> str:
-    """Write a map of 6 m x 4 m: two rooms, a wall between them, and a door in it, or two."""
+def rooms(door: bool = True) -> npt.NDArray[np.int8]:
+    """Return 6 m x 4 m: two rooms, a wall between them, and a door in it, or two."""
     cells = np.zeros((80, 120), np.int8)
     cells[0] = cells[-1] = 100
     cells[:, 0] = cells[:, -1] = 100
@@ -47,7 +50,12 @@ def write_map(path: Path, door: bool = True) -> str:
     cells[15:35, 60] = 0  # from 0.75 m to 1.75 m
     if door:
         cells[55:75, 60] = 0
-    GridMap(cells, 0.05).save(path / 'rooms.yaml')
+    return cells
+
+
+def write_map(path: Path, door: bool = True) -> str:
+    """Write that map."""
+    GridMap(rooms(door), 0.05).save(path / 'rooms.yaml')
     return str(path / 'rooms.yaml')
 
 
@@ -65,6 +73,7 @@ class Planned:
         self.state_out = self.bench.bus.publisher('trajectory/state')
         self.scan = self.bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
             'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0})
+        self.map_out = map_topic(self.bench.bus)
         self.planner = self.bench.add(
             Planner, 'planner', rate_hz=10.0, priority=5,
             **{'map': write_map(folder, doors == 2), 'scan_topics': ['scan'], **changes})
@@ -109,6 +118,14 @@ class Planned:
             pose = self.goal_out.msg.pose
             pose.position.x, pose.position.y, pose.orientation.w = x, y, 1.0
             self.goal_out.publish()
+        self.bench.at(at_s, do)
+
+    def chart(self, cells: npt.NDArray[np.int8], at_s: float, origin: tuple[float, float] = (0, 0),
+              damage: Callable[[Any], object] = lambda message: None) -> None:
+        """Publish a live map."""
+        def do() -> None:
+            damage(put_grid(self.map_out, GridMap(cells, 0.05, (*origin, 0.0))))
+            self.map_out.publish()
         self.bench.at(at_s, do)
 
     def say(self, state: str, at_s: float) -> None:
@@ -231,6 +248,16 @@ def test_a_follower_that_stopped_for_another_reason_is_left_alone(tmp_path: Path
     robot.bench.run(5.0)
     assert len(robot.plans) == 1
     assert robot.told()[-1] == 'stopped: cancelled'
+
+
+def test_a_robot_that_somebody_carried_off_its_path_stays_there(tmp_path: Path) -> None:
+    robot = Planned(tmp_path)
+    robot.go(5.0, 1.25)
+    robot.say('driving', 1.0)
+    robot.say('stopped: off the path by 0.80 m, at most 0.5', 2.0)
+    robot.bench.run(5.0)
+    assert len(robot.plans) == 1
+    assert robot.told()[-1].startswith('stopped: off the path')
 
 
 @pytest.mark.parametrize(('goal', 'text'), [

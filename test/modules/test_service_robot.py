@@ -20,6 +20,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from live_maps import map_topic
 import numpy as np
 import pytest
 
@@ -29,8 +30,10 @@ from rt_robot_os.modules.trajectory import Trajectory
 from rt_robot_os.modules.velocity_mux import VelocityMux
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
+from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.walls import Walls
 from rt_robot_os.testing.module_bench import ModuleBench
 
@@ -62,12 +65,14 @@ class Robot:
     TRAJECTORY: dict[str, Any] = {}
     SWITCHES = ('estop', 'estop_release')
 
-    def __init__(self, folder: Path, doors: int = 2, **planner: Any) -> None:
+    def __init__(self, folder: Path, doors: int = 2, grid: GridMap | None = None,
+                 **planner: Any) -> None:
         self.bench = bench = ModuleBench()
-        path, grid = two_rooms(folder, doors)
+        path, rooms = two_rooms(folder, doors)
+        grid = grid or rooms
         self.walls = Walls.of(grid)
         ys, xs = np.nonzero(grid.occupied_mask())
-        self.solid = np.stack(((xs + 0.5) * 0.05, (ys + 0.5) * 0.05), axis=1)
+        self.solid = np.stack(grid.centre(ys, xs), axis=1)
         bench.mountings['laser'] = Mounting((0.1, 0.0, 0.2))
         on_map = {'header.frame_id': 'map'}
         self.goal = bench.topic('goal_pose', 'geometry_msgs/msg/PoseStamped', on_map)
@@ -77,6 +82,9 @@ class Robot:
             'header.frame_id': 'odom', 'child_frame_id': 'base_link'}, rate_hz=50.0)
         self.scan = bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
             'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0}, rate_hz=10.0)
+        self.correction = bench.topic(
+            'slam/correction', 'geometry_msgs/msg/PoseWithCovarianceStamped', on_map)
+        self.chart = map_topic(bench.bus)
         bench.topic('cmd_vel', 'geometry_msgs/msg/Twist')
         self.estop, self.release, *_ = (bench.topic(name, 'std_msgs/msg/Bool')
                                         for name in self.SWITCHES)
@@ -84,8 +92,8 @@ class Robot:
         bench.bus.declare('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3000)
         bench.add(Trajectory, 'trajectory', rate_hz=50.0, priority=45, goal_topic='',
                   plan_topic='plan', **self.TRAJECTORY)
-        bench.add(Planner, 'planner', rate_hz=10.0, priority=5, map=path, scan_topics=['scan'],
-                  robot_radius_m=RADIUS_M, **planner)
+        self.planner = bench.add(Planner, 'planner', rate_hz=10.0, priority=5, **{
+            'map': path, 'scan_topics': ['scan'], 'robot_radius_m': RADIUS_M, **planner})
         self.add_more(path)
         bench.add(VelocityMux, 'mux', priority=65, sources=list(self.SOURCES), source_topics=[
                       'cmd_vel' if name == 'ros' else f'cmd_vel_{name}' for name in self.SOURCES],
@@ -97,6 +105,7 @@ class Robot:
         self.told = {name: bench.watch(name) for name in (
             'planner/state', 'trajectory/state', 'stop_reason', 'steering')}
         self.pose, self.velocity = (1.0, 1.25, 0.0), (0.0, 0.0)
+        self.map_at: Pose = (0.0, 0.0, 0.0)  # where the true map is on that of the robot
         self.person: tuple[float, float] | None = None
         self.nearest_m = self.nearest_person_m = math.inf
         self._ticks = 0
@@ -115,9 +124,10 @@ class Robot:
         if self.person:
             gap_m = math.dist(self.person, (x, y)) - RADIUS_M - PERSON_M
             self.nearest_person_m = min(self.nearest_person_m, gap_m)
-        for message in (self.located.msg.pose.pose, self.odom.msg.pose.pose):
-            message.position = x, y, 0.0
-            message.orientation = 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+        for message, pose in ((self.located.msg.pose.pose, composed(self.map_at, self.pose)),
+                              (self.odom.msg.pose.pose, self.pose)):
+            message.position = *pose[:2], 0.0
+            message.orientation = 0.0, 0.0, math.sin(pose[2] / 2), math.cos(pose[2] / 2)
         self.odom.msg.twist.twist.linear.x, self.odom.msg.twist.twist.angular.z = v, w
         covariance = self.located.msg.pose.covariance
         covariance[0] = covariance[7] = covariance[35] = 1e-4

@@ -67,7 +67,7 @@ def test_a_map_comes_back_as_it_was_saved(
         before.save(path)
         trinary = GridMap.load(path).cells
         assert (trinary == np.where(cells >= 65, 100, np.where(
-            (cells >= 0) & (cells <= 19), 0, -1))).all()
+            (cells >= 0) & (cells <= 20), 0, -1))).all()
 
 
 def test_the_picture_is_seen_from_above_with_its_first_row_farthest(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from collections.abc import Iterator
 import heapq
 import math
 from typing import Any
+from typing import TypeVar
 
 from hypothesis import given
 from hypothesis import settings
@@ -28,15 +29,16 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from rt_robot_os.motion.distances import distances_within
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.grid_search import GridSearch
 from rt_robot_os.motion.route import Route
 from rt_robot_os.motion.route import RouteError
 from rt_robot_os.motion.route import RoutePlanner
-from rt_robot_os.motion.terrain import distances
 from rt_robot_os.motion.terrain import Terrain
 
 RESOLUTION = 0.1
+T = TypeVar('T')
 
 
 def grid(*rows: str, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> GridMap:
@@ -54,7 +56,7 @@ def at_once(work: Iterator[Any]) -> Any:
     return last
 
 
-def planned(job: Generator[None, None, Route]) -> tuple[Route, int]:
+def planned(job: Generator[None, None, T]) -> tuple[T, int]:
     """Do all pieces; give the way, and how many pieces there were."""
     pieces = 0
     while True:
@@ -236,6 +238,53 @@ def test_unknown_ground_is_forbidden_unless_it_is_allowed() -> None:
     assert plan(chart, (0.5, 0.5), (2.0, 0.5), unknown=True).length_m == pytest.approx(1.5)
 
 
+def test_what_the_robot_stands_on_is_free_though_nobody_has_seen_it() -> None:
+    chart = grid('#########', '#.......#', '#.??....#', '#.??....#', '#.......#', '#########')
+    start, goal = (0.35, 0.35), (0.65, 0.15)
+    with pytest.raises(RouteError, match='no free ground within 0.05 m'):
+        plan(chart, start, goal, start_tolerance_m=0.05)
+    route = plan(chart, start, goal, start_tolerance_m=0.05, own_m=0.15)
+    assert route.poses[0][:2] == start
+    with pytest.raises(RouteError, match='too near to something'):  # what is known stays
+        plan(chart, start, goal, 0.25, start_tolerance_m=0.05, own_m=0.15)
+
+
+def test_a_goal_in_unknown_ground_is_moved_to_known_ground_but_not_through_a_wall() -> None:
+    chart = grid('#########', '#...#???#', '#...#?..#', '#...#?..#', '#...#...#', '#########')
+    assert plan(chart, (0.75, 0.15), (0.55, 0.45), goal_tolerance_m=0.3).moved_m > 0.1
+    chart = grid('##########', *['#....#???#'] * 4, '##########')
+    with pytest.raises(RouteError, match='in ground that nobody has seen yet, and the robot can'):
+        plan(chart, (0.25, 0.25), (0.65, 0.25), goal_tolerance_m=0.35)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(-30, 30), st.integers(-30, 30),
+       st.integers(60, 180), st.integers(60, 180), st.booleans())
+def test_a_terrain_made_of_the_one_before_is_as_one_made_anew(
+        seed: int, row: int, column: int, rows: int, columns: int, unknown: bool) -> None:
+    chance = np.random.default_rng(seed)
+    world = (chance.random((300, 300)) < 0.004).astype(np.int8) * 100
+    world[chance.random((300, 300)) < 0.01] = -1
+    world[100:130, 60:220] = -1
+    before = GridMap(world[60:210, 60:230], RESOLUTION, (1.0, -2.0, 0.3))
+    for _ in range(int(chance.integers(0, 4))):
+        y, x = chance.integers(50, 250, 2)
+        world[y:y + 5, x:x + 5] = chance.choice((-1, 0, 100))
+    x, y = before.point(column * RESOLUTION, row * RESOLUTION)
+    after = GridMap(world[60 + row:60 + row + rows, 60 + column:60 + column + columns],
+                    RESOLUTION, (x, y, 0.3))
+    first = Terrain(before, 0.22, 0.5, unknown)
+    made, pieces = planned(Terrain.in_pieces(after, 0.22, 0.5, unknown, first))
+    anew = Terrain(after, 0.22, 0.5, unknown)
+    assert pieces > 3
+    assert made.width == anew.width
+    for name in ('static', 'cost', 'solid', '_wall_m'):
+        assert np.array_equal(getattr(made, name), getattr(anew, name)), name
+    again, _ = planned(Terrain.in_pieces(GridMap(after.cells, RESOLUTION, after.origin), 0.22, 0.5,
+                                         unknown, made))
+    assert again is made
+
+
 def test_a_robot_too_near_to_a_wall_leaves_it_and_one_that_is_stuck_says_so() -> None:
     chart = grid(*['.' * 40] * 20, *['#' * 40])
     route = plan(chart, (1.0, 0.15), (3.0, 1.5), 0.3)
@@ -263,11 +312,15 @@ def test_work_is_done_in_pieces_and_a_way_has_no_more_poses_than_asked_for() -> 
     assert len(route.poses) <= 60
 
 
-def test_distances_are_those_between_the_middles_of_cells() -> None:
+@pytest.mark.parametrize(('shape', 'most'), [((30, 40), 6.0), ((300, 40), 190.0)])
+def test_distances_are_those_between_the_middles_of_cells(
+        shape: tuple[int, int], most: float) -> None:
     chance = np.random.default_rng(2)
-    occupied = chance.random((30, 40)) < 0.02
+    occupied = chance.random(shape) < 0.6 / shape[0]
+    occupied[200:, :] = False
     there = np.argwhere(occupied)
     every = np.argwhere(np.ones_like(occupied))
     expected = np.hypot(*(every[:, None] - there).transpose(2, 0, 1)).min(axis=1)
-    found = distances(occupied, 6.0).ravel()
-    assert found == pytest.approx(np.minimum(expected, 6.0), abs=1e-5)
+    found, _ = planned(distances_within(np.pad(occupied, int(most)), most))
+    found = found.ravel()
+    assert found == pytest.approx(np.minimum(expected, most), abs=2e-5)

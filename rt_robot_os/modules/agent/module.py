@@ -40,11 +40,14 @@ from rt_robot_os.kernel import Until
 from rt_robot_os.kernel import Wait
 from rt_robot_os.modules.agent.hearing import Hearing
 from rt_robot_os.modules.agent.orders import Orders
+from rt_robot_os.modules.agent.settings import clearing_of
 from rt_robot_os.modules.agent.settings import home_of
 from rt_robot_os.modules.agent.settings import SETTINGS
 from rt_robot_os.modules.agent.settings import surroundings_of
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
+from rt_robot_os.modules.live_map import LiveMap
+from rt_robot_os.modules.live_map import MAP_MESSAGE
 from rt_robot_os.modules.sensor_packets import survey_from
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.schema import made
@@ -63,6 +66,8 @@ _TEXT_BYTES: Final = 4000
 _COMMAND_BYTES: Final = 1000
 # A grid that fell so far behind is begun anew: what was missed is over.
 _MOST_BEHIND: Final = 20
+# Of taking a map: that of 65,000 cells each.
+_MAP_PIECES: Final = 20
 
 
 class AgentModule(Module):
@@ -79,6 +84,7 @@ class AgentModule(Module):
     estop = Input('estop', message=_BOOL, newest=True)
     battery = Input('battery', message='sensor_msgs/msg/BatteryState', newest=True)
     voice = Input('', message='std_msgs/msg/Float32', newest=True)
+    map = Input('', message=MAP_MESSAGE, initial=True, newest=True)  # noqa: A003
     goals = Input('goal_pose', message='geometry_msgs/msg/PoseStamped', newest=True)
     turn = Output('cmd_vel_agent', 'geometry_msgs/msg/Twist')
     goal = Output('goal_pose', 'geometry_msgs/msg/PoseStamped', _ON_MAP, most_hz=1.0)
@@ -145,9 +151,11 @@ class AgentModule(Module):
         """
         Read the map.
 
-        :raises ConfigError: it cannot be read.
+        :raises ConfigError: it cannot be read, or is in another frame.
         """
-        self._around = surroundings_of(self.name, self.settings, self._survey)
+        self._map = LiveMap(self.settings['map'], self.map if self.connected('map') else None,
+                            _ON_MAP['header.frame_id'], self.name, self.log)
+        self._around = surroundings_of(self.name, self.settings, self._survey, self._map.grid)
         self._buttons = {topic: self.listed[f'button {topic}']
                          for topic in self.settings['answer_topics']}
 
@@ -180,13 +188,13 @@ class AgentModule(Module):
             return {}
         emergencies = agent.emergencies
         return {
-            'warning': agent.text if agent.state is State.GIVE_UP else '',
+            'warning': agent.text if agent.state is State.GIVE_UP else self._map.warning(),
             'state': agent.text, 'emergencies': len(emergencies),
             'events_unreadable': emergencies.unreadable, 'events_lost': self.events.lost,
             'emergencies_dropped': emergencies.dropped, 'events_ignored': agent.ignored,
             'words_refused': agent.refused, 'observed_unreadable': self._unreadable,
             'ticks_late': self._late,
-            **self._orders.statistics()}
+            **self._orders.statistics(), **self._map.statistics()}
 
     # ---- work --------------------------------------------------------------------------------
 
@@ -237,10 +245,17 @@ class AgentModule(Module):
     def _tick(self, agent: Agent, tick_ns: int) -> None:
         self._stamp_ns = max(tick_ns, self._stamp_ns)
         self._hearing.listen()
+        self._take_map()
         self._take_words(agent)
         agent.tick(self._stamp_ns)
         self._orders.refresh(self._stamp_ns)
         self._orders.tell(agent.text, self._stamp_ns)
+
+    def _take_map(self) -> None:
+        """Take the newest map, if there is a new one: 2 ms for 1000 x 1000 cells, in pieces."""
+        while self._map.is_behind:
+            if self._map.go_on(_MAP_PIECES):
+                self._around.beside.clearing = clearing_of(self.settings, self._map.grid)
 
     def _take_words(self, agent: Agent) -> None:
         """Take what people and the observer say; answers count from when they were given."""

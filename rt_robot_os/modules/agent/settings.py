@@ -26,9 +26,9 @@ from rt_robot_os.agent.beside import Beside
 from rt_robot_os.agent.senses import Place
 from rt_robot_os.agent.tuning import AgentTuning
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.terrain import Terrain
 from rt_robot_os.schema import declared
 from rt_robot_os.schema import Field
 from rt_robot_os.wsn.survey import SurveyedNode
@@ -44,7 +44,9 @@ SETTINGS: Final = (
           is_file=True),
     Field('nodes', list, [], 'More of them, or all, as texts of that kind'),
     Field('map', str, '', 'The map by which it chooses where to stand: a YAML file as map_saver '
-          'writes it; empty: it knows no walls', is_file=True),
+          'writes it; empty, as map_topic: it knows no walls', is_file=True),
+    Field('map_topic', str, '', 'Maps that grow while they are made, each a '
+          'nav_msgs/msg/OccupancyGrid; map is for the time before the first one'),
     Field('robot_radius_m', float, 0.22, 'What must stay free round base_link where it stands',
           'm', 0.0, 10.0),
     Field('clearance_m', float, 0.2, 'What must stay free besides', 'm', 0.0, 5.0),
@@ -63,22 +65,23 @@ SETTINGS: Final = (
 )
 
 
-def surroundings_of(name: str, settings: Mapping[str, Any],
-                    survey: tuple[SurveyedNode, ...]) -> Surroundings:
-    """
-    Make what the agent is told of where it is; reads the map, not for the real-time loop.
-
-    :raises ConfigError: the map cannot be read.
-    """
+def clearing_of(settings: Mapping[str, Any], grid: GridMap | None) -> Clearing | None:
+    """Return where the robot may stand on a map; None when there is none yet."""
     s = settings
-    terrain = Terrain(GridMap.load(s['map']), s['robot_radius_m'] + s['clearance_m'], 0.0,
-                      False) if s['map'] else None
+    return Clearing(grid, s['robot_radius_m'] + s['clearance_m']) if grid is not None else None
+
+
+def surroundings_of(name: str, settings: Mapping[str, Any], survey: tuple[SurveyedNode, ...],
+                    grid: GridMap | None) -> Surroundings:
+    """Make what the agent is told of where it is."""
+    s = settings
     nodes = {key: Place(node.x, node.y, node.name) for node in survey
              for key in (node.name, node.token)}
     wearers = {key: node.person for node in survey if node.person
                for key in (node.name, node.token)}
     return Surroundings(
-        Beside(terrain, s['standoff_m'], s['spread_m']), nodes, wearers, home_of(name, s),
+        Beside(clearing_of(s, grid), s['standoff_m'], s['spread_m']), nodes, wearers,
+        home_of(name, s),
         tuple(s['operator_sources']), tuple(dict.fromkeys(s['observe'])),
         tuple(s['ignored_kinds']), s['name'])
 

@@ -32,14 +32,16 @@ from rt_robot_os.kernel import Task
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.collision_guard.sensors import place_of
 from rt_robot_os.modules.collision_guard.sensors import Scanner
+from rt_robot_os.modules.live_map import check_map
+from rt_robot_os.modules.live_map import LiveMap
+from rt_robot_os.modules.live_map import MAP_MESSAGE
 from rt_robot_os.modules.person_finder.things import Things
 from rt_robot_os.modules.trajectory.whereabouts import planar
 from rt_robot_os.modules.vital_signs.settings import checked_person
 from rt_robot_os.modules.whereabouts.module import BY_NODES_TOPIC
 from rt_robot_os.modules.whereabouts.module import PLACE_TOPIC
+from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.terrain import Terrain
 from rt_robot_os.motion.unexplained import clusters
 from rt_robot_os.motion.unexplained import unexplained
 from rt_robot_os.motion.zones import Circle
@@ -59,6 +61,8 @@ _APART_NS: Final = NS_PER_S // 5
 _TURN_RAD_S: Final = 0.6
 # What was said longer ago of other people excludes nothing.
 _OTHERS_NS: Final = 60 * NS_PER_S
+# Of taking a map: that of 65,000 cells each.
+_MAP_PIECES: Final = 20
 
 
 class PersonFinder(Module):
@@ -67,14 +71,19 @@ class PersonFinder(Module):
     RATE_HZ = 5.0
 
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped', newest=True)
+    map = Input('', message=MAP_MESSAGE, initial=True, newest=True)  # noqa: A003
     state = Input('agent/state', message='std_msgs/msg/String', initial=True, newest=True)
 
     SETTINGS = (
         Field('person', str, REQUIRED, 'Who; part of the names of topics'),
         Field('others', list, [], 'Other people who have a whereabouts: what is nearer to where '
               'they are said to be is not this one'),
-        Field('map', str, REQUIRED, 'The map: a YAML file as map_saver writes it; what it has is '
+        Field('map', str, '', 'The map: a YAML file as map_saver writes it; what it has is '
               'nobody', is_file=True),
+        Field('map_topic', str, '', 'Maps that grow while they are made, each a '
+              'nav_msgs/msg/OccupancyGrid: the newest is taken when it begins to look, and kept '
+              'until it has ended, for who lies still is soon on the map; map is for the time '
+              'before the first one'),
         Field('scan_topics', list, ['scan'], 'Laser scanners, each a sensor_msgs/msg/LaserScan; '
               'one that is 0.25 m above the floor sees who lies there'),
         Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
@@ -100,9 +109,10 @@ class PersonFinder(Module):
         """
         Keep the settings; the map is read later.
 
-        :raises ConfigError: there is no such person, or they are among the others.
+        :raises ConfigError: there is no map, or no such person, or they are among the others.
         """
         super().__init__(name, settings)
+        check_map(settings['map'], bool(settings['map_topic']), name)
         self._person = checked_person(name, settings)
         if self._person in settings['others']:
             raise ConfigError([f'{name}.others has {self._person}, who is the person: take it '
@@ -111,7 +121,7 @@ class PersonFinder(Module):
         self._things = Things(
             (s['size_min_m'], s['size_max_m']), s['points'], s['steady_m'],
             round(s['steady_s'] * NS_PER_S), round(s['lost_s'] * NS_PER_S))
-        self._looks = False
+        self._looks = self._takes_map = False
         self._scanners: list[Scanner] = []
         self._robot: Pose | None = None
         self._robot_ns = 0
@@ -122,6 +132,10 @@ class PersonFinder(Module):
         self._scans = self._turning = self._found = 0
 
     # ---- ports -------------------------------------------------------------------------------
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
         """Return an input for where nodes say the person is, and for each scanner."""
@@ -152,9 +166,9 @@ class PersonFinder(Module):
         :raises ConfigError: it cannot be read, or nobody says where a scanner is.
         """
         s = self.settings
-        grid = GridMap.load(s['map'])
-        # Its costs are of no interest here: only how far each cell is from what the map has.
-        self._terrain = Terrain(grid, 0.0, s['map_tolerance_m'] + grid.resolution_m, False)
+        self._map = LiveMap(s['map'], self.map if self.connected('map') else None,
+                            str(self.pose.msg.header.frame_id), self.name, self.log)
+        self._clearing = Clearing(self._map.grid) if self._map.grid is not None else None
         outline = Circle(0.1)
         self._scanners = [
             Scanner(self.listed[topic], place_of(self.listed[topic], self.mountings, self.name),
@@ -178,6 +192,8 @@ class PersonFinder(Module):
         self._take_places()
         if self.pose.latest():
             self._take_pose()
+        if self._takes_map:
+            self._take_map()
         now_ns = self._out.topic.kernel.now_ns()
         for scanner in self._scanners:
             if scanner.take(now_ns, self.settings['range_m'], 0.0, 0.0):
@@ -186,7 +202,8 @@ class PersonFinder(Module):
     def statistics(self) -> Mapping[str, Any]:
         """Tell whether it looks, and what it found."""
         seen = self._seen
-        return {'looks': self._looks, 'scans': self._scans, 'scans_while_turning': self._turning,
+        return {'warning': self._map.warning(), **self._map.statistics(), 'looks': self._looks,
+                'scans': self._scans, 'scans_while_turning': self._turning,
                 'things': len(self._things), 'sightings': self._found,
                 'seen': f'{seen[0]:.2f} {seen[1]:.2f}' if seen else ''}
 
@@ -199,7 +216,14 @@ class PersonFinder(Module):
         if looks and not self._looks:
             self._things.forget()
             self._robot = self._seen = None
+            self._takes_map = self._map.is_live
         self._looks = looks
+
+    def _take_map(self) -> None:
+        """Take the newest map, in pieces; later ones have whoever lies there."""
+        if self._map.go_on(_MAP_PIECES) and self._map.grid is not None:
+            self._clearing = Clearing(self._map.grid)
+        self._takes_map = self._map.is_underway or self._clearing is None
 
     def _take_places(self) -> None:
         nodes = self.listed['by nodes']
@@ -222,14 +246,15 @@ class PersonFinder(Module):
             self._is_turning = turned * NS_PER_S > _TURN_RAD_S * since_ns
 
     def _look(self, scanner: Scanner, stamp_ns: int) -> None:
-        robot, place, s = self._robot, self._place, self.settings
-        if robot is None or place is None or abs(stamp_ns - self._robot_ns) > _APART_NS:
+        robot, place, chart, s = self._robot, self._place, self._clearing, self.settings
+        if robot is None or place is None or chart is None or (
+                abs(stamp_ns - self._robot_ns) > _APART_NS):
             return
         if self._is_turning:
             self._turning += 1
             return
         self._scans += 1
-        x, y = unexplained(self._terrain, robot, scanner.x, scanner.y, s['map_tolerance_m'])
+        x, y = unexplained(chart, robot, scanner.x, scanner.y, s['map_tolerance_m'])
         self._things.look(clusters(x, y, s['gap_m']), stamp_ns)
         others = [each[1:] for each in self._others.values()
                   if stamp_ns - each[0] <= _OTHERS_NS and math.isfinite(each[1] + each[2])]

@@ -23,26 +23,28 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from collections.abc import Mapping
-import math
 from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.collision_guard.sensors import place_of
-from rt_robot_os.modules.collision_guard.sensors import Scanner
+from rt_robot_os.modules.live_map import check_map
+from rt_robot_os.modules.live_map import LiveMap
+from rt_robot_os.modules.live_map import MAP_MESSAGE
+from rt_robot_os.modules.planner.corrections import Corrections
+from rt_robot_os.modules.planner.ground import Ground
+from rt_robot_os.modules.planner.ground import POSES_MAXIMUM
+from rt_robot_os.modules.planner.settings import SETTINGS
 from rt_robot_os.modules.planner.strangers import Strangers
+from rt_robot_os.modules.planner.way import ahead_on
+from rt_robot_os.modules.planner.way import moved_with
+from rt_robot_os.modules.planner.way import Progress
 from rt_robot_os.modules.trajectory.whereabouts import planar
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.route import Route
 from rt_robot_os.motion.route import RouteError
-from rt_robot_os.motion.route import RoutePlanner
-from rt_robot_os.motion.terrain import Terrain
-from rt_robot_os.motion.zones import Circle
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import NS_PER_MS
@@ -50,14 +52,13 @@ from rt_robot_os.units import NS_PER_S
 
 _TEXT: Final = 'std_msgs/msg/String'
 _TEXT_LENGTH: Final = 200
-_POSES_MAXIMUM: Final = 1000
-# Pieces of planning in a job, some 3 ms, and the pause after it.
+# Pieces of planning in a job, some 3 ms, and of a new map, some 1 ms, and the pause after them.
 _PIECES: Final = 40
+_MAP_PIECES: Final = 15
 _PAUSE_NS: Final = 3 * NS_PER_MS
 # Whoever follows the plan repeats its state that often, so that an old one is no answer.
 _ANSWER_NS: Final = NS_PER_S
 _AHEAD_M: Final = 3.0
-_PROGRESS_M: Final = 0.5
 
 
 class Planner(Module):
@@ -66,49 +67,21 @@ class Planner(Module):
     goal = Input('goal_pose', wake=True, message='geometry_msgs/msg/PoseStamped')
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
     followed = Input('trajectory/state', wake=True, message=_TEXT)
-    plan = Output('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3 * _POSES_MAXIMUM)
+    map = Input('', message=MAP_MESSAGE, initial=True, newest=True)  # noqa: A003
+    correction = Input('', message='geometry_msgs/msg/PoseWithCovarianceStamped', wake=True)
+    plan = Output('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3 * POSES_MAXIMUM)
     state = Output('planner/state', _TEXT, tail=_TEXT_LENGTH)
 
-    SETTINGS = (
-        Field('map', str, REQUIRED, 'The map: a YAML file as map_saver writes it, beside the file '
-              'that names it or in config/', is_file=True),
-        Field('robot_radius_m', float, 0.2, 'What must stay free round base_link: the distance of '
-              'the corner that is furthest away', 'm', 0.0, 10.0),
-        Field('clearance_m', float, 0.1, 'What must stay free besides: more than a guard asks '
-              'for, as nobody follows a way to the centimetre', 'm', 0.0, 5.0),
-        Field('prefer_m', float, 0.5, 'Where there is room, the middle of the robot keeps so far '
-              'from walls', 'm', 0.0, 10.0),
-        Field('unknown_is_free', bool, False, 'Drive where the map does not know what is there'),
-        Field('goal_tolerance_m', float, 0.5, 'A goal at which the robot cannot stand is moved so '
-              'far at most; beyond it is refused', 'm', 0.0, 10.0),
-        Field('goal_clearance_m', float, 0.2, 'What stays free round the robot at a goal, if '
-              'there is such a place within goal_tolerance_m: a guard stops it before it comes '
-              'nearer', 'm', 0.0, 5.0),
-        Field('start_tolerance_m', float, 0.5, 'How far from free ground the robot may be when it '
-              'sets out', 'm', 0.0, 10.0),
-        Field('pose_timeout_s', float, 1.0, 'Age of a pose from which nothing is planned', 's',
-              0.02, 60.0, live=True),
-        Field('scan_topics', list, [], 'Laser scanners that show what is not on the map, each a '
-              'sensor_msgs/msg/LaserScan'),
-        Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
-              'itself; 0: its own range_min', 'm', 0.0, 5.0),
-        Field('obstacle_range_m', float, 2.5, 'How far from the robot that is believed', 'm', 0.1,
-              30.0),
-        Field('obstacle_memory_s', float, 5.0, 'How long it is remembered', 's', 0.1, 600.0),
-        Field('map_tolerance_m', float, 0.2, 'What is seen so near to what the map has, is that',
-              'm', 0.0, 2.0),
-        Field('blocked_s', float, 3.0, 'How long something has to stand in its place before a way '
-              'round it is looked for; who walks is waited for', 's', 0.0, 60.0, live=True),
-        Field('retry_s', float, 2.0, 'How often a way round is looked for', 's', 0.1, 60.0,
-              live=True),
-        Field('patience_s', float, 30.0, 'How long, before the goal is given up', 's', 0.0,
-              3600.0, live=True),
-    )
+    SETTINGS = SETTINGS
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; the map is read later."""
+        """
+        Keep the settings; the map is read later.
+
+        :raises ConfigError: there is no map.
+        """
         super().__init__(name, settings)
-        self._planner: RoutePlanner | None = None
+        check_map(settings['map'], bool(settings['map_topic']), name)
         self._pose: Pose = (0.0, 0.0, 0.0)
         self._pose_ns = -1
         self._goal: Pose | None = None
@@ -121,12 +94,11 @@ class Planner(Module):
         self._is_of_before = False  # and leads to the goal before
         self._is_possible = False  # there is a way when nothing stands in it
         self._in_the_way = ''  # why there is none beside what stands there
-        self._failed_ns = -1
         self._obstacles: list[int] = []
-        self._failed_at: Pose = (0.0, 0.0, 0.0)
+        self._progress = Progress()
         self._retry_ns = self._look_ns = 0
         self._is_held = False  # whoever follows says that something is in the way
-        self._goals = self._plans = self._refused = self._expanded = 0
+        self._goals = self._plans = self._refused = self._expanded = self._closed = 0
         self._took_ms = 0.0
         self._told = ''
 
@@ -147,7 +119,7 @@ class Planner(Module):
         """
         Read the map.
 
-        :raises ConfigError: it cannot be read, or poses and goals are in other frames.
+        :raises ConfigError: it cannot be read, or poses, goals and maps are in different frames.
         """
         s = self.settings
         frames = {self.topic_of(port): str(getattr(self, port).msg.header.frame_id)
@@ -156,18 +128,15 @@ class Planner(Module):
             told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
             raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
         self._radius_m = s['robot_radius_m'] + s['clearance_m']
-        goal_room_m = s['robot_radius_m'] + s['goal_clearance_m']
-        grid = GridMap.load(s['map'])
-        terrain = Terrain(grid, self._radius_m,
-                          max(s['prefer_m'], goal_room_m + grid.resolution_m),
-                          s['unknown_is_free'])
-        self._planner = RoutePlanner(terrain, s['goal_tolerance_m'], s['start_tolerance_m'],
-                                     _POSES_MAXIMUM, goal_room_m)
-        outline = Circle(max(s['robot_radius_m'], 1e-3))
+        self._ground = Ground(LiveMap(
+            s['map'], self.map if self.connected('map') else None, frames[self.topic_of('pose')],
+            self.name, self.log), s)
+        self._corrections = Corrections(
+            self.correction if self.connected('correction') else None, self._ground.map)
         self._strangers = Strangers(
-            terrain, [Scanner(read, place_of(read, self.mountings, self.name), outline,
-                              s['scan_minimum_m']) for read in self.listed.values()],
-            s['map_tolerance_m'], s['obstacle_range_m'], round(s['obstacle_memory_s'] * NS_PER_S))
+            [(read, place_of(read, self.mountings, self.name)) for read in self.listed.values()],
+            s)
+        self._strangers.terrain = self._ground.terrain
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def activate(self) -> None:
@@ -175,34 +144,50 @@ class Planner(Module):
         self._goal = self._job = self._route = None
         self._is_wanted = False
 
+    def changed(self, name: str) -> None:
+        """Take over a setting: whether unknown ground may be entered changes all of it."""
+        if name == 'unknown_is_free':
+            self._ground.unknown_is_free = self.settings[name]
+
     def step(self) -> None:
         """Take what came, and plan on."""
         now_ns = self.plan.topic.kernel.now_ns()
         self._take_pose(now_ns)
         if self.goal.latest():
             self._take_goal(now_ns)
+        self._take_corrections(now_ns)
+        if self._corrections.pending:
+            self._wake_up.no_later_than(now_ns + _PAUSE_NS)
+            return
         if self.connected('followed'):
             while self.followed.take():
                 self._take_state(str(self.followed.msg.data), self.followed.stamp_ns, now_ns)
-        if self._pose_is_fresh(now_ns):
+        awaits_map = self._corrections.awaits_map(now_ns)
+        if self._pose_is_fresh(now_ns) and not awaits_map:
             self._strangers.look(self._pose, now_ns)
+        if self._job is None and self._ground.is_behind:
+            self._renew_ground(now_ns)
         if self._goal is None:
             return
         if self._pose_is_fresh(now_ns):
             self._look_ahead(now_ns)
-        if self._is_wanted and now_ns >= self._retry_ns:
+        if self._is_wanted and now_ns >= self._retry_ns and not awaits_map:
             self._begin(now_ns)
         if self._job is not None:
             self._go_on(now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
         """Tell what is planned, how long it took, and what is in the way."""
+        if not hasattr(self, '_ground'):
+            return {}
         no_way = self._told.startswith(('refused: ', 'waiting: '))
-        return {'warning': self._told if no_way else '', 'state': self._told,
+        return {'warning': self._told if no_way else self._ground.warning(), 'state': self._told,
                 'goals': self._goals, 'goals_refused': self._refused, 'plans': self._plans,
+                'ways_closed_by_map': self._closed,
                 'planned_in_ms': self._took_ms, 'cells_expanded': self._expanded,
-                'obstacle_cells': len(self._strangers) if self._planner else 0,
-                'length_m': self._route.length_m if self._route else 0.0}
+                'obstacle_cells': len(self._strangers),
+                'length_m': self._route.length_m if self._route else 0.0,
+                'corrections': self._corrections.count, **self._ground.statistics()}
 
     # ---- what comes --------------------------------------------------------------------------
 
@@ -220,7 +205,7 @@ class Planner(Module):
         goal = planar(self.goal.msg.pose)
         self._goals += 1
         self._goal, self._job, self._route = goal, None, None
-        self._failed_ns = -1
+        self._progress.begin()
         self._retry_ns = self._look_ns = now_ns
         self._is_held = self._is_possible = False
         self._is_of_before = self._is_given
@@ -240,6 +225,9 @@ class Planner(Module):
         if state == 'done':
             self._is_given = False
             self._end('done', now_ns)
+        elif state.startswith('stopped: off the path') and self._ground.map.is_live:
+            self._is_followed = False  # maps that are being made move under the robot
+            self._ask_again(now_ns)
         elif state.startswith('stopped: blocked'):
             if self._is_followed:
                 self._is_followed = False
@@ -249,45 +237,69 @@ class Planner(Module):
             self._is_given = False
             self._end(state, now_ns)
 
+    def _take_corrections(self, now_ns: int) -> None:
+        """Let the plan move with the map, and plan anew on the map that has moved."""
+        self._corrections.take(now_ns)
+        movement = self._corrections.settled(self._pose, self._pose_ns, now_ns)
+        if movement is None:
+            return
+        self._strangers.onto(self._ground.terrain, movement.moved)
+        if self._goal is None:
+            return
+        self._job, self._is_wanted = None, True
+        self._retry_ns = now_ns
+        if self._route is not None and movement.is_little:
+            # Beside the robot all is where it was: it drives on as if nothing had happened.
+            self._route, self._route_ns = moved_with(movement.moved, self._route), now_ns
+            self._is_followed = False
+            self._give(self._route, now_ns)
+            self._is_of_before = True
+        elif self._is_given:
+            self._is_of_before = True
+            self._wait(f'the map moved by {movement.by_m:.2f} m', now_ns)
+
     def _look_ahead(self, now_ns: int) -> None:
         """Plan anew when something has stood in the way for a while."""
         if self._route is None or self._is_wanted or self._job is not None:
             return
         if now_ns >= self._look_ns and self._strangers.is_on(
-                self._way_ahead(self._route), self._radius_m, now_ns, self._standing_ns()):
+                ahead_on(self._route.poses, self._pose, self._radius_m, _AHEAD_M),
+                self._radius_m, now_ns, round(self.settings['blocked_s'] * NS_PER_S)):
             self._look_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
             self._ask_again(now_ns)
 
-    def _standing_ns(self) -> int:
-        return round(float(self.settings['blocked_s']) * NS_PER_S)
-
-    def _way_ahead(self, route: Route) -> list[tuple[float, float]]:
-        """Return the next points of the way, but for what is beside the robot already."""
-        x, y, _ = self._pose
-        points = [pose[:2] for pose in route.poses]
-        near = min(range(len(points)), key=lambda i: math.dist(points[i], (x, y)))
-        found: list[tuple[float, float]] = []
-        length_m = 0.0
-        for a, b in zip(points[near:], points[near + 1:]):
-            length_m += math.dist(a, b)
-            if length_m > _AHEAD_M:
-                break
-            if length_m > self._radius_m:
-                found.append(b)
-        return found
+    def _renew_ground(self, now_ns: int) -> None:
+        """Take the newest map; a way that it leaves open is driven on."""
+        ground = self._ground
+        if not ground.go_on(_MAP_PIECES):
+            if ground.is_behind:
+                self._wake_up.no_later_than(self.plan.topic.kernel.now_ns() + _PAUSE_NS)
+            return
+        self._strangers.onto(ground.terrain)
+        if self._is_wanted:
+            self._retry_ns = now_ns
+        elif self._route is not None and (
+                place := ground.closed_at(self._route.poses, self._pose)) is not None:
+            self._closed += 1
+            self.log.info('the map closes the way at %.2f, %.2f: another one is looked for',
+                          *place)
+            self._is_of_before = True
+            self._ask_again(now_ns)
 
     # ---- planning ----------------------------------------------------------------------------
 
     def _ask_again(self, now_ns: int) -> None:
-        if self._failed_ns < 0 or math.dist(self._pose[:2], self._failed_at[:2]) > _PROGRESS_M:
-            self._failed_ns, self._failed_at = now_ns, self._pose
-        elif now_ns - self._failed_ns > self.settings['patience_s'] * NS_PER_S:
+        held_ns = self._progress.held_ns(self._pose, now_ns)
+        if held_ns > self.settings['patience_s'] * NS_PER_S:
             self._refuse(f'blocked for {self.settings["patience_s"]:g} s', now_ns)
             return
         self._is_wanted = True
 
     def _begin(self, now_ns: int) -> None:
-        if self._planner is None or self._goal is None:
+        if self._goal is None:
+            return
+        if self._ground.planner is None:
+            self._wait('no map yet', now_ns)
             return
         if not self._pose_is_fresh(now_ns):
             self._wait('no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
@@ -296,9 +308,9 @@ class Planner(Module):
         self._in_the_way = ''
         self._begun_ns = now_ns
         self._obstacles = self._strangers.standing(
-            now_ns, 0 if self._is_held else self._standing_ns())
+            now_ns, 0 if self._is_held else round(self.settings['blocked_s'] * NS_PER_S))
         self._is_held = False
-        self._job = self._planner.plan(self._pose, self._goal, self._obstacles)
+        self._job = self._ground.planner.plan(self._pose, self._goal, self._obstacles)
         self._tell('planning', now_ns)
 
     def _go_on(self, now_ns: int) -> None:
@@ -327,22 +339,22 @@ class Planner(Module):
         self._is_followed = False
         self._plans += 1
         self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
-        if self._planner is not None:
-            self._expanded = self._planner.search.expanded
+        if self._ground.planner is not None:
+            self._expanded = self._ground.planner.search.expanded
         self._give(route, now_ns)
         moved = f', goal moved by {route.moved_m:.2f} m' if route.moved_m > 0.0 else ''
         self._tell(f'planned: {route.length_m:.2f} m{moved}', now_ns)
 
     def _failed(self, why: str, now_ns: int) -> None:
         """Wait for what stands in the way to go; refuse what the map forbids."""
-        if not self._obstacles or self._in_the_way:
+        if self._is_possible and (self._obstacles or self._ground.map.is_live):
+            self._try_later(why, now_ns)  # maps change, too
+        elif not self._obstacles or self._in_the_way:
             self._refuse(why, now_ns)
-        elif self._is_possible:
-            self._try_later(why, now_ns)
-        elif self._planner is not None and self._goal is not None:
+        elif self._ground.planner is not None and self._goal is not None:
             # Whether waiting helps is seen on the map alone.
             self._in_the_way = why
-            self._job = self._planner.plan(self._pose, self._goal, ())
+            self._job = self._ground.planner.plan(self._pose, self._goal, ())
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
 
     def _try_later(self, why: str, now_ns: int) -> None:
@@ -355,6 +367,7 @@ class Planner(Module):
     def _wait(self, why: str, now_ns: int) -> None:
         """Say why there is no plan; nobody drives on to the goal before."""
         if self._is_of_before:
+            self._route = None
             self._give(None, now_ns)
         self._tell(f'waiting: {why}', now_ns)
 

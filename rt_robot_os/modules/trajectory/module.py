@@ -217,7 +217,7 @@ class Trajectory(Module):
         pose = (0.0, 0.0, 0.0)
         if where.prediction.known:
             pose = where.prediction.at(now_ns, s['motor_lag_s'], period_s)
-        self._take_wishes(pose, where.prediction.velocity, problem)
+        pose = self._take_wishes(pose, where.prediction.velocity, problem)
         if problem and follower.driving:
             follower.stop(problem)
         command = follower.step(pose, period_s, where.prediction.velocity)
@@ -239,8 +239,8 @@ class Trajectory(Module):
             self._held_by = held_by(bits)
         return self._held_by
 
-    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str) -> None:
-        """Take the newest goal, path or cancellation."""
+    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str) -> Pose:
+        """Take the newest goal, path or cancellation; return the pose to go on with."""
         newest: tuple[int, str, Subscription] | None = None
         for wish, source in self._wishes:
             if source.latest() and (newest is None or source.stamp_ns >= newest[0]):
@@ -259,7 +259,7 @@ class Trajectory(Module):
             if self._release.msg.data:
                 self._is_stopped = self._is_pressed  # as the multiplexer takes it
         if newest is None:
-            return
+            return pose
         self._goals += 1
         try:
             poses = self._goal_poses() if newest[1] == 'goal' else _triplets(newest[2].msg)
@@ -269,11 +269,21 @@ class Trajectory(Module):
                 problem = 'e-stop, not released yet'
             if problem:
                 raise PathError(problem)
+            pose = self._settled(pose)
             self._follower.go(poses, pose, velocity)
         except PathError as error:
             self._refused += 1
             self._follower.stop(str(error))
             self.log.warn('%s: not driven: %s', newest[2].topic.name, error, throttle_s=1.0)
+        return pose
+
+    def _settled(self, pose: Pose) -> Pose:
+        """Return where the robot is without what is left of corrections: the new way has them."""
+        where = self._whereabouts
+        if where is None or self.kernel is None or not where.prediction.known:
+            return pose
+        where.prediction.settle()
+        return where.prediction.at(self.kernel.now_ns(), self.settings['motor_lag_s'], 0.0)
 
     def _goal_poses(self) -> list[Pose]:
         """Return the goal, checked."""
