@@ -26,9 +26,11 @@ from typing import Any
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.transforms import placed
+from rt_robot_os.slam.transforms import rotation
 from rt_robot_os.slam.transforms import wrapped
 
 _STEPS_MOST: Final = 20
@@ -38,6 +40,12 @@ _SOFT_M: Final = 0.05
 #: A point this near to its line lies on it.
 _ON_LINE_M: Final = 0.12
 _GATE_LEAST_M: Final = 0.15
+#: Normals at a right angle are as far from each other as points at this distance. So a scan is not
+#: put onto the other side of a thin wall, nor round a corner.
+_FACING_M: Final = 0.15
+_SIDE: Final = _FACING_M / float(np.sqrt(2.0))
+#: Least product of the normals of two points of one surface.
+_ALIKE: Final = 0.5
 _POINTS_LEAST: Final = 10
 
 
@@ -67,10 +75,11 @@ class Lines:
     def __init__(self, points: Floats, normals: Floats) -> None:
         from scipy.spatial import cKDTree  # takes long, and nobody else needs it
         self.points, self.normals = points, normals
-        self._tree: Any = cKDTree(points)
+        self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)))
 
     def align(self, points: Floats, start: Floats, prior: Floats | None = None,
-              prior_information: Floats | None = None, gate_m: float = 0.4) -> Aligned:
+              prior_information: Floats | None = None, gate_m: float = 0.4,
+              normals: Floats | None = None) -> Aligned:
         """
         Align points, beginning at a pose.
 
@@ -78,16 +87,19 @@ class Lines:
         :param prior: a pose that is expected, with its information, shape (3, 3), in the units
             of :class:`Aligned`.
         :param gate_m: what is further from everything is left out, at first.
+        :param normals: shape (n, 2), to the side that was seen; None: not known, as zeros are.
         """
+        facing = np.zeros_like(points) if normals is None else normals
+        has_side = np.hypot(facing[:, 0], facing[:, 1]) > _ALIKE
         pose, share, found = start.copy(), 0.0, np.zeros((3, 3))
         for _ in range(_STEPS_MOST):
             there = placed(pose, points)
-            distances, nearest = self._tree.query(there, distance_upper_bound=gate_m)
-            near = np.isfinite(distances)
-            if near.sum() < _POINTS_LEAST:
+            sides = facing @ rotation(pose[2]).T
+            near, nearest = self._pairs(there, sides, has_side, gate_m)
+            if len(near) < _POINTS_LEAST:
                 return Aligned(pose, np.zeros((3, 3)), 0.0)
-            normals, arms = self.normals[nearest[near]], there[near] - pose[:2]
-            errors = ((there[near] - self.points[nearest[near]]) * normals).sum(1)
+            normals, arms = self.normals[nearest], there[near] - pose[:2]
+            errors = ((there[near] - self.points[nearest]) * normals).sum(1)
             weights = 1.0 / (1.0 + (errors / _SOFT_M) ** 2)
             jacobian = np.stack((normals[:, 0], normals[:, 1],
                                  normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]), -1)
@@ -105,3 +117,20 @@ class Lines:
             if np.abs(step).max() < _SMALL:
                 break
         return Aligned(pose, found, share)
+
+    def far_from(self, points: Floats, far_m: float) -> int:
+        """Return how many points have no line within a distance, whichever side it shows."""
+        distances, _ = self._tree.query(np.hstack((points, np.zeros_like(points))),
+                                        distance_upper_bound=np.hypot(far_m, _SIDE))
+        return int(np.isinf(distances).sum())
+
+    def _pairs(self, points: Floats, sides: Floats, has_side: npt.NDArray[np.bool_],
+               gate_m: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return which points lie near a line that was seen from the same side, and which."""
+        distances, nearest = self._tree.query(np.hstack((points, sides * _SIDE)),
+                                              distance_upper_bound=np.hypot(gate_m, _FACING_M))
+        near = np.flatnonzero(np.isfinite(distances))
+        there = nearest[near]
+        alike = (sides[near] * self.normals[there]).sum(1) > _ALIKE
+        kept = alike | ~has_side[near]
+        return near[kept], there[kept]

@@ -29,14 +29,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.slam.likelihood import LikelihoodField
-from rt_robot_os.slam.likelihood import Likelihoods
 from rt_robot_os.slam.transforms import Floats
-from rt_robot_os.slam.transforms import placed
 from rt_robot_os.slam.transforms import wrapped
 
 _COARSE: Final = 4
-#: Coarse places that are looked at closely, at most.
+#: Coarse places that are looked at closely, at most, and how many at once.
 _CLOSER_MOST: Final = 400
+_AT_ONCE: Final = 8
 #: Points of a scan that are looked at, spread evenly: more say the same.
 _POINTS_MOST: Final = 120
 
@@ -72,26 +71,30 @@ def best_fit(field: LikelihoodField, points: Floats, window: Window) -> tuple[Fl
     :param points: shape (n, 2), in the frame of the pose, n > 0.
     """
     points = points[::-(-len(points) // _POINTS_MOST)]
-    turns = np.arange(-_steps(window.reach_rad, window.step_rad),
-                      _steps(window.reach_rad, window.step_rad) + 1) * window.step_rad
+    reach_turn = _steps(window.reach_rad, window.step_rad)
+    turns = np.linspace(-reach_turn, reach_turn, 2 * reach_turn + 1) * window.step_rad
     reach = _steps(window.reach_m, field.cell_m * _COARSE)
     shifts = np.arange(-reach, reach + 1) * _COARSE
-    cells = [field.cells_of(placed(window.centre + (0.0, 0.0, turn), points)) for turn in turns]
-    bounds = np.stack([_fits(field.coarse(_COARSE), each, shifts, shifts) for each in cells])
+    cells = field.cells_of(_turned(points, window.centre, turns))
+    bounds = field.coarse_means(cells, reach, _COARSE)
     bounds -= _cost(window, np.maximum(np.abs(shifts) - _COARSE, 0) * field.cell_m, turns)
     best, found = -np.inf, (0, 0, 0)
     fine = np.arange(_COARSE)
-    for place in np.argsort(bounds, axis=None)[::-1][:_CLOSER_MOST]:
-        turn, row, column = np.unravel_index(place, bounds.shape)
-        if bounds[turn, row, column] <= best:
+    order = _best_first(bounds)
+    for begin in range(0, len(order), _AT_ONCE):
+        places = order[begin:begin + _AT_ONCE]
+        if bounds.flat[places[0]] <= best:
             break
-        across, up = shifts[column] + fine, shifts[row] + fine
-        fits = _fits(field.values, cells[turn], across, up) - _plain_cost(
-            window, across * field.cell_m, up * field.cell_m, float(turns[turn]))
+        turn, row, column = np.unravel_index(places, bounds.shape)
+        fits = field.means(cells[turn], shifts[column], shifts[row], _COARSE)
+        fits -= _plain_cost(window, (shifts[column, None] + fine) * field.cell_m,
+                            (shifts[row, None] + fine) * field.cell_m, turns[turn])
         at = int(fits.argmax())
         if fits.flat[at] > best:
             best = float(fits.flat[at])
-            found = (int(turn), int(across[at % _COARSE]), int(up[at // _COARSE]))
+            which, up, across = np.unravel_index(at, fits.shape)
+            found = (int(turn[which]), int(shifts[column[which]] + across),
+                     int(shifts[row[which]] + up))
     pose = window.centre + (found[1] * field.cell_m, found[2] * field.cell_m, turns[found[0]])
     pose[2] = wrapped(pose[2])
     return pose, best
@@ -101,21 +104,25 @@ def _steps(reach: float, step: float) -> int:
     return max(1, round(reach / step))
 
 
-def _fits(values: Likelihoods, cells: npt.NDArray[np.int64], across: npt.NDArray[np.int64],
-          up: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    """Return the mean value under the points for each shift; shape (up, across)."""
-    rows, columns = values.shape
-    x, y = cells[:, 0, None] + across, cells[:, 1, None] + up
-    inside_x, inside_y = (x >= 0) & (x < columns), (y >= 0) & (y < rows)
-    at = (np.where(inside_y, y, 0) * columns)[:, :, None] + np.where(inside_x, x, 0)[:, None, :]
-    found = values.ravel()[at] * (inside_y[:, :, None] & inside_x[:, None, :])
-    means: npt.NDArray[np.float64] = found.mean(0, dtype=np.float64)
-    return means
+def _turned(points: Floats, centre: Floats, turns: Floats) -> Floats:
+    """Return points as they lie for each angle; shape (turns, points, 2)."""
+    cosine, sine = np.cos(centre[2] + turns)[:, None], np.sin(centre[2] + turns)[:, None]
+    return np.stack((cosine * points[:, 0] - sine * points[:, 1] + centre[0],
+                     sine * points[:, 0] + cosine * points[:, 1] + centre[1]), -1)
 
 
-def _plain_cost(window: Window, across_m: Any, up_m: Any, turn: float) -> Any:
-    far = (across_m[None, :] ** 2 + up_m[:, None] ** 2) / window.sigma_m ** 2
-    return window.weight * (far + (turn / window.sigma_rad) ** 2)
+def _best_first(bounds: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+    """Return the places that are worth a closer look, the best first."""
+    flat = bounds.ravel()
+    some: npt.NDArray[np.int64] = np.arange(len(flat))
+    if len(flat) > _CLOSER_MOST:
+        some = np.argpartition(flat, len(flat) - _CLOSER_MOST)[-_CLOSER_MOST:]
+    return some[np.argsort(-flat[some], kind='stable')]
+
+
+def _plain_cost(window: Window, across_m: Any, up_m: Any, turns: Any) -> Any:
+    far = (across_m[:, None, :] ** 2 + up_m[:, :, None] ** 2) / window.sigma_m ** 2
+    return window.weight * (far + (turns[:, None, None] / window.sigma_rad) ** 2)
 
 
 def _cost(window: Window, shifts_m: Any, turns: Any) -> Any:

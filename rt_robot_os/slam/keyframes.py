@@ -18,9 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import field
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rt_robot_os.slam.alignment import Aligned
 from rt_robot_os.slam.alignment import Lines
@@ -38,6 +40,8 @@ from rt_robot_os.slam.transforms import wrapped
 #: The alignment may leave the best place of the grid by so much.
 _NEAR_M: Final = 0.3
 _NEAR_RAD: Final = 0.15
+#: What is further from everything is something new.
+_UNKNOWN_M: Final = 0.3
 
 
 @dataclass
@@ -48,6 +52,7 @@ class Keyframe:
     :ivar pose: shape (3,): of the laser, on the map.
     :ivar odometry: shape (3,).
     :ivar travelled_m: the way until here, a radian counted as half a metre.
+    :ivar doubts: shape (points,): how many scans in a row saw through each; None: none did.
     """
 
     stamp_ns: int
@@ -55,6 +60,7 @@ class Keyframe:
     odometry: Floats
     surface: Surface
     travelled_m: float
+    doubts: npt.NDArray[np.uint8] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -100,11 +106,16 @@ class LocalMap:
             self._field = LikelihoodField(self._points)
         return self._field
 
+    def unknown(self, surface: Surface, pose: Floats) -> int:
+        """Return how many points of a scan at a pose are far from all that is known."""
+        return self.lines.far_from(placed(pose, surface.points), _UNKNOWN_M)
+
     def search(self, surface: Surface, window: Window, prior_information: Floats | None) -> Match:
         """Look for a scan in a whole window, then align it exactly."""
         pose, score = best_fit(self.field, surface.points, window)
         prior = None if prior_information is None else window.centre
-        aligned = self.lines.align(surface.points, pose, prior, prior_information)
+        aligned = self.lines.align(surface.points, pose, prior, prior_information,
+                                   normals=surface.normals)
         off = aligned.pose - pose
         if np.hypot(off[0], off[1]) > _NEAR_M or abs(wrapped(off[2])) > _NEAR_RAD:
             aligned = Aligned(pose, aligned.information, aligned.share)

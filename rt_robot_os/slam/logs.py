@@ -13,28 +13,33 @@
 # limitations under the License.
 
 """
-Read logs of scans: CSV with a reference beside, and CARMEN's.
+Read logs of scans: CSV with a reference beside, and CARMEN's, gzipped or not.
 
 The CSV has a first line that begins with ``#`` and says how many ranges there are, and the angle
 of the first beam and from beam to beam in degrees; then rows of time in s, x, y, yaw of
-odometry, x, y, yaw of a reference, and the ranges in m. CARMEN's has a message a line:
-``FLASER`` with ranges and poses, ``ODOM`` with what the wheels say.
+odometry, x, y, yaw of a reference, and the ranges in m.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 import gzip
+import io
 import math
 from pathlib import Path
 import re
 from typing import Final
 from typing import IO
+import zlib
 
 import numpy as np
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.slam.carmen import CarmenReader
+from rt_robot_os.slam.carmen import judge
 from rt_robot_os.slam.scan import Scan
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.units import NS_PER_S
@@ -42,11 +47,9 @@ from rt_robot_os.units import NS_PER_S
 _HEAD: Final = re.compile(
     r'(\d+) ranges.*first beam at (-?[\d.]+) deg, step (-?[\d.]+) deg')
 _POSES: Final = 7
-#: Of a scan; a line with more is no scan.
-BEAMS_MOST: Final = 100_000
 _GZIP: Final = b'\x1f\x8b'
-#: Half a turn in so many beams, the last one included or not.
-_HALF_TURN: Final = (180, 360)
+#: A line of more is none of a log.
+_LINE_MOST: Final = 4 << 20
 
 
 @dataclass(frozen=True)
@@ -64,41 +67,127 @@ class Log:
     bad_lines: int
 
 
+class TextLog:
+    """
+    A log that is read line by line.
+
+    :raises ConfigError: it cannot be read, or holds no scan; the message says which.
+    :ivar bad: lines that could not be read.
+    :ivar problems: sentences about what was wrong, complete when all scans were read.
+    :ivar share_read: from 0 to 1.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.bad = 0
+        self.problems: list[str] = []
+        self.share_read = 0.0
+        self._path = path
+        self._references: list[Floats] | None = []
+        with self._lines([]) as lines:  # what is wrong with it is told when it is read
+            first = next(lines, '')
+            self._head = _HEAD.search(first) if first.startswith('#') else None
+        with self._lines([]) as lines:
+            self._judged = None if self._head else judge(lines)
+        if self._head is None and self._judged is None:
+            raise ConfigError([f'{path}: no scan in it: neither rows of a CSV with ranges nor '
+                               'FLASER or ROBOTLASER1 lines of a CARMEN log'])
+        if self._judged is not None and not self._judged.has_wheels:
+            raise ConfigError([f'{path}: no odometry in it: its lines of odometry repeat the '
+                               'corrected poses of the scans'])
+
+    @property
+    def reference(self) -> Floats | None:
+        """Return where somebody else says that the scans that were read were taken."""
+        return None if self._references is None else np.array(self._references).reshape(-1, 3)
+
+    def scans(self) -> Iterator[Scan]:
+        """
+        Yield all scans.
+
+        :raises ConfigError: there is none.
+        """
+        count = backwards = 0
+        last_ns: int | None = None
+        # A log that is cut off is read up to there.
+        with self._lines(self.problems) as lines:
+            for scan in self._scans(lines):
+                count += 1
+                backwards += last_ns is not None and scan.stamp_ns < last_ns
+                last_ns = scan.stamp_ns
+                yield scan
+        if not count:
+            raise ConfigError([f'{self._path}: no scan in it that could be read', *self.problems])
+        if self.bad:
+            self.problems.append(f'{self.bad} lines could not be read and were left out')
+        if backwards:
+            self.problems.append(f'{backwards} scans are stamped earlier than those before them: '
+                                 'the order of the lines counts')
+
+    def _scans(self, lines: Iterable[str]) -> Iterator[Scan]:
+        if self._judged is None:
+            yield from self._rows(lines)
+            return
+        reader = CarmenReader(self._judged)
+        self._references = reader.references
+        for scan in reader.scans(lines):
+            self.bad = reader.bad_lines
+            yield scan
+        self.bad = reader.bad_lines
+        if reader.others:
+            self.problems.append(f'{reader.others} scans of a second kind of line were left out: '
+                                 f'{self._judged.kind} is read')
+
+    def _rows(self, lines: Iterable[str]) -> Iterator[Scan]:
+        assert self._head is not None and self._references is not None
+        beams = int(self._head[1])
+        start, step = math.radians(float(self._head[2])), math.radians(float(self._head[3]))
+        for number, row in enumerate(lines):
+            found = _numbers(row.split(',')) if number else None
+            if found is None or len(found) != _POSES + beams:
+                self.bad += bool(number and row.strip())
+                continue
+            self._references.append(found[4:_POSES])
+            yield Scan(round(found[0] * NS_PER_S), found[1:4], found[_POSES:], start, step)
+
+    @contextmanager
+    def _lines(self, problems: list[str]) -> Iterator[Iterator[str]]:
+        """
+        Open the file, to be read as far as it is whole.
+
+        :raises ConfigError: it cannot be opened.
+        """
+        try:
+            raw = self._path.open('rb')
+            packed = raw.read(2) == _GZIP
+        except OSError as error:
+            raise ConfigError([f'{self._path}: {error.strerror or error}']) from error
+        with raw:
+            raw.seek(0)
+            size = max(1, self._path.stat().st_size)
+            file: IO[bytes] = gzip.GzipFile(fileobj=raw) if packed else raw  # type: ignore
+            with io.TextIOWrapper(file, errors='replace') as text:
+                yield self._each(text, raw, size, problems)
+
+    def _each(self, text: IO[str], raw: IO[bytes], size: int, problems: list[str]
+              ) -> Iterator[str]:
+        try:
+            while line := text.readline(_LINE_MOST):
+                self.share_read = min(1.0, raw.tell() / size)
+                yield line
+        except (OSError, EOFError, zlib.error) as error:
+            problems.append(f'{self._path} is cut off or damaged: it was read up to there '
+                            f'({getattr(error, "strerror", None) or error})')
+
+
 def read_log(path: Path) -> Log:
     """
-    Read a log, gzipped or not.
+    Read a whole log.
 
     :raises ConfigError: it cannot be read, or holds no scan; the message says which.
     """
-    try:
-        with path.open('rb') as raw:
-            packed = raw.read(2) == _GZIP
-        with (gzip.open(path, 'rt', errors='replace') if packed
-              else path.open(errors='replace')) as file:
-            log = _read(file)
-    except (OSError, EOFError) as error:
-        raise ConfigError([f'{path}: {getattr(error, "strerror", None) or error}']) from error
-    if not log.scans:
-        raise ConfigError([f'{path}: no scan in it: neither rows of a CSV with ranges nor '
-                           'FLASER lines of a CARMEN log'])
-    return log
-
-
-def _read(file: IO[str]) -> Log:
-    first = file.readline()
-    head = _HEAD.search(first) if first.startswith('#') else None
-    if head is None:
-        return _carmen([first, *file])
-    beams, start, step = int(head[1]), math.radians(float(head[2])), math.radians(float(head[3]))
-    scans, reference, bad = [], [], 0
-    for row in file:
-        found = _numbers(row.split(','))
-        if found is None or len(found) != _POSES + beams:
-            bad += bool(row.strip())
-            continue
-        scans.append(Scan(round(found[0] * NS_PER_S), found[1:4], found[_POSES:], start, step))
-        reference.append(found[4:_POSES])
-    return Log(tuple(scans), np.array(reference).reshape(-1, 3), bad)
+    log = TextLog(path)
+    scans = tuple(log.scans())
+    return Log(scans, log.reference, log.bad)
 
 
 def _numbers(words: list[str]) -> Floats | None:
@@ -107,48 +196,6 @@ def _numbers(words: list[str]) -> Floats | None:
     except ValueError:
         return None
     return found if np.isfinite(found[:_POSES]).all() else None
-
-
-def _carmen(lines: list[str]) -> Log:
-    scans: list[Scan] = []
-    reference: list[Floats] = []
-    bad = 0
-    wheels: Floats | None = None
-    for line in lines:
-        words = line.split()
-        try:
-            if words[:1] == ['ODOM']:
-                wheels = np.array([float(each) for each in words[1:4]])
-            elif words[:1] == ['FLASER']:
-                scan, place = _flaser(words, wheels)
-                scans.append(scan)
-                reference.append(place)
-        except (ValueError, IndexError):
-            bad += 1
-    # Raw logs have one pose in both places: that is no reference.
-    of_odometry = all(np.array_equal(scan.odometry, place)
-                      for scan, place in zip(scans, reference))
-    return Log(tuple(scans), None if of_odometry else np.array(reference), bad)
-
-
-def _flaser(words: list[str], wheels: Floats | None) -> tuple[Scan, Floats]:
-    """
-    Read one scan with its two poses.
-
-    Corrected logs have the corrected pose in both places; then what the wheels said last counts.
-    """
-    beams = int(words[1])
-    if not 0 < beams < BEAMS_MOST:
-        raise ValueError('no scan')
-    ranges = np.array([float(each) for each in words[2:2 + beams]])
-    rest = [float(each) for each in words[2 + beams:9 + beams]]
-    place, odometry, stamp_s = np.array(rest[:3]), np.array(rest[3:6]), rest[6]
-    if len(ranges) != beams or not np.isfinite(rest).all():
-        raise ValueError('no scan')
-    if wheels is not None and len(wheels) == 3 and np.isfinite(wheels).all():
-        odometry = wheels
-    step = math.pi / (beams if beams in _HALF_TURN else max(1, beams - 1))
-    return Scan(round(stamp_s * NS_PER_S), odometry, ranges, -math.pi / 2, step), place
 
 
 def rows(poses: Floats) -> Iterator[list[float]]:

@@ -11,12 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-
 """
 Make a map of scans, and say where each was taken.
 
-Each scan is matched with what was seen last, beginning where odometry says; some are kept as
-keyframes; when the robot comes back to a place all of them are moved until they agree.
+Each scan is matched with what is known around, beginning where odometry says; one that adds
+something is kept as a keyframe; when the robot comes back to a place all of them are moved until
+they agree. What is no longer there is taken out, so that a robot may go round for ever.
 """
 
 from __future__ import annotations
@@ -26,62 +26,159 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.slam.correlation import Window
-from rt_robot_os.slam.keyframes import edge_of
+from rt_robot_os.slam.absolute import Absolute
+from rt_robot_os.slam.closing import Closing
+from rt_robot_os.slam.elsewhere import Elsewhere
+from rt_robot_os.slam.finding import Found
+from rt_robot_os.slam.forgetting import forget
+from rt_robot_os.slam.graph import Graph
+from rt_robot_os.slam.joining import edge_of_odometry
+from rt_robot_os.slam.joining import edges_of_match
+from rt_robot_os.slam.keeping import crowded
+from rt_robot_os.slam.keeping import OutOfDate
 from rt_robot_os.slam.keyframes import Keyframe
 from rt_robot_os.slam.keyframes import LocalMap
 from rt_robot_os.slam.keyframes import Match
-from rt_robot_os.slam.loops import close
-from rt_robot_os.slam.loops import places_near
-from rt_robot_os.slam.pose_graph import agree
-from rt_robot_os.slam.pose_graph import Edge
+from rt_robot_os.slam.located import Located
+from rt_robot_os.slam.matching import Certainty
+from rt_robot_os.slam.matching import Matcher
+from rt_robot_os.slam.matching import Way
 from rt_robot_os.slam.scan import Scan
 from rt_robot_os.slam.scan import Surface
 from rt_robot_os.slam.scan import surface_of
+from rt_robot_os.slam.surroundings import Surroundings
+from rt_robot_os.slam.trajectory import Trajectory
 from rt_robot_os.slam.transforms import between
 from rt_robot_os.slam.transforms import composed
 from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.slam.transforms import moved_by
 from rt_robot_os.slam.tuning import Tuning
 
 _RAD_AS_M: Final = 0.5
-#: Steps shorter than this need no search: odometry is near enough.
-_SHORT_M: Final = 0.3
-_SHORT_RAD: Final = 0.15
-_STEP_COMMON: Final = np.array((0.02, 0.02, 0.004))
-#: Standard deviations of odometry within which a scan is looked for, at first.
-_WITHIN: Final = 3.0
-_STEPS_ONLINE: Final = 6
-_STEPS_AT_END: Final = 20
+#: What is matched with is chosen anew after this way.
+_CHOSEN_M: Final = 0.5
+#: Odometry that jumps further from scan to scan has not measured a way.
+_JUMP_M: Final = 5.0
+#: Who says where the robot is may be wrong as odometry is after so much of a way.
+_UNSURE_M: Final = 1.0
+_UNSURE_RAD: Final = 0.5
+#: Lost, scans are kept again after this way, if many come.
+_LOST_M: Final = 0.5
+#: Something new is a part of the points, in so many scans: who walks by is not.
+_NEW_SHARE: Final = 0.04
+_NEW_SCANS: Final = 8
+#: A map that moved by so much is drawn anew.
+_CELL_M: Final = 0.05
+#: Where the robot was before so many scans are kept that add nothing: one loop may be wrong.
+_AGAIN: Final = 6
+_STILL: Final = np.zeros(3)
+#: After steps longer than this all that waits is done at once: such logs are thinned out.
+_THINNED_M: Final = 0.25
 
 
 class Mapper:
     """
-    A map that grows.
+    A map that grows, and stays as it is where nothing is new.
 
+    :param start: shape (3,): where the laser is on the map at the first scan; None: at 0.
+    :ivar graph: the map.
     :ivar keyframes: what it is made of.
     :ivar edges: between them.
-    :ivar counts: ``scans``, ``keyframes``, ``searched`` (a window was), ``lost`` (odometry was
-        followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop that odometry
-        and other loops contradict), ``empty`` (scans without a point).
+    :ivar version: another number when keyframes came, went or moved by a cell.
+    :ivar counts: ``scans``, ``keyframes`` (kept, ever), ``searched`` (a window was), ``lost``
+        (odometry was followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop
+        that odometry and other loops contradict), ``empty`` (scans without a point), ``jumps``
+        (of odometry, taken for no movement), ``crowded`` (keyframes that gave way to newer ones of
+        the same place), ``outdated`` (of which too little is still there), ``points_gone``
+        (that were seen through), ``skipped`` (places that were not looked at: newer ones came
+        first), ``fixes``, ``fixes_left`` (not used: too near to another, too late),
+        ``forgotten`` (poses of scans), ``found`` (a robot that was carried away).
     """
 
-    def __init__(self, tuning: Tuning | None = None) -> None:
-        self.tuning = tuning or Tuning()
-        self.keyframes: list[Keyframe] = []
-        self.edges: list[Edge] = []
-        self.counts = dict.fromkeys(('scans', 'keyframes', 'searched', 'lost', 'loops', 'refused',
-                                     'empty'), 0)
-        self._at: list[tuple[int, Floats]] = []  # of each scan: its keyframe, and where from there
-        self._local: LocalMap | None = None
-        self._revisited: tuple[int, ...] = ()  # keyframes of places where the robot is again
-        self._odometry = np.zeros(3)
-        self._pose = np.zeros(3)
+    _odometry: Floats | None
+    _correction: Floats | None
+    _local: LocalMap | None
 
-    def add(self, scan: Scan) -> Floats:
+    def __init__(self, tuning: Tuning | None = None, start: Floats | None = None) -> None:
+        self.tuning = tuning or Tuning()
+        self.graph = Graph()
+        self.version = 0
+        self.counts = dict.fromkeys((
+            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'empty', 'jumps',
+            'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
+            'forgotten', 'found'), 0)
+        self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
+
+    @classmethod
+    def of_graph(cls, graph: Graph, tuning: Tuning | None = None) -> Mapper:
+        """
+        Go on with a map that was made before.
+
+        Until :meth:`relocated` says where the robot is, each scan is looked for on the whole map,
+        nothing is kept, and ``Located.is_lost`` says so.
+
+        :param graph: it grows from now on; one without keyframes is begun.
+        """
+        mapper = cls(tuning)
+        mapper.graph = graph
+        mapper._begin(graph.keyframes[-1].pose if graph.keyframes else np.zeros(3),
+                      not graph.keyframes)
+        mapper._anchor = max(0, len(graph.keyframes) - 1)
+        mapper._travelled_m = 2.0 * mapper.tuning.loop_apart_m + max(
+            (each.travelled_m for each in graph.keyframes), default=0.0)
+        mapper._again = _AGAIN
+        return mapper
+
+    def relocated(self, pose: Floats, odometry: Floats) -> None:
+        """
+        Take it that the robot is somewhere else on the map; the map stays as it is.
+
+        :param pose: shape (3,): of the laser.
+        :param odometry: shape (3,): of the laser, at that moment.
+        :raises ValueError: one of them is not finite.
+        """
+        pose, odometry = np.asarray(pose, np.float64), np.asarray(odometry, np.float64)
+        if not (np.isfinite(pose).all() and np.isfinite(odometry).all()):
+            raise ValueError(f'the robot is at {pose.tolist()}, its odometry at '
+                             f'{odometry.tolist()}: both must be finite')
+        self._pose, self._odometry = pose, odometry
+        self._correction = None
+        self._way = Way(_UNSURE_M, _UNSURE_RAD)
+        self._certainty.begin(np.diag((0.1 ** 2, 0.1 ** 2, 0.05 ** 2)))
+        self._elsewhere.placed()
+        self._absolute.restart()
+        self._local = None
+        if self.keyframes:
+            poses = np.array([each.pose for each in self.keyframes])
+            self._stand_on(int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin()))
+            self._again = _AGAIN
+
+    def _begin(self, pose: Floats, is_placed: bool) -> None:
+        self.keyframes, self.edges = self.graph.keyframes, self.graph.edges
+        self._matcher = Matcher(self.tuning)
+        self._certainty = Certainty(self.tuning)
+        self._closing = Closing(self.graph, self.tuning, self.counts)
+        self._absolute = Absolute(self.graph, self.counts)
+        self._elsewhere = Elsewhere(self.graph, self.tuning, is_placed)
+        self._out_of_date = OutOfDate()
+        self._way = Way()
+        self._track = Trajectory(self.tuning.trajectory_most)
+        self._local = None
+        self._members: list[int] = []  # of what scans are matched with
+        self._chosen = np.full(2, np.inf)  # where they were chosen
+        self._anchor, self._relative = 0, _STILL  # where the robot is, seen from a keyframe
+        self._travelled_m = 0.0
+        self._news = 0  # scans in a row that see something new
+        self._again = 0  # keyframes kept since the robot is where it was before
+        self._odometry = None
+        self._pose = pose
+        self._correction = None
+        self._unseen_m = 0.0  # movements of the map that did not make another version
+
+    def add(self, scan: Scan) -> Located:
         """
         Take the next scan.
 
-        :return: shape (3,): where its laser was, on the map as it is now. The first is at 0.
         :raises ValueError: odometry is not finite.
         """
         if not np.isfinite(scan.odometry).all():
@@ -90,126 +187,230 @@ class Mapper:
         self.counts['scans'] += 1
         self.counts['empty'] += not len(surface)
         if not self.keyframes:
-            self._keep(scan, surface, np.zeros(3), 0.0)
-            return self._remember(scan, np.zeros(3))
-        step = between(self._odometry, scan.odometry)
+            return self._first(scan, surface)
+        step = self._step(scan.odometry)
         guess = composed(self._pose, step)
-        match = self._match(surface, guess, step)
-        pose = guess if match is None else match.aligned.pose
-        self.counts['lost'] += match is None
-        moved = between(self.keyframes[-1].pose, pose)
-        if (np.hypot(moved[0], moved[1]) > self.tuning.keyframe_m
-                or abs(moved[2]) > self.tuning.keyframe_rad):
-            pose = self._extend(scan, surface, pose, match)
-        return self._remember(scan, pose)
+        self._way.add(step)
+        self._certainty.moved(step, float(self._pose[2]))
+        match = (None if self._elsewhere.is_anywhere else self._matcher.match(
+            self._local_map(guess), surface, guess, self._way, self._elsewhere.is_looking))
+        self.counts['searched'] = self._matcher.searched
+        self._pose = guess if match is None else match.aligned.pose
+        if match is None:
+            self.counts['lost'] += 1
+            found = self._elsewhere.missed(scan, self._way.way_m)
+            if found is not None:
+                return self._found(scan, found)
+        else:
+            self._certainty.matched(match.aligned)
+            self._elsewhere.placed()
+            unknown = self._local_map(guess).unknown(surface, self._pose)
+            self._news = self._news + 1 if unknown > _NEW_SHARE * len(surface) else 0
+        is_kept = self._adds(match)
+        if is_kept:
+            self._keep(scan, surface, match)
+        elif match is not None:
+            self._stand_on(self._nearest())
+            if self._matcher.is_sure(match):
+                self._take_out(surface)
+        if match is not None:
+            self._way = Way()
+        self._relative = between(self.keyframes[self._anchor].pose, self._pose)
+        self._passed(scan)
+        self._work(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
+        correction, self._correction = self._correction, None
+        return Located(self._pose, self._certainty.covariance,
+                       0.0 if match is None else match.aligned.share, match is None, is_kept,
+                       correction)
 
-    def _remember(self, scan: Scan, pose: Floats) -> Floats:
-        self._odometry, self._pose = scan.odometry, pose
-        last = len(self.keyframes) - 1
-        self._at.append((last, between(self.keyframes[last].pose, pose)))
-        return pose
+    def _first(self, scan: Scan, surface: Surface) -> Located:
+        self._odometry = scan.odometry
+        self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface, 0.0))
+        self._passed(scan)
+        return Located(self._pose, self._certainty.covariance, is_kept=True)
 
-    # ---- where a scan is ---------------------------------------------------------------------
+    def _found(self, scan: Scan, found: Found) -> Located:
+        """Go on from where the robot was found."""
+        self.relocated(found.pose, scan.odometry)
+        self.counts['found'] += 1
+        self._passed(scan)
+        return Located(found.pose, found.covariance, found.share)
 
-    def _match(self, surface: Surface, guess: Floats, step: Floats) -> Match | None:
-        """Match a scan with the last keyframes; None when it fits nowhere."""
-        local = self._local_map()
-        if local.is_empty or not len(surface):
-            return None
-        t = self.tuning
-        way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-        sigma_m = t.odometry_m + t.odometry_per_m * way
-        sigma_rad = t.odometry_rad + t.odometry_per_rad * turn
-        if way < _SHORT_M and turn < _SHORT_RAD:
-            aligned = local.lines.align(surface.points, guess, guess,
-                                        self._prior(sigma_m, sigma_rad))
-            if aligned.share >= t.share_good:
-                return Match(aligned, 0.0)
-        self.counts['searched'] += 1
-        best = None
-        for factor in (1.0, 2.0):
-            window = Window(guess, factor * _WITHIN * sigma_m, factor * _WITHIN * sigma_rad,
-                            factor * sigma_m, factor * sigma_rad)
-            found = local.search(surface, window, self._prior(window.sigma_m, window.sigma_rad))
-            if best is None or found.aligned.share > best.aligned.share:
-                best = found
-            if best.aligned.share >= t.share_good:
-                break
-        return best if best is not None and best.aligned.share >= t.share_least else None
+    def _passed(self, scan: Scan) -> None:
+        """Remember where a scan was taken."""
+        if self._absolute.passed(scan.stamp_ns, scan.odometry, self._anchor, self._relative):
+            self._closing.changed()
+        self._track.append(self._anchor, self._relative)
+        self.counts['forgotten'] = self._track.forgotten
 
-    def _prior(self, sigma_m: float, sigma_rad: float) -> Floats:
-        noise = self.tuning.match_noise_m ** 2
-        return np.diag((noise / sigma_m ** 2, noise / sigma_m ** 2, noise / sigma_rad ** 2))
+    def _step(self, odometry: Floats) -> Floats:
+        step = _STILL if self._odometry is None else between(self._odometry, odometry)
+        self._odometry = odometry
+        way = float(np.hypot(step[0], step[1]))
+        if way > _JUMP_M:
+            self.counts['jumps'] += 1
+            return _STILL
+        self._travelled_m += way + _RAD_AS_M * abs(float(step[2]))
+        return step
 
-    def _local_map(self) -> LocalMap:
-        if self._local is None:
-            first = max(0, len(self.keyframes) - self.tuning.local_keyframes)
-            known = [*(index for index in self._revisited if index < first),
-                     *range(first, len(self.keyframes))]
-            self._local = LocalMap([self.keyframes[index] for index in known])
+    # ---- what a scan is matched with -----------------------------------------------------------
+
+    def _local_map(self, guess: Floats) -> LocalMap:
+        moved = float(np.hypot(*(guess[:2] - self._chosen)))
+        if self._local is None or moved > _CHOSEN_M:
+            around = Surroundings(self.graph)
+            members = around.near(guess, self._anchor, self._travelled_m, self.tuning)
+            if self._local is None or members != self._members:
+                self._local = LocalMap([self.keyframes[index] for index in members])
+            self._members, self._chosen = members, guess[:2]
         return self._local
 
-    # ---- how the map grows -------------------------------------------------------------------
+    def _nearest(self) -> int:
+        """Return which of the keyframes that the scan was matched with is nearest."""
+        poses = np.array([self.keyframes[index].pose[:2] for index in self._members])
+        return self._members[int(np.hypot(*(poses - self._pose[:2]).T).argmin())]
 
-    def _extend(self, scan: Scan, surface: Surface, pose: Floats, match: Match | None) -> Floats:
-        """Keep a scan, and look whether it closes a loop; return its pose then."""
-        last = self.keyframes[-1]
-        step = between(last.odometry, scan.odometry)
-        way = float(np.hypot(step[0], step[1]))
-        index = len(self.keyframes)
-        self.edges.append(self._edge_of_odometry(index, last, pose, step) if match is None else
-                          self._edge_of_match(index, last, match, step))
-        self._keep(scan, surface, pose, last.travelled_m + way + _RAD_AS_M * abs(float(step[2])))
-        found = []
-        self._revisited = ()
-        for place in places_near(self.keyframes, self.edges, self.tuning):
-            edge = close(self.keyframes, place, self.tuning)
-            if edge is not None:
-                found.append(edge)
-                self._revisited += place.members
-        if found:
-            self.counts['loops'] += len(found)
-            self.edges.extend(found)
-            self._agree(_STEPS_ONLINE)
-        return self.keyframes[-1].pose
+    def _stand_on(self, anchor: int) -> None:
+        self._anchor = anchor
+        self._relative = between(self.keyframes[anchor].pose, self._pose)
 
-    def _edge_of_match(self, index: int, last: Keyframe, match: Match, step: Floats) -> Edge:
-        """Take what the scan says, and what it does not say as odometry does."""
+    # ---- how the map grows ---------------------------------------------------------------------
+
+    def _adds(self, match: Match | None) -> bool:
+        """Return whether a scan adds something to the map."""
         t = self.tuning
-        way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-        prior = self._prior(t.odometry_m + t.odometry_per_m * way,
-                            t.odometry_rad + t.odometry_per_rad * turn)
-        aligned = match.aligned
-        known = type(aligned)(aligned.pose, aligned.information + prior, aligned.share)
-        return edge_of(index - 1, index, last.pose, known, t.match_noise_m, _STEP_COMMON)
+        if self._elsewhere.is_looking or (
+                match is None and self._way.is_dense and self._way.way_m < _LOST_M):
+            return False  # it is not sure where that would be
+        near = self._members if match is not None else [self._anchor]
+        recent = [index for index in near if not self._is_old(index)]
+        if len(recent) == len(near):
+            self._again = 0
+        elif self._again < _AGAIN:
+            near = recent or [len(self.keyframes) - 1]
+        apart = between(np.broadcast_to(self._pose, (len(near), 3)),
+                        np.array([self.keyframes[index].pose for index in near]))
+        far, turned = np.hypot(apart[:, 0], apart[:, 1]), np.abs(apart[:, 2])
+        if ((far <= t.keyframe_m) & (turned <= t.keyframe_rad)).any():
+            return False
+        if match is None or len(recent) < len(self._members) and self._again < _AGAIN:
+            return True
+        return (match.aligned.share < t.keep_share or self._news >= _NEW_SCANS
+                or bool(far.min() > t.cover_m))
 
-    def _edge_of_odometry(self, index: int, last: Keyframe, pose: Floats, step: Floats) -> Edge:
-        way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-        sigmas = np.array((0.1 + 0.1 * way, 0.1 + 0.1 * way, 0.03 + 0.05 * turn))
-        return Edge(index - 1, index, between(last.pose, pose), np.diag(sigmas ** -2))
+    def _is_old(self, index: int) -> bool:
+        """Return whether a keyframe is of another visit to this place."""
+        travelled_m = self.keyframes[index].travelled_m
+        return self._travelled_m - travelled_m > self.tuning.loop_apart_m
 
-    def _keep(self, scan: Scan, surface: Surface, pose: Floats, travelled_m: float) -> None:
-        self.keyframes.append(Keyframe(scan.stamp_ns, pose, scan.odometry, surface, travelled_m))
+    def _keep(self, scan: Scan, surface: Surface, match: Match | None) -> None:
+        """Keep a scan."""
+        index = len(self.keyframes)
+        if match is None:
+            self.edges.append(edge_of_odometry(self.keyframes, self._anchor, self._pose,
+                                               self._way))
+        else:
+            bases = {self._nearest(), *({index - 1} & set(self._members))}
+            self.edges.extend(edges_of_match(self.keyframes, sorted(bases), match, self._way,
+                                             self.tuning))
+        self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface,
+                              self._travelled_m))
+        self._again += any(self._is_old(each) for each in self._members)
+        self._anchor, self._relative, self._news = index, _STILL, 0
+        self._closing.look(index)
+        for gone in crowded(self.keyframes, index, self.tuning):
+            self.counts['crowded'] += 1
+            self._forget(gone)
+
+    def _append(self, keyframe: Keyframe) -> None:
+        self.keyframes.append(keyframe)
         self.counts['keyframes'] += 1
+        self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1
         self._local = None
 
-    def _agree(self, steps: int) -> None:
-        agreed = agree(np.array([each.pose for each in self.keyframes]), self.edges, steps)
-        for keyframe, pose in zip(self.keyframes, agreed.poses):
-            keyframe.pose = pose
-        self.counts['refused'] = int((agreed.weights < 0.3).sum())
+    # ---- how it is kept up to date -------------------------------------------------------------
+
+    def _take_out(self, surface: Surface) -> None:
+        """Take out what the scan sees through."""
+        gone = self._out_of_date.look(self.keyframes, self._members, self._pose, surface)
+        if not gone.points:
+            return
+        self.counts['points_gone'] += gone.points
+        self._changed()
+        for index in sorted(gone.keyframes, reverse=True):
+            if index != self._anchor and len(self.keyframes) > 1:
+                self.counts['outdated'] += 1
+                self._forget(index)
+
+    def _forget(self, index: int) -> None:
+        """Take a keyframe out of everything that knows of it."""
+        seen = [each.pose for each in self.keyframes]
+        heir = forget(self.graph, index)
+        relative = between(seen[heir], seen[index])
+        self._track.removed(index, heir, relative)
+        self._absolute.removed(index, heir, relative)
+        self._closing.removed(index)
+        if self._anchor == index:
+            self._anchor, self._relative = heir, between(seen[heir], self._pose)
+        self._anchor -= self._anchor > index
+        self._members = [each - (each > index) for each in self._members if each != index]
+        self._changed()
+
+    # ---- loops and absolute poses --------------------------------------------------------------
+
+    def think(self) -> bool:
+        """
+        Do one piece of what waits, of some 10 ms: look at a place, or move the keyframes.
+
+        :return: whether there is more.
+        """
+        if self._closing.is_busy:
+            if self._closing.work():
+                self._moved()
+            return self._closing.is_busy
+        return self._elsewhere.work()
+
+    def _work(self, pieces: int | None) -> None:
+        while self._closing.is_busy and (pieces is None or pieces > 0):
+            self.think()
+            pieces = None if pieces is None else pieces - 1
+
+    def _moved(self) -> None:
+        """Follow the keyframes, which have been moved."""
+        was, self._pose = self._pose, composed(self.keyframes[self._anchor].pose, self._relative)
+        movement = moved_by(was, self._pose)
+        self._correction = (movement if self._correction is None
+                            else composed(movement, self._correction))
         self._local = None
+        self._unseen_m += self._closing.moved_m
+        if self._unseen_m > _CELL_M:
+            self.version += 1
+            self._unseen_m = 0.0
+
+    def fix(self, stamp_ns: int, pose: Floats, covariance: Floats) -> None:
+        """
+        Take an absolute pose of the laser, which the map then follows.
+
+        :param stamp_ns: when, on the clock of the scans; it may lie between scans or be late.
+        :param pose: shape (3,), on the map.
+        :param covariance: shape (3, 3), in m and rad, along the axes of the map.
+        :raises ValueError: that is no pose, or its covariance none.
+        """
+        if self._absolute.take(stamp_ns, pose, covariance):
+            self._closing.changed()
 
     def finish(self) -> None:
-        """Move all keyframes until they agree as well as they can."""
-        self._agree(_STEPS_AT_END)
+        """Look at all places that wait, and move all keyframes until they agree."""
+        self._work(None)
+        self._closing.settle()
+        self._moved()
 
     def trajectory(self) -> Floats:
-        """Return the poses of all scans on the map as it is now; shape (scans, 3)."""
-        if not self._at:
-            return np.zeros((0, 3))
-        bases = np.array([self.keyframes[index].pose for index, _ in self._at])
-        return composed(bases, np.array([relative for _, relative in self._at]))
+        """Return the poses of the scans on the map as it is now; shape (scans, 3)."""
+        return self._track.poses([each.pose for each in self.keyframes])
 
 
 def mapped(scans: Iterable[Scan], tuning: Tuning | None = None) -> Mapper:

@@ -45,6 +45,8 @@ class Scan:
     :ivar ranges: shape (beams,), in m; what is not finite or out of range is no measurement.
     :ivar angle_min: of the first beam in rad, counter-clockwise.
     :ivar angle_increment: from beam to beam in rad; negative for a laser upside down.
+    :ivar beam_poses: shape (beams, 3): where the laser was when each beam was measured, seen from
+        where it was at the stamp; None for a laser that stood still.
     """
 
     stamp_ns: int
@@ -52,6 +54,7 @@ class Scan:
     ranges: Floats
     angle_min: float
     angle_increment: float
+    beam_poses: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -60,13 +63,17 @@ class Surface:
     What a scan has seen, in the frame of its laser.
 
     :ivar points: shape (n, 2), in m.
-    :ivar normals: shape (n, 2), of unit length; zero where there is no line.
+    :ivar normals: shape (n, 2), of unit length, to the side of the laser; zero where there is no
+        line.
     :ivar lined: shape (n,): whether a point lies on a line.
+    :ivar echoless: shape (k,): bearings in rad of beams that came back with no echo, which a
+        range of +inf says (REP 117); what else is no measurement says nothing.
     """
 
     points: Floats
     normals: Floats
     lined: npt.NDArray[np.bool_] = field(repr=False)
+    echoless: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -82,7 +89,12 @@ def surface_of(scan: Scan, range_max: float) -> Surface:
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     valid = np.isfinite(ranges) & (ranges > NEAREST_M) & (ranges < range_max)
     safe = np.where(valid, ranges, 0.0)
-    points = np.stack((safe * np.cos(angles), safe * np.sin(angles)), -1)
+    if scan.beam_poses is None:
+        points = np.stack((safe * np.cos(angles), safe * np.sin(angles)), -1)
+    else:
+        angles = angles + scan.beam_poses[:, 2]
+        points = scan.beam_poses[:, :2] + np.stack(
+            (safe * np.cos(angles), safe * np.sin(angles)), -1)
     gap = np.maximum(_GAP_M, _GAP_STEPS * safe * abs(scan.angle_increment))
     before, has_before = _reach(points, valid, gap, 1)
     after, has_after = _reach(points, valid, gap, -1)
@@ -91,7 +103,10 @@ def surface_of(scan: Scan, range_max: float) -> Surface:
     lined = valid & (has_before | has_after) & (length > 1e-6)
     normals = np.zeros_like(points)
     normals[lined] = np.stack((-along[lined, 1], along[lined, 0]), -1) / length[lined, None]
-    return Surface(points[valid], normals[valid], lined[valid])
+    seen_from = points if scan.beam_poses is None else points - scan.beam_poses[:, :2]
+    normals[(normals * seen_from).sum(1) > 0.0] *= -1.0
+    echoless = np.asarray(angles[np.isposinf(ranges)], np.float64)
+    return Surface(points[valid], normals[valid], lined[valid], echoless)
 
 
 def _reach(points: Floats, valid: npt.NDArray[np.bool_], gap: Floats, step: int

@@ -52,6 +52,19 @@ def between(first: Floats, second: Floats) -> Floats:
                      wrapped(second[..., 2] - first[..., 2])), -1)
 
 
+def moved_by(before: Floats, after: Floats) -> Floats:
+    """
+    Return the movement of a whole map that brings one pose on it to another; shape (3,).
+
+    ``composed(moved_by(before, after), before)`` is ``after``.
+
+    :param before: shape (3,), as after.
+    """
+    turn = float(wrapped(after[2] - before[2]))
+    x, y = after[:2] - rotation(turn) @ before[:2]
+    return np.array((x, y, turn))
+
+
 def rotation(yaw: float) -> Floats:
     """Return the matrix that turns column vectors; shape (2, 2)."""
     cosine, sine = np.cos(yaw), np.sin(yaw)

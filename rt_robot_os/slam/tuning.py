@@ -27,13 +27,22 @@ class Tuning:
     :ivar range_max_m: beams that end further away say nothing.
     :ivar keyframe_m: after this way, or
     :ivar keyframe_rad: this turn, a scan is kept.
-    :ivar local_keyframes: the last so many are what a scan is matched with.
+    :ivar keep_share: of the points on lines; a scan of which more lie on the map adds nothing
+    :ivar cover_m: this near to a keyframe, and is not kept.
+    :ivar local_keyframes: the last so many are what a scan is matched with,
+    :ivar near_keyframes: and so many near the pose, if the graph
+    :ivar tied_m: says that they are in place to this standard deviation.
+    :ivar place_most: so many keyframes are kept
+    :ivar place_m: within this distance of each other,
+    :ivar keyframes_most: and so many in all.
+    :ivar trajectory_most: scans whose poses are remembered.
     :ivar odometry_m: standard deviation of a step of odometry, and
     :ivar odometry_per_m: more for each metre of it;
     :ivar odometry_rad: of its turn, and
     :ivar odometry_per_rad: more for each radian.
     :ivar match_noise_m: standard deviation of a point of a scan on its line, with what points of
         one wall have in common.
+    :ivar point_noise_m: the same, as far as it makes the pose of one scan uncertain.
     :ivar share_good: of the points on lines, from which a match is taken as it is;
     :ivar share_least: below it a match says nothing, and odometry is followed.
     :ivar loop_apart_m: way since a place was left, from which coming back is a loop; a radian
@@ -48,12 +57,21 @@ class Tuning:
     range_max_m: float = 20.0
     keyframe_m: float = 0.3
     keyframe_rad: float = 0.2
+    keep_share: float = 0.9
+    cover_m: float = 1.0
     local_keyframes: int = 12
+    near_keyframes: int = 6
+    tied_m: float = 0.1
+    place_most: int = 8
+    place_m: float = 0.5
+    keyframes_most: int = 2000
+    trajectory_most: int = 200_000
     odometry_m: float = 0.05
     odometry_per_m: float = 0.15
     odometry_rad: float = 0.05
     odometry_per_rad: float = 0.25
     match_noise_m: float = 0.1
+    point_noise_m: float = 0.05
     share_good: float = 0.45
     share_least: float = 0.3
     loop_apart_m: float = 10.0

@@ -28,6 +28,7 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
+from rt_robot_os.clients.mapping.command import run  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
 from rt_robot_os.slam.mapper import Mapper  # noqa: E402
@@ -36,7 +37,6 @@ from rt_robot_os.slam.scan import Scan  # noqa: E402
 from rt_robot_os.slam.transforms import between  # noqa: E402
 from rt_robot_os.slam.transforms import composed  # noqa: E402
 from rt_robot_os.slam.transforms import placed  # noqa: E402
-from rt_robot_os.tools.mapping.command import run  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('RT_ROBOT_OS_DATA', ROOT.parent / 'shared' / 'data')) / 'slam'
@@ -109,10 +109,10 @@ def test_scans_that_say_nothing_follow_odometry_and_leave_the_map(
     _, _, scans = flat
     mapper = Mapper()
     for scan in scans[:20]:
-        last = mapper.add(scan)
+        last = mapper.add(scan).pose
     blind = Scan(20, composed(scans[19].odometry, np.array((0.1, 0.0, 0.0))),
                  np.full(180, np.inf), -2.0, 4.0 / 179)
-    assert mapper.add(blind) == pytest.approx(composed(last, np.array((0.1, 0.0, 0.0))))
+    assert mapper.add(blind).pose == pytest.approx(composed(last, np.array((0.1, 0.0, 0.0))))
     assert mapper.counts['lost'] == mapper.counts['empty'] == 1
     with pytest.raises(ValueError, match='odometry says'):
         mapper.add(Scan(21, np.array((math.nan, 0.0, 0.0)), scans[0].ranges, -2.0, 0.1))

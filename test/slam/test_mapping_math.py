@@ -32,6 +32,7 @@ from rt_robot_os.slam.correlation import Window  # noqa: E402
 from rt_robot_os.slam.likelihood import LikelihoodField  # noqa: E402
 from rt_robot_os.slam.pose_graph import agree  # noqa: E402
 from rt_robot_os.slam.pose_graph import Edge  # noqa: E402
+from rt_robot_os.slam.pose_graph import Fix  # noqa: E402
 from rt_robot_os.slam.scan import Scan  # noqa: E402
 from rt_robot_os.slam.scan import surface_of  # noqa: E402
 from rt_robot_os.slam.transforms import between  # noqa: E402
@@ -113,6 +114,22 @@ def test_a_loop_takes_back_what_the_way_has_summed_up_and_a_wrong_one_counts_lit
     after = np.hypot(*(found.poses - true)[-1, :2])
     assert before > 1.0 and after < 0.1
     assert found.weights[-1] < 0.01 and found.weights[:-1].min() > 0.9
+
+
+@pytest.mark.parametrize('wrong', [0, 1, 2])
+def test_absolute_poses_move_a_whole_map_to_where_they_say_and_a_wrong_one_does_not(
+        wrong: int) -> None:
+    true = np.array([(3.0 + 0.5 * i, 2.0, 0.1) for i in range(20)])
+    steps = between(true[:-1], true[1:])
+    edges = [Edge(i, i + 1, step, np.diag((1e4, 1e4, 1e4))) for i, step in enumerate(steps)]
+    drawn = composed(np.broadcast_to(np.array((-3.0, 1.0, 0.7)), true.shape), true)
+    known = np.diag((400.0, 400.0, 400.0))
+    fixes = [Fix(i, true[i], known) for i in range(0, 20, 4)]
+    fixes += [Fix(i + 1, true[i + 1] + (8.0, 3.0, 0.5), known) for i in range(wrong)]
+    found = agree(drawn, edges, 20, fixes)
+    assert found.poses == pytest.approx(true, abs=0.01)
+    assert found.fix_weights[:5].min() > 0.9
+    assert not wrong or found.fix_weights[5:].max() < 0.01
 
 
 @pytest.mark.parametrize('ranges', [[], [math.nan] * 9, [math.inf] * 9, [0.0] * 9, [-1.0] * 9,
