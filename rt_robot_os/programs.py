@@ -52,6 +52,11 @@ READER_GONE: Final = 128 + signal.SIGPIPE
 # What ends a program in order.
 END_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
+# NumPy's libraries start threads, which only take memory where one thread does all, and CPUs from
+# the core where it does not. They look at this once, when they are imported.
+ONE_BLAS_THREAD: Final = {
+    'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
+
 # Takes the arguments without the program's name, gives the exit code.
 Run = Callable[[Sequence[str]], int]
 
@@ -65,12 +70,14 @@ class Program:
     :param command: what runs it, as ``package.module:function``.
     :param listens: as for :func:`run_program`.
     :param reader_gone: as well.
+    :param one_thread: NumPy has no threads in it.
     """
 
     name: str
     command: str
     listens: bool = False
     reader_gone: int = READER_GONE
+    one_thread: bool = False
 
     def load(self) -> Run:
         """Import what runs it."""
@@ -80,6 +87,8 @@ class Program:
 
     def __call__(self, argv: Sequence[str] | None = None) -> int:
         """Run it; the arguments are those of the process unless they are given."""
+        if self.one_thread:
+            os.environ.update(ONE_BLAS_THREAD)
         return run_program(self.name, self.load, argv, listens=self.listens,
                            reader_gone=self.reader_gone)
 

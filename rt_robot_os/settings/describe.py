@@ -138,7 +138,8 @@ texts and the lengths of sequences that the message is laid out with, by dotted 
 
 _SERVICE_TEXT: Final = """\
 Each is a service of the node that publishes a text in the core and gives back what the core
-answers. Standard services carry no text of their own: what needs one is a mirror of a topic.
+answers. Of the standard services only `nav_msgs/srv/LoadMap` carries a text of its own: its
+`map_url` goes where the text says `{map_url}`; what else needs one is a mirror of a topic.
 A call that awaits its answer holds up nothing else of the node; at most 16 of a service wait at
 the same time, more are refused.
 
@@ -151,6 +152,10 @@ the same time, more are refused.
 ```
 
 `ros2 service call /robot/crane/park std_srvs/srv/Trigger`
+
+The response of a LoadMap has a code and no room for a reason, which goes to the log, and carries
+no map. A `nav_msgs/srv/GetMap` asks nobody: it gives the last sample of its topic, or an empty
+map.
 """
 
 _SECTIONS: Final = (

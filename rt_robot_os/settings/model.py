@@ -42,7 +42,7 @@ from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.conversions import PATH
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
-from rt_robot_os.link.markers import MARKERS
+from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.logger import LEVELS

@@ -189,4 +189,11 @@ def _silent_topics(
                 published.add(spec.topic)
                 yield TopicSettings(
                     name=f'{part.name}_off_{len(published)}', topic=spec.topic,
-                    message=spec.message, depth=1, fixed=frozen(spec.fixed), tail=spec.tail)
+                    message=spec.message, depth=1, fixed=frozen(_plain(spec.fixed)),
+                    tail=spec.tail)
+
+
+def _plain(fixed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is fixed as parameters can say it: of a list of messages their number."""
+    return {key: len(value) if isinstance(value, (list, tuple)) and any(
+        isinstance(each, Mapping) for each in value) else value for key, value in fixed.items()}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of services of the node, which publish a text in the core and await an answer."""
+"""The settings of services of the node: most publish a text in the core and await an answer."""
 
 from __future__ import annotations
 
@@ -24,6 +24,10 @@ from rt_robot_os.schema import setting
 
 TRIGGER: Final = 'std_srvs/srv/Trigger'
 SET_BOOL: Final = 'std_srvs/srv/SetBool'
+LOAD_MAP: Final = 'nav_msgs/srv/LoadMap'
+GET_MAP: Final = 'nav_msgs/srv/GetMap'
+#: What the text of a LoadMap names where the request's map_url goes.
+MAP_URL: Final = '{map_url}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +41,21 @@ class ServiceSettings:
 
     name: str
     topic: str = setting(
-        REQUIRED, 'the topic in the core that the text goes to, a std_msgs/msg/String')
-    text: str = setting(REQUIRED, 'what is published; of a SetBool for true')
+        REQUIRED, 'the topic in the core that the text goes to, a std_msgs/msg/String; of a '
+        'GetMap the one that it gives the last sample of, a nav_msgs/msg/OccupancyGrid')
+    text: str = setting(
+        '', 'what is published, of a SetBool for true; of a LoadMap with {map_url} where that of '
+        'the request belongs; a GetMap has none')
     service: str = setting(
         '', "its name in ROS; when absent ~/ and the section's, which is /robot/NAME")
     type: str = setting(  # noqa: A003
-        TRIGGER, 'its type; neither carries a text', choices=(TRIGGER, SET_BOOL))
+        TRIGGER, 'its type', choices=(TRIGGER, SET_BOOL, LOAD_MAP, GET_MAP))
     text_false: str = setting('', 'what a SetBool publishes for false')
     answer_topic: str = setting(
         '', 'where the core answers: a std_msgs/msg/String in JSON, {"command": the text, "ok": '
         'true, "text": "why"}; when absent the service says that the text is published')
     timeout_s: float = setting(
-        2.0, 'how long an answer is awaited', 's', 0.05, 60.0)
+        2.0, 'how long an answer is awaited', 's', 0.05, 600.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'service', self.service or f'~/{self.name}')

@@ -25,8 +25,13 @@ from rt_robot_os.settings.names import ros_topic_problem
 from rt_robot_os.settings.names import topic_problem
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import Section
+from rt_robot_os.settings.service_model import GET_MAP
+from rt_robot_os.settings.service_model import LOAD_MAP
+from rt_robot_os.settings.service_model import MAP_URL
 from rt_robot_os.settings.service_model import SET_BOOL
 from rt_robot_os.settings.wiring import TopicTable
+
+_MAP: Final = 'nav_msgs/msg/OccupancyGrid'
 
 # Of this node, of every lifecycle node and of every node.
 _TAKEN: Final = frozenset({
@@ -75,9 +80,14 @@ def _check_topic(section: Section, key: str, table: TopicTable, problems: Proble
     if not topic:
         return
     wrong = topic_problem(topic) or table.missing(topic)
-    if wrong is None and topic in table.declared and table.message(topic) != TEXT:
-        wrong = f'is a {table.message(topic)}: it must be a {TEXT}'
-    elif wrong is None and topic in table.declared and table.declared[topic].spec.fixed:
+    gives_map = section.values.get('type') == GET_MAP
+    wanted = _MAP if gives_map and key == 'topic' else TEXT
+    if key == 'answer_topic' and gives_map:
+        wrong = f'is not used with type: {GET_MAP}, which gives the last sample of topic'
+    elif wrong is None and topic in table.declared and table.message(topic) != wanted:
+        wrong = f'is a {table.message(topic)}: it must be a {wanted}'
+    elif (wrong is None and wanted == TEXT and topic in table.declared
+            and table.declared[topic].spec.fixed):
         wrong = 'is declared with a fixed text: take fixed out'
     if wrong is not None:
         section.reject(key, wrong, problems)
@@ -87,13 +97,20 @@ def _check_text(section: Section, key: str, table: TopicTable, problems: Problem
     text = section.values.get(key)
     if text is None:
         return
-    with_bool = section.values.get('type') == SET_BOOL
+    kind = section.values.get('type')
+    with_bool = kind == SET_BOOL
     wrong = None
-    if key == 'text_false' and 'type' in section.values and bool(text) != with_bool:
+    if key == 'text_false' and kind is not None and bool(text) != with_bool:
         wrong = ('must be given: a SetBool has a text for false' if with_bool else
                  f'is used with type: {SET_BOOL} only')
+    elif key == 'text' and kind == GET_MAP:
+        wrong = f'is not used with type: {GET_MAP}: take it out' if text else None
     elif key == 'text' and not text.strip():
         wrong = 'must be a text: nobody would understand nothing'
+    elif key == 'text' and kind is not None and (MAP_URL in text) != (kind == LOAD_MAP):
+        wrong = (f'must hold {MAP_URL}, where that of the request belongs, such as '
+                 f"'load {MAP_URL}'" if kind == LOAD_MAP else
+                 f'holds {MAP_URL}: only requests of type: {LOAD_MAP} have one')
     elif '\0' in text:
         wrong = 'must not hold a NUL'
     declared = table.declared.get(section.values.get('topic', ''))

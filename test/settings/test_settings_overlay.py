@@ -72,6 +72,14 @@ def test_two_devices_may_have_one_port_when_one_is_off() -> None:
     assert len(shipped(**ports, gps__enabled=False).devices) == 1
 
 
+def test_what_is_off_has_parameters_that_ros_can_hold() -> None:
+    # Its topic has a layout with a label: a list of messages.
+    robot = load([default_path('service_robot.yaml')], {'network.enabled': False})
+    for each in parameters(robot):
+        values = each.value if isinstance(each.value, (list, tuple)) else [each.value]
+        assert all(isinstance(value, (bool, int, float, str)) for value in values), each.name
+
+
 def test_the_parameters_of_what_is_left_make_the_same_robot(tmp_path: Path) -> None:
     robot = shipped(gps__enabled=False)
     again = load([], {each.name: each.value for each in parameters(robot)})

@@ -34,9 +34,14 @@ from rt_robot_os.settings import to_json  # noqa: E402
 TEXT = 'std_msgs/msg/String'
 TOPICS = {'command': {'topic': 'alarms/command', 'message': TEXT, 'tail': 40},
           'answer': {'topic': 'alarms/answer', 'message': TEXT, 'tail': 40},
+          'map': {'message': 'nav_msgs/msg/OccupancyGrid', 'fixed': {'header.frame_id': 'map'},
+                  'tail': 100},
           'speed': {'message': 'std_msgs/msg/Float64'},
           'name': {'message': TEXT, 'fixed': {'data': 'anna'}}}
-GOOD = {'topic': 'alarms/command', 'text': 'acknowledge all by ROS'}
+GOOD: dict[str, Any] = {'topic': 'alarms/command', 'text': 'acknowledge all by ROS'}
+
+LOAD = {**GOOD, 'type': 'nav_msgs/srv/LoadMap', 'text': 'load {map_url}'}
+GET = {'type': 'nav_msgs/srv/GetMap', 'topic': 'map'}
 
 
 def robot(tmp_path: Path, **services: dict[str, Any]) -> RobotSettings:
@@ -58,8 +63,15 @@ def test_a_service_is_named_after_its_section_unless_it_says_another(tmp_path: P
     assert named['test.text'] == 'acknowledge all by ROS'
 
 
+def test_maps_are_loaded_by_a_text_and_given_from_a_topic(tmp_path: Path) -> None:
+    found = robot(tmp_path, load=LOAD, get=GET)
+    assert [(each.text, each.topic) for each in found.services] == [
+        ('load {map_url}', 'alarms/command'), ('', 'map')]
+    assert from_json(to_json(found)).services == found.services
+
+
 @pytest.mark.parametrize(('service', 'problem'), [
-    ({}, 'a.topic is missing'), ({'topic': 'alarms/command'}, 'a.text is missing'),
+    ({}, 'a.topic is missing'), ({'topic': 'alarms/command'}, 'a.text = .*must be a text'),
     ({**GOOD, 'topic': 'alarms/comand'}, "a.topic = .*did you mean 'alarms/command'"),
     ({**GOOD, 'topic': 'speed'}, 'a.topic = .*is a std_msgs/msg/Float64: it must be a std_msgs'),
     ({**GOOD, 'topic': 'name'}, 'a.topic = .*fixed text'),
@@ -70,6 +82,12 @@ def test_a_service_is_named_after_its_section_unless_it_says_another(tmp_path: P
     ({**GOOD, 'text_false': 'no'}, 'a.text_false = .*is used with type: std_srvs/srv/SetBool'),
     ({**GOOD, 'type': 'std_srvs/srv/SetBool'}, 'a.text_false = .*has a text for false'),
     ({**GOOD, 'type': 'std_srvs/srv/Empty'}, 'a.type = .*must be one of std_srvs/srv/Trigger, '),
+    ({**LOAD, 'text': 'load'}, 'a.text = .*must hold {map_url}'),
+    ({**GOOD, 'text': 'load {map_url}'}, 'a.text = .*only requests of type: nav_msgs/srv/LoadMap'),
+    ({**GET, 'topic': 'speed'}, 'a.topic = .*it must be a nav_msgs/msg/OccupancyGrid'),
+    ({**GET, 'text': 'give'}, 'a.text = .*not used with type: nav_msgs/srv/GetMap'),
+    ({**GET, 'answer_topic': 'alarms/answer'}, 'a.answer_topic = .*is not used with type'),
+    ({**GOOD, 'topic': 'map'}, 'a.topic = .*is a nav_msgs/msg/OccupancyGrid: it must be a std_'),
     ({**GOOD, 'service': '~/rearm'}, 'a.service = .*/robot/rearm is a service of the node itself'),
     ({**GOOD, 'service': 'no way'}, 'a.service = .*must be names of letters'),
     ({**GOOD, 'timeout_s': 0}, 'a.timeout_s = 0'), ({**GOOD, 'timeout': 1}, 'a.timeout: unknown'),

@@ -97,7 +97,7 @@ class Recording:
         chosen: SessionFacts | None = None
         others = set()
         for file in files:
-            facts, settings = self._beginning(file)
+            facts, settings = beginning_of(file, self.problems)
             if facts is None:
                 self.problems.append(f'{file}: no recording of record; left out')
                 continue
@@ -117,28 +117,6 @@ class Recording:
                 f'this is session {chosen.number}; the core was started again meanwhile: choose '
                 f'{", ".join(map(str, sorted(others)))} with --session for the others')
         return chosen
-
-    def _beginning(self, file: Path) -> tuple[SessionFacts | None, str | None]:
-        facts = None
-        try:
-            for _, kind, content in file_records(file):
-                if kind == Opcode.METADATA:
-                    metadata = parsed(Metadata.read, content)
-                    if metadata.name == SESSION:
-                        facts = SessionFacts.read(metadata.metadata)
-                elif kind == Opcode.ATTACHMENT:
-                    attachment = parsed(Attachment.read, content)
-                    if attachment.name == SETTINGS:
-                        return facts, attachment.data.decode('utf-8', 'replace')
-                elif kind in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END):
-                    break
-        except DamagedRecordError as error:
-            self.problems.append(f'{file} is damaged at its beginning: {error}')
-        except OSError as error:
-            if isinstance(error, RecordingError):
-                raise
-            raise RecordingError(f'{file} cannot be read: {error.strerror}') from error
-        return facts, None
 
     def samples(self) -> Iterator[Recorded]:
         """Yield all samples in the order in which they were received."""
@@ -186,6 +164,36 @@ class Recording:
                 raise DamagedRecordError(f'no offset of the clock: {error}') from error
         elif metadata.name == SESSION:
             self._offset_ns = SessionFacts.read(metadata.metadata).offset_ns
+
+
+def beginning_of(file: Path, problems: list[str]) -> tuple[SessionFacts | None, str | None]:
+    """
+    Read what stands at the beginning of a file.
+
+    :param problems: a sentence is added when it is damaged there.
+    :return: its session, None when it is no recording of ours; its settings, None without them.
+    :raises RecordingError: it cannot be read.
+    """
+    facts = None
+    try:
+        for _, kind, content in file_records(file):
+            if kind == Opcode.METADATA:
+                metadata = parsed(Metadata.read, content)
+                if metadata.name == SESSION:
+                    facts = SessionFacts.read(metadata.metadata)
+            elif kind == Opcode.ATTACHMENT:
+                attachment = parsed(Attachment.read, content)
+                if attachment.name == SETTINGS:
+                    return facts, attachment.data.decode('utf-8', 'replace')
+            elif kind in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END):
+                break
+    except DamagedRecordError as error:
+        problems.append(f'{file} is damaged at its beginning: {error}')
+    except OSError as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f'{file} cannot be read: {error.strerror}') from error
+    return facts, None
 
 
 class _Channels:

@@ -29,8 +29,8 @@ from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.linux.process import end_child
-from rt_robot_os.linux.process import ONE_BLAS_THREAD
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.programs import ONE_BLAS_THREAD
 
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3

@@ -30,7 +30,7 @@ from diagnostic_msgs.msg import KeyValue
 
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
-from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.link.stamp_mapper import STEP_NS
 from rt_robot_os.safe_text import safe_line
@@ -313,14 +313,15 @@ class Diagnostics:
     def _client(self, client: dict[str, Any]) -> DiagnosticStatus:
         drops = self._drops(client)
         new = self._recent.gained(f'client {client["pid"]} {client["name"]}', drops)
-        values = {'pid': client['pid'], 'received': client['received'],
+        values = {'pid': client['pid'], 'received': client['received'], 'large': client['large'],
                   'refused': client['refused'], 'dropped': drops}
         for mirror in client['mirrors']:
             for key in ('sent', 'full', 'lost', 'skipped', 'limited'):
                 values[f'{mirror["topic"]} {key}'] = mirror[key]
-        return _status(f'{self._name}: client {client["name"]}', WARN if new else OK,
-                       f'{new} samples or answers dropped{self._lately}' if new else 'keeps up',
-                       values)
+        said = f'{new} samples or answers dropped{self._lately}' if new else 'keeps up'
+        if new and client['refused'] and client.get('last_refusal'):
+            said += f'; refused at last: {client["last_refusal"]}'
+        return _status(f'{self._name}: client {client["name"]}', WARN if new else OK, said, values)
 
     @property
     def _lately(self) -> str:

@@ -38,6 +38,7 @@ from rt_robot_os.clients.ros.conversions import ros_class
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
+from rt_robot_os.link.client_rooms import SampleTooLong
 from rt_robot_os.link.conversions import Inward
 from rt_robot_os.link.fetch_clock import SHORTEST_NS
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
@@ -137,9 +138,12 @@ class InwardMirror:
     """
     One topic from ROS 2 to the core.
 
+    What is latched in ROS (``transient_local``, such as a map) comes once: the last sample is kept
+    for the next core.
+
     :ivar received: samples that ROS 2 delivered.
-    :ivar dropped: samples that came while there was no core, or that it did not take, or that
-        were no message of their type.
+    :ivar dropped: samples that came while there was no core and are not kept, or that it did not
+        take, or that were no message of their type.
     :ivar refused: samples that cannot be converted, or must not pass.
     :ivar stamp_age_ms: of the last sample with a header, how long ago its stamp was; negative when
         the sender's clock is ahead.
@@ -155,10 +159,13 @@ class InwardMirror:
         self._channel = 0
         self._conversion = inward(settings)
         self._convert: Inward = bytes
+        self._latched = settings.durability == 'transient_local' and not settings.stamped
+        self._kept: bytes | None = None
         carry = self._carry if self._conversion is None else self._carry_converted
+        self._take = self._carry_stamped if settings.stamped else carry
         self.subscription = node.create_subscription(
             ros_class(settings), settings.ros_topic,
-            self._carry_stamped if settings.stamped else carry, qos_of(settings), raw=True)
+            self._carry_latched if self._latched else self._take, qos_of(settings), raw=True)
 
     def connect(self, client: LinkClient | None) -> None:
         """
@@ -171,6 +178,17 @@ class InwardMirror:
             if self._conversion is not None:
                 self._convert = self._conversion(client.topics[self.settings.topic].max_size)
         self._client = client
+        if client is not None and self._kept is not None:
+            self.received -= 1  # it was counted when it came
+            self._take(self._kept)
+
+    def _carry_latched(self, cdr: bytes) -> None:
+        """Carry what comes once: kept for a core that is not there yet, or is started again."""
+        self._kept = cdr
+        if self._client is None:
+            self.received += 1
+            return
+        self._take(cdr)
 
     def _carry_stamped(self, cdr: bytes) -> None:
         """Take the header off; the sample is as old as its stamp in ROS time, simulated or not."""
@@ -203,6 +221,8 @@ class InwardMirror:
             return
         try:
             client.publish(self._channel, cdr, stamp_ns)
+        except SampleTooLong as error:
+            self.refused.add(str(error))
         except LinkError:
             self.dropped += 1
 
@@ -211,7 +231,7 @@ class InwardMirror:
         counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
         if self.settings.stamped:
             counted['stamp_age_ms'] = self.stamp_age_ms
-        if self._conversion is not None:
+        if self._conversion is not None or self.refused.count:
             counted |= self.refused.counters()
         return counted
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Services of the node that publish a text in the core and give back what the core answers.
+Services of the node: most publish a text in the core and give back what the core answers.
 
 A call awaits its answer as a coroutine: the executor, and with it the mirrors, goes on meanwhile.
 """
@@ -28,6 +28,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from nav_msgs.srv import LoadMap
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
@@ -37,6 +38,7 @@ from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
 from rclpy.task import Future
 
+from rt_robot_os.clients.ros.map_service import MapService
 from rt_robot_os.clients.ros.mirrors import ask_for_all
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
@@ -44,6 +46,9 @@ from rt_robot_os.link.answers import Answer
 from rt_robot_os.link.answers import answer_of
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
+from rt_robot_os.settings.service_model import GET_MAP
+from rt_robot_os.settings.service_model import LOAD_MAP
+from rt_robot_os.settings.service_model import MAP_URL
 from rt_robot_os.settings.service_model import ServiceSettings
 from rt_robot_os.settings.service_model import SET_BOOL
 from std_srvs.srv import SetBool
@@ -102,8 +107,8 @@ class Service:
         self._services = services
         self._channel = 0
         self._client: LinkClient | None = None
-        kind, callback = (SetBool, self._on_bool) if settings.type == SET_BOOL else (
-            Trigger, self._on_trigger)
+        kind, callback = {SET_BOOL: (SetBool, self._on_bool), LOAD_MAP: (
+            LoadMap, self._on_load)}.get(settings.type, (Trigger, self._on_trigger))
         self.entity = services.node.create_service(
             kind, settings.service, callback, callback_group=group, qos_profile=QoSProfile(
                 depth=_QUEUE, reliability=QoSReliabilityPolicy.RELIABLE))
@@ -123,13 +128,31 @@ class Service:
                                  'may have been done: look, then ask again'))
 
     async def _on_trigger(self, request: Any, response: Any) -> Any:
-        return await self._call(self.settings.text, response)
+        response.success, response.message = await self._call(self.settings.text)
+        return response
 
     async def _on_bool(self, request: Any, response: Any) -> Any:
-        return await self._call(
-            self.settings.text if request.data else self.settings.text_false, response)
+        response.success, response.message = await self._call(
+            self.settings.text if request.data else self.settings.text_false)
+        return response
 
-    async def _call(self, text: str, response: Any) -> Any:
+    async def _on_load(self, request: Any, response: Any) -> Any:
+        """Load a map; it is not in the response, but on the topic of the map as ever."""
+        url = request.map_url.strip()
+        if url:
+            answer = await self._call(self.settings.text.replace(MAP_URL, url))
+        else:
+            self.calls += 1
+            self.refused += 1
+            answer = Outcome(False, 'map_url is empty: such a file does not exist')
+        response.result = map_result(answer)
+        if not answer.ok:
+            # The response has no room for the reason.
+            self._services.node.get_logger().warn(
+                f'{self.entity.service_name}: {url!r} was not loaded: {answer.text}')
+        return response
+
+    async def _call(self, text: str) -> Outcome:
         self.calls += 1
         try:
             answer = await self._ask(text)
@@ -141,8 +164,7 @@ class Service:
         except LinkError as error:
             self.refused += 1
             answer = Outcome(False, str(error))
-        response.success, response.message = answer
-        return response
+        return answer
 
     async def _ask(self, text: str) -> Outcome:
         """
@@ -192,6 +214,23 @@ class Service:
 
 
 _NONE: Final = Outcome(False, '')
+# What an answer says when a map was not loaded, and what nav_msgs calls that.
+_RESULTS: Final = (('does not exist', LoadMap.Response.RESULT_MAP_DOES_NOT_EXIST),
+                   ('metadata', LoadMap.Response.RESULT_INVALID_MAP_METADATA),
+                   ('yaml', LoadMap.Response.RESULT_INVALID_MAP_METADATA),
+                   ('data', LoadMap.Response.RESULT_INVALID_MAP_DATA),
+                   ('image', LoadMap.Response.RESULT_INVALID_MAP_DATA),
+                   ('pgm', LoadMap.Response.RESULT_INVALID_MAP_DATA),
+                   ('damaged', LoadMap.Response.RESULT_INVALID_MAP_DATA))
+
+
+def map_result(answer: Outcome) -> int:
+    """Return the result code of ``nav_msgs/srv/LoadMap`` for what the core answered."""
+    if answer.ok:
+        return int(LoadMap.Response.RESULT_SUCCESS)
+    text = answer.text.lower()
+    return int(next((code for word, code in _RESULTS if word in text),
+                    LoadMap.Response.RESULT_UNDEFINED_FAILURE))
 
 
 class Services:
@@ -210,7 +249,9 @@ class Services:
         self._group = ReentrantCallbackGroup()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._client: LinkClient | None = None
-        self.all = [Service(self, each, self._group) for each in settings]
+        self.all = [Service(self, each, self._group) for each in settings if each.type != GET_MAP]
+        self.maps = [MapService(node, each, self._group) for each in settings
+                     if each.type == GET_MAP]
         self.answer_topics = frozenset(
             each.answer_topic for each in settings if each.answer_topic)
 
@@ -227,6 +268,8 @@ class Services:
                                 'was it started with another configuration?')
             mirrored = client.carriers.get(info.channel)
             client.carriers[info.channel] = self._listener(topic, mirrored)
+        for each in self.maps:
+            each.connect(client)
         self._client = client
         if self.active:
             self.activate()
@@ -243,6 +286,8 @@ class Services:
             return
         for topic in sorted(self.answer_topics):
             ask_for_all(client, topic)
+        for given in self.maps:
+            given.activate(client)
         for each in self.all:
             each.connect(client)
 
@@ -286,5 +331,6 @@ class Services:
 
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
         """Return the counters of all services, by their names."""
-        return [(each.entity.service_name, {**each.counters(), 'malformed': self.malformed})
-                for each in self.all]
+        return [*((each.entity.service_name, {**each.counters(), 'malformed': self.malformed})
+                  for each in self.all),
+                *((each.entity.service_name, each.counters()) for each in self.maps)]

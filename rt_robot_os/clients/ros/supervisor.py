@@ -33,10 +33,10 @@ from rt_robot_os.clients.ros.silence import Starvation
 from rt_robot_os.clients.ros.silence import trouble
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.client import collect
-from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import Question
+from rt_robot_os.link.core_statistics import collect
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -28,7 +29,7 @@ from rt_robot_os.clients.ros.diagnostics import Recent  # noqa: E402
 from rt_robot_os.kernel import Kernel  # noqa: E402, I100
 from rt_robot_os.kernel import TaskStatistics  # noqa: E402
 from rt_robot_os.kernel import VirtualClock  # noqa: E402
-from rt_robot_os.link.client import CoreStatistics  # noqa: E402
+from rt_robot_os.link.core_statistics import CoreStatistics  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 
 S = 1_000_000_000
@@ -54,7 +55,8 @@ def statistics(at_s: float, lost: int = 0, missed: int = 0, full: int = 0, pid: 
                  'subscribers': [{'name': 'guard', 'lost': lost}, {'name': 'link:x', 'lost': 9}]},
                 ),
         devices=(), clients=({
-            'name': 'top', 'pid': 7, 'received': 0, 'refused': 0, 'outbox_dropped': 0,
+            'name': 'top', 'pid': 7, 'received': 0, 'large': 0, 'refused': 0,
+            'outbox_dropped': 0,
             'mirrors': [{'topic': 'imu/data', 'sent': 1, 'full': full, 'lost': 0, 'skipped': 0,
                          'limited': 0}]},))
 
@@ -93,6 +95,14 @@ def test_missed_releases_dropped_samples_and_lost_lines_end_as_well(judge: Judge
     good = judge(statistics(112, missed=2, full=4), {'lost': 6, 'untold': 2})
     assert good['task imu'] == (OK, 'on time') and good['client top'] == (OK, 'keeps up')
     assert good['log'] == (OK, 'carried')
+
+
+def test_why_the_core_refused_what_a_client_published_is_told(judge: Judge) -> None:
+    now = statistics(100)
+    judge(now)
+    client = {**now.clients[0], 'refused': 1, 'last_refusal': "frame_id is 'odom'"}
+    assert judge(replace(statistics(101), clients=(client,)))['client top'][1].endswith(
+        "refused at last: frame_id is 'odom'")
 
 
 def test_what_an_old_core_lost_long_ago_is_no_news_and_what_a_new_one_loses_is(

@@ -27,6 +27,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 from rt_robot_os.clients.ros.mirrors import Mirrors  # noqa: E402, I100
 from rt_robot_os.errors import LinkError  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
+from rt_robot_os.link.client_rooms import SampleTooLong  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 from rt_robot_os.settings import MirrorSettings  # noqa: E402
 
@@ -163,3 +164,77 @@ def test_samples_that_go_by_themselves_have_nothing_to_wait_for(
     mirrors.activate()
     assert not client.clock.interval_ns
     assert [row['delay_ms'] for _, row in mirrors.counters()] == [40.0, 0.0]
+
+
+class Core(Client):
+    """A connection that notes what is published."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.published: list[bytes] = []
+        self.fails: type[LinkError] | None = None
+
+    def advertise(self, topic: str) -> int:
+        return self.topics[topic].channel
+
+    def publish(self, channel: int, cdr: bytes, stamp_ns: int = 0) -> None:
+        if self.fails is not None:
+            raise self.fails('a sample of 9 bytes')
+        self.published.append(cdr)
+
+
+def coming(mirrors: Mirrors) -> Any:
+    return mirrors.inward[0].subscription
+
+
+class Listening(Node):
+    """Gives the callbacks of its subscriptions."""
+
+    def create_subscription(self, kind: Any, topic: str, callback: Any, *rest: Any, raw: bool
+                            ) -> Any:
+        return callback
+
+    def get_clock(self) -> Any:
+        raise AssertionError
+
+
+def inward(both: tuple[MirrorSettings, ...], told: list[str], **changes: Any) -> Mirrors:
+    one = replace(both[0], direction='in', **changes)
+    return Mirrors(Listening(), (one,), StampMapper(), told.append)  # type: ignore[arg-type]
+
+
+def counted(mirrors: Mirrors) -> dict[str, Any]:
+    return mirrors.counters()[0][1]
+
+
+def test_what_is_latched_waits_for_a_core_and_is_there_for_the_next(
+        both: tuple[MirrorSettings, ...]) -> None:
+    mirrors = inward(both, [], durability='transient_local')
+    mirrors.active = True
+    for each in (b'old', b'new'):
+        coming(mirrors)(each)
+    for _ in range(2):
+        core = Core()
+        mirrors.connect(core)  # type: ignore[arg-type]
+        assert core.published == [b'new']
+        mirrors.disconnect()
+    assert (counted(mirrors)['received'], counted(mirrors)['dropped']) == (2, 0)
+
+
+def test_what_is_not_latched_is_not_kept(both: tuple[MirrorSettings, ...]) -> None:
+    mirrors, core = inward(both, []), Core()
+    mirrors.active = True
+    coming(mirrors)(b'old')
+    mirrors.connect(core)  # type: ignore[arg-type]
+    assert core.published == [] and counted(mirrors)['dropped'] == 1
+
+
+def test_what_is_too_long_for_the_topic_is_told(both: tuple[MirrorSettings, ...]) -> None:
+    told: list[str] = []
+    mirrors, core = inward(both, told), Core()
+    mirrors.active = True
+    core.fails = SampleTooLong
+    mirrors.connect(core)  # type: ignore[arg-type]
+    coming(mirrors)(b'long')
+    assert told == ['a -> a: refused: a sample of 9 bytes']
+    assert counted(mirrors)['refused'] == 1 and 'a sample of 9' in counted(mirrors)['warning']

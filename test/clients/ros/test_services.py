@@ -27,7 +27,9 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 pytest.importorskip('std_srvs', reason='ROS 2 messages are not installed')
 
-import rclpy  # noqa: E402, I100
+from nav_msgs.srv import GetMap  # noqa: E402, I100
+from nav_msgs.srv import LoadMap  # noqa: E402
+import rclpy  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 
@@ -38,6 +40,7 @@ from rt_robot_os.link import TopicInfo  # noqa: E402
 from rt_robot_os.link.cdr import string_in  # noqa: E402
 from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.settings import ServiceSettings  # noqa: E402
+from rt_robot_os.topics import Layout  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
@@ -48,6 +51,11 @@ SILENT = ServiceSettings(name='silent', topic='alarms/command', text='test by RO
                          answer_topic='alarms/answer', timeout_s=0.05)
 NIGHT = ServiceSettings(name='night', type='std_srvs/srv/SetBool', topic='night', text='on',
                         text_false='off')
+LOAD = ServiceSettings(name='load', service='~/mapping/load', type='nav_msgs/srv/LoadMap',
+                       topic='alarms/command', text='load {map_url}',
+                       answer_topic='alarms/answer', timeout_s=60.0)
+MAP = ServiceSettings(name='get_map', service='~/mapping/map', type='nav_msgs/srv/GetMap',
+                      topic='map')
 GENEROUS_S = 20.0
 
 
@@ -58,6 +66,8 @@ class Client:
         names = ('alarms/command', 'alarms/answer', 'night')
         self.topics = {name: TopicInfo(name, number, 'std_msgs/msg/String', 8, 300, None, 8, 0)
                        for number, name in enumerate(names)}
+        self.topics['map'] = TopicInfo(
+            'map', 3, 'nav_msgs/msg/OccupancyGrid', 8, 300, None, 8, 0)
         self.carriers: dict[int, Any] = {}
         self.mirrored: list[str] = []
         self.told: list[tuple[int, str]] = []
@@ -66,8 +76,9 @@ class Client:
     def advertise(self, topic: str) -> int:
         return self.topics[topic].channel
 
-    def mirror(self, topic: str, policy: str, initial: bool, patient: bool) -> None:
-        assert (policy, initial, patient) == ('drain', False, True)
+    def mirror(self, topic: str, policy: str, initial: bool, patient: bool = False) -> None:
+        assert (policy, initial, patient) == (
+            ('latest', True, False) if topic == 'map' else ('drain', False, True))
         self.mirrored.append(topic)
 
     def publish(self, channel: int, cdr: bytes) -> None:
@@ -91,7 +102,7 @@ class Robot:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.executor.add_node(self.caller)
-        self.services = Services(self.node, (ACKNOWLEDGE, SILENT, NIGHT))
+        self.services = Services(self.node, (ACKNOWLEDGE, SILENT, NIGHT, LOAD, MAP))
         self.core = Client()
 
     def start(self) -> None:
@@ -149,7 +160,7 @@ def test_what_the_core_answers_is_given_back(robot: Robot) -> None:
     first = robot.ask()
     robot.until(lambda: robot.core.told)
     assert robot.core.told == [(0, 'acknowledge all by ROS')]
-    assert robot.core.mirrored == ['alarms/answer']
+    assert robot.core.mirrored == ['alarms/answer', 'map']
     robot.core.answer(answer('acknowledge 3 by anna'))  # somebody else's
     robot.core.answer('nonsense')
     robot.core.answer('{"command": "acknowledge all by ROS", "ok": 1}')
@@ -233,3 +244,39 @@ def test_a_core_without_the_topic_of_answers_is_refused(robot: Robot) -> None:
     del core.topics['alarms/answer']
     with pytest.raises(LinkError, match="no topic 'alarms/answer' on which a service is answered"):
         robot.services.connect(core)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(('ok', 'text', 'result'), [
+    (True, 'loaded', 0), (False, '/a/flat.yaml does not exist', 1),
+    (False, 'the image flat.pgm is cut off', 2), (False, 'flat.yaml: the key origin lacks', 3),
+    (False, 'paused', 255)])
+def test_a_map_is_loaded_by_its_url(robot: Robot, ok: bool, text: str, result: int) -> None:
+    future = robot.ask('mapping/load', LoadMap, map_url='file:///a/flat.yaml')
+    robot.until(lambda: robot.core.told)
+    assert robot.core.told == [(0, 'load file:///a/flat.yaml')]
+    robot.core.answer(answer('load file:///a/flat.yaml', ok, text))
+    robot.until(future.done)
+    assert future.result().result == result
+
+
+def test_a_map_without_a_name_is_not_asked_for(robot: Robot) -> None:
+    future = robot.ask('mapping/load', LoadMap, map_url=' ')
+    robot.until(future.done)
+    assert future.result().result == LoadMap.Response.RESULT_MAP_DOES_NOT_EXIST
+    assert not robot.core.told
+
+
+def test_the_last_map_is_given_also_when_the_core_is_gone(robot: Robot) -> None:
+    assert robot.until((nothing := robot.ask('mapping/map', GetMap)).done) is None
+    assert not len(nothing.result().map.data)
+    layout = Layout.compile('nav_msgs/msg/OccupancyGrid', {'header.frame_id': 'map'}, tail=100)
+    buffer = layout.new_buffer()
+    grid = layout.view(buffer)
+    grid.info.width, grid.info.height, grid.info.resolution = 2, 3, 0.05
+    grid.data = [0, 100, -1, -1, 0, 0]
+    robot.core.carriers[3](5, 0, buffer[:layout.length(buffer)])
+    robot.services.disconnect()
+    robot.until((given := robot.ask('mapping/map', GetMap)).done)
+    found = given.result().map
+    assert (found.info.width, found.info.height, list(found.data)) == (
+        2, 3, [0, 100, -1, -1, 0, 0])

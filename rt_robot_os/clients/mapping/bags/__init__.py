@@ -12,17 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `mapping`: make a map of a log of scans, and compare its poses with known ones."""
-
-from __future__ import annotations
-
-import sys
-from typing import Final
-
-from rt_robot_os.programs import Program
-
-main: Final = Program('mapping', 'rt_robot_os.tools.mapping.command:run')
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+"""Recordings of ROS 2 as logs of scans: MCAP and SQLite, whole or not, of ours and of others."""

@@ -21,25 +21,33 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
-from rt_robot_os.tools.mapping.offline import compared
-from rt_robot_os.tools.mapping.offline import map_log
+from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'mapping'
-_EPILOG = """Exit code: 0 done, 2 a file that cannot be used.
-What the report holds: docs/mapping.md."""
+_EPILOG = """Its settings beside a robot stand in a parameter file under /**/mapping.
+Exit code: 0 done or ended by a signal, 1 it cannot run, 2 wrong settings or a file that cannot be
+used. Settings, topics, commands, and what a report holds: docs/mapping.md."""
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=_NAME, allow_abbrev=False, epilog=_EPILOG,
-        description='Make a map of a log of laser scans as fast as it goes, or compare the poses '
-        'of a report with relations that are known.')
-    what = parser.add_mutually_exclusive_group(required=True)
+        description='Make a map beside a running robot, and say where on it the robot is. Or make '
+        'one of a log of laser scans as fast as it goes; or compare the poses of a report with '
+        'relations that are known.',
+        usage='mapping [--robot NAME] [--ros-args --params-file FILE -p NAME:=VALUE ...]\n'
+        '       mapping --bag FILE [options]\n'
+        '       mapping --compare REPORT --relations FILE')
+    add_robot_option(parser)
+    parser.set_defaults(robot=None)  # that of its own namespace
+    what = parser.add_mutually_exclusive_group()
     what.add_argument('--bag', metavar='FILE', type=Path,
-                      help='a log: CSV with ranges, or CARMEN; gzipped or not')
+                      help='a recording of record, a bag of ROS 2 (file or folder), a CSV with '
+                      'ranges, or a log of CARMEN')
     what.add_argument('--compare', metavar='REPORT', type=Path,
                       help='a report of before; needs --relations')
     parser.add_argument('--report', metavar='FILE', type=Path,
@@ -52,6 +60,16 @@ def _parser() -> argparse.ArgumentParser:
                         help='a CSV of i,j,dx,dy,dyaw: say how far the poses are off')
     parser.add_argument('--cell', metavar='M', type=float, default=0.05,
                         help='edge of a cell of the map in m (default: %(default)s)')
+    parser.add_argument('--scan-topic', metavar='TOPIC',
+                        help='of a bag, which scans (default: /scan, or the only ones)')
+    parser.add_argument('--odom-topic', metavar='TOPIC',
+                        help='of a bag, which odometry (default: /odom, the only one, or /tf)')
+    parser.add_argument('--laser', metavar='X,Y,YAW',
+                        help='of a bag, where the laser is on the robot, in m and degrees '
+                        '(default: as the bag says); and ,upside-down')
+    parser.add_argument('--session', metavar='N', type=int,
+                        help='of a recording during which the core was started again (default: '
+                        'the first)')
     return parser
 
 
@@ -61,9 +79,16 @@ def run(argv: Sequence[str]) -> int:
 
     :param argv: without the program's name.
     :return: the exit code.
+    :raises RtRobotError: it cannot run.
     """
-    arguments = _parser().parse_args(argv)
     try:
+        ros = parse_ros_args(argv, _NAME)
+        arguments = _parser().parse_args(ros.rest)
+        if arguments.bag is None and arguments.compare is None:
+            from rt_robot_os.clients.mapping.live_command import run_live
+            return run_live(arguments, ros)
+        from rt_robot_os.clients.mapping.offline import compared
+        from rt_robot_os.clients.mapping.offline import map_log
         if arguments.compare is not None:
             if arguments.relations is None:
                 raise ConfigError(['--compare needs --relations FILE'])

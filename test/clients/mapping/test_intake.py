@@ -1,0 +1,141 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scans wait for odometry; what is late, missing or impossible is left out and counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from typing import Any
+
+from mapping_robot import odometry_message
+from mapping_robot import scan_message
+import numpy as np
+import pytest
+
+from rt_robot_os.clients.mapping.intake import Intake
+from rt_robot_os.clients.mapping.intake import LATE_SCANS
+from rt_robot_os.clients.mapping.intake import SCANS_MOST
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.slam.deskew import LaserMount
+from rt_robot_os.slam.scan import Scan
+
+MS = 1_000_000
+MOUNT = LaserMount.of(Mounting())
+
+
+def scan_at(stamp_ms: int, **more: Any) -> tuple[int, int, memoryview]:
+    scan = Scan(0, np.zeros(3), np.full(180, 2.0), -math.pi, math.tau / 180)
+    return stamp_ms * MS, 0, memoryview(scan_message(replace(scan, **more)))
+
+
+def odom_at(stamp_ms: int, x: float, y: float = 0.0, yaw: float = 0.0
+            ) -> tuple[int, int, memoryview]:
+    return stamp_ms * MS, 0, memoryview(odometry_message((x, y, yaw)))
+
+
+@pytest.fixture
+def intake() -> Intake:
+    return Intake(lambda frame: MOUNT if frame == 'base_link' else None)
+
+
+def test_a_scan_waits_until_odometry_covers_it(intake: Intake) -> None:
+    intake.take_odometry(*odom_at(1000, 0.0))
+    intake.take_scan(*scan_at(1010))
+    assert intake.next() is None
+    intake.take_odometry(*odom_at(1020, 0.1))
+    found = intake.next()
+    assert found is not None and found.base.tolist() == pytest.approx([0.05, 0.0, 0.0])
+    assert intake.next() is None
+
+
+def test_one_that_odometry_will_never_cover_is_counted(intake: Intake) -> None:
+    intake.take_odometry(*odom_at(1000, 0.0))
+    intake.take_scan(*scan_at(990))
+    assert intake.next() is None
+    for stamp in range(1100, 1900, 100):
+        intake.take_scan(*scan_at(stamp))
+    assert intake.next() is None
+    assert intake.statistics()['scans_without_odometry'] == 1 + 2
+    assert 'without odometry' in intake.warning()
+
+
+def test_who_is_late_goes_on_with_the_newest(intake: Intake) -> None:
+    for stamp in range(1000, 1000 + 100 * LATE_SCANS, 100):
+        intake.take_scan(*scan_at(stamp))
+    for stamp in range(990, 2000, 50):
+        intake.take_odometry(*odom_at(stamp, 0.0))
+    found = intake.next()
+    assert found is not None and found.scan.stamp_ns == (900 + 100 * LATE_SCANS) * MS
+    assert intake.counts['scans_skipped'] == LATE_SCANS - 1
+
+
+def test_what_waits_is_bounded(intake: Intake) -> None:
+    for stamp in range(SCANS_MOST + 5):
+        intake.take_scan(*scan_at(1000 + stamp))
+    assert intake.statistics()['scans_waiting'] == SCANS_MOST
+    assert intake.counts['scans_overflowed'] == 5
+
+
+def test_odometry_that_jumps_or_begins_anew_goes_on_from_where_it_was(intake: Intake) -> None:
+    intake.take_odometry(*odom_at(1000, 5.0, 1.0, 1.0))
+    intake.take_odometry(*odom_at(1020, 50.0, 1.0, 1.0))
+    assert intake.track.last == pytest.approx((5.0, 1.0, 1.0))
+    intake.core_restarted()
+    intake.take_odometry(*odom_at(1040, 0.0, 0.0, 0.0))
+    intake.take_odometry(*odom_at(1060, 0.1, 0.0, 0.0))
+    assert intake.track.last == pytest.approx(
+        (5.0 + 0.1 * math.cos(1.0), 1.0 + 0.1 * math.sin(1.0), 1.0))
+    assert intake.counts['odometry_jumps'] == intake.counts['odometry_restarts'] == 1
+    assert intake.raw(np.array(intake.track.last)).tolist() == pytest.approx([0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize('scan, told', [
+    (scan_message(Scan(0, np.zeros(3), np.ones(180), -1.0, 0.01), b'rear\0'), "where 'rear' is"),
+    (scan_message(Scan(0, np.zeros(3), np.ones(180), math.nan, 0.01)), 'none of a laser'),
+    (scan_message(Scan(0, np.zeros(3), np.ones(180), 0.0, 0.0)), 'none of a laser'),
+    (scan_message(Scan(0, np.zeros(3), np.ones(0), 0.0, 0.1)), 'none of a laser'),
+    (b'\0\1\0\0', 'bytes'), (b'', 'encapsulation')])
+def test_a_scan_that_is_none_is_told(intake: Intake, scan: bytes, told: str) -> None:
+    intake.take_scan(1000 * MS, 0, memoryview(scan))
+    assert told in intake.warning() and intake.counts['malformed'] == 1
+    intake.take_scan(*scan_at(1100))
+    assert not intake.problem
+
+
+def test_time_that_goes_back_is_left_out_and_told(intake: Intake) -> None:
+    intake.take_odometry(*odom_at(1000, 1.0))
+    intake.take_odometry(*odom_at(990, 9.0))
+    assert intake.track.last[0] == 1.0
+    intake.take_scan(*scan_at(1000))
+    intake.take_scan(*scan_at(900))
+    assert intake.counts['scans_backwards'] == intake.counts['odometry_backwards'] == 1
+    assert 'went back' in intake.warning()
+
+
+def test_ranges_out_of_reach_measure_nothing(intake: Intake) -> None:
+    ranges = np.array([0.01, 1.0, 30.0, np.inf, np.nan, -1.0, *[2.0] * 174])
+    intake.take_odometry(*odom_at(1000, 0.0))
+    intake.take_scan(*scan_at(1000, ranges=ranges))
+    found = intake.next()
+    assert found is not None
+    seen = found.scan.ranges[:6]
+    assert np.isnan(seen[[0, 4, 5]]).all() and np.isinf(seen[[2, 3]]).all() and seen[1] == 1.0
+
+
+def test_missed_samples_are_counted_once(intake: Intake) -> None:
+    for stamp, missed in ((1000, 0), (1020, 3), (1040, 3), (1060, 5)):
+        intake.take_odometry(stamp * MS, missed, odom_at(stamp, 0.0)[2])
+    assert intake.counts['odometry_missed'] == 5
