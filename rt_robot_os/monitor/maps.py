@@ -39,10 +39,14 @@ class Maps:
 
     def has(self, robot: str, sha256: object) -> bool:
         """Return whether the map of a robot that is kept has this SHA-256."""
+        return bool(sha256) and self.digest(robot) == sha256
+
+    def digest(self, robot: str) -> str:
+        """Return the SHA-256 of the map of a robot that is kept; empty without one."""
         if robot not in self._digests:
             found = self.get(robot)
             self._digests[robot] = found['sha256'] if found else ''
-        return bool(sha256) and self._digests[robot] == sha256
+        return self._digests[robot]
 
     def put(self, robot: str, message: Mapping[str, Any]) -> None:
         """

@@ -29,7 +29,8 @@ records     up         batch, boot (of these records; an earlier start's after a
                        records gave way so far})
 live        up         n, utc_ns, signals ({name: [utc_ns, value]})
 answer      up         id, ok, text
-map         up         a map, as :mod:`rt_robot_os.uplink.maps` packs it; after want_map
+map         up         a map, as :mod:`rt_robot_os.uplink.maps` packs it; after want_map, and when
+                       the robot has another one
 beat        up         n, utc_ns; while somebody may drive also lease, motion, ...: n is the
                        ticket that a command to drive must carry
 welcome     down       utc_ns, want_map

@@ -90,9 +90,9 @@ def test_a_robot_that_says_nothing_is_shown_as_silent_and_what_is_missing_as_a_g
     with Page(address, me) as page:
         robot = FakeRobot(f'ws://{address}', script=script)
         robot.connect()
-        assert page.next('robot', id=script.robot, silent=True)['connected'] is True
+        page.next('robot', id=script.robot, connected=True, silent=True)
         robot.send(encode('beat', {'n': 1}))
-        assert page.next('robot', id=script.robot, silent=False)['connected'] is True
+        page.next('robot', id=script.robot, connected=True, silent=False)
         robot.disconnect()
         page.next('robot', id=script.robot, connected=False)
         robot.connect()

@@ -27,6 +27,7 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
+from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.maps import Maps
 from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.uplink.maps import map_message
@@ -94,3 +95,24 @@ def test_a_robot_sends_its_map_once_and_only_those_who_may_see_it_get_it(tmp_pat
             assert asked({}).status_code == 401
         with FakeRobot(f'ws://{address}', script=script) as robot:
             assert robot.received[0]['want_map'] is False
+
+
+def test_a_map_that_grows_is_kept_and_told_and_no_more_often_than_a_page_needs(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    services = quick_services(tmp_path)
+    script = RobotScript(people=('anna',), map=FLAT['sha256'])
+
+    def told() -> object:
+        return services.hub.robots['robot'].about['map']
+
+    with served(services) as address, FakeRobot(f'ws://{address}', script=script) as robot:
+        assert told() == '', 'a page asks when it hears of a map: not before it is here'
+        robot.send(encode('map', FLAT))
+        wait_until(lambda: told() == FLAT['sha256'], 'the map')
+        robot.send(encode('map', OTHER))
+        counts = services.hub.robots['robot'].counts
+        wait_until(lambda: counts.get('maps_too_fast'), 'a refusal')
+        monkeypatch.setattr(robot_connection, 'MAP_S', 0.0)
+        wait_until(lambda: robot.send(encode('map', OTHER)) or told() == OTHER['sha256'],
+                   'the map that has grown')
+        assert services.maps.get('robot') == OTHER

@@ -30,6 +30,7 @@ pytest.importorskip('playwright.sync_api')
 from playwright.sync_api import expect  # noqa: E402, I100
 from processes import wait_until  # noqa: E402
 from rt_robot_os.uplink.maps import map_message  # noqa: E402
+from rt_robot_os.uplink.messages import encode  # noqa: E402
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot
@@ -198,6 +199,22 @@ def test_who_may_only_look_sends_nothing_and_reads_all_in_words(
     expect(page.locator('.position-alarms')).to_contain_text('-1,50, 3,00 m')
     expect(page.locator('.position-nodes')).to_contain_text('Schwach · über sink, schlecht: 70')
     assert robot.commands == []
+
+
+def test_a_map_that_grows_is_drawn_anew_where_one_looks(
+        position: Callable[..., Any], robot: FakeRobot) -> None:
+    page = position('viewer')
+    looked = f'() => {{const {{x, y, scale}} = {VIEW}.view; return [x, y, scale];}}'
+    page.get_by_role('button', name='Zoom in').click()
+    page.evaluate(f'() => {VIEW}.view.pan(60, 40)')
+    before = page.evaluate(looked)
+    robot.send(encode('map', map_message(WIDTH, HEIGHT + 20, SIZE_M, ORIGIN,
+                                         CELLS + bytes(20 * WIDTH))))
+    page.wait_for_function(f'() => {VIEW}.map.height === {HEIGHT + 20}')
+    assert page.evaluate(looked) == before
+    assert page.evaluate(f'() => [{VIEW}.picture.height, {VIEW}.scene.pose.x]') == [
+        HEIGHT + 20, -1.0]
+    expect(page.locator('.position-note')).to_be_empty()
 
 
 def test_a_robot_without_a_map_is_shown_all_the_same(

@@ -39,8 +39,10 @@ pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 TOPICS = {'command': 500, 'answer': 2000, 'events': 6000, 'list': 60000, 'notify': 6000,
           'report': 500}
 YAML = f"""{GUARD_YAML}\
-    topics: [cmd_vel, heartbeat, {', '.join(TOPICS)}]
+    topics: [cmd_vel, heartbeat, map, {', '.join(TOPICS)}]
     cmd_vel: {{message: geometry_msgs/msg/Twist}}
+    map: {{message: nav_msgs/msg/OccupancyGrid, depth: 2, tail: 1000000,
+          fixed: {{header.frame_id: map}}}}
     heartbeat: {{topic: notifier/heartbeat, message: std_msgs/msg/String, tail: 500}}
 """ + ''.join(f"""\
     {name}: {{topic: alarms/{name}, message: std_msgs/msg/String, depth: 64, tail: {size}}}

@@ -182,6 +182,10 @@ class FakeRobot:
             return found() or {}
 
     def _read(self) -> None:
+        with suppress(ConnectionClosed):  # by a server that ends
+            self._hear()
+
+    def _hear(self) -> None:
         for text in self._socket:
             message = decode(text)
             with self._came:

@@ -20,21 +20,17 @@ import argparse
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
-import os
-from pathlib import Path
 
 from rt_robot_os.clients.gateway.needs import check
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.clients.gateway.settings import load
 from rt_robot_os.clients.gateway.settings import server_problem
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import StartError
+from rt_robot_os.link.only_one import folder_of
+from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
-from rt_robot_os.linux.folders import ros_home
-from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.process import leave_alone
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
@@ -89,24 +85,14 @@ def run(argv: Sequence[str]) -> int:
 
 def _carry(settings: GatewaySettings, robot: str) -> int:
     from rt_robot_os.clients.gateway.gateway import Gateway  # needs what check() looks for
-    folder = Path(settings.folder).expanduser() if settings.folder else (
-        ros_home() / f'{_NAME}-{robot}')
-    lock = LockFile(runtime_folder() / f'{robot}-{_NAME}.lock')
-    try:
-        taken = lock.acquire()
-    except OSError as error:
-        raise StartError(f'{lock.path} cannot be made: {error.strerror}') from error
-    if not taken:
-        raise StartError(f'a gateway of the robot {robot} runs already: two would send '
-                         'everything twice')
+    folder = folder_of(_NAME, robot, settings.folder)
     stopping: list[int] = []
-    try:
-        lock.note(pid=os.getpid())
+    with only_one(_NAME, robot,
+                  f'a gateway of the robot {robot} runs already: two would send '
+                  'everything twice'):
         leave_alone(settings.avoid_cpus)
         gateway = Gateway(settings, robot, socket_path(robot), folder,
                           lambda text: tell(_NAME, text))
         with ended_by_signals(stopping.append):
             asyncio.run(gateway.run(lambda: bool(stopping)))
-    finally:
-        lock.release()
     return OK

@@ -63,13 +63,17 @@ _DIRECT: Final[dict[str, Any]] = (
     {'proxy': None} if 'proxy' in inspect.signature(connect.__init__).parameters else {})
 
 
+class Renewal(Exception):
+    """A talk wants a new connection: nothing is wrong."""
+
+
 class Connection:
     """
     Stay connected.
 
     :param path: of the server, such as ``/robot/state``.
-    :param talk: called with each connection; when it returns or the connection is lost, there
-        will be a new one.
+    :param talk: called with each connection; when it returns, raises :class:`Renewal` or the
+        connection is lost, there will be a new one.
     :param tell: takes a line of text when a connection is lost or refused, once for each reason.
     :ivar connections: how many there were.
     :ivar attempts: how many were tried.
@@ -95,13 +99,19 @@ class Connection:
             self.problem = self._told = ''
             began_s = time.monotonic()
             why: Exception | None = None
+            renewed = False
             try:
                 await self._talk(socket)
+            except Renewal:
+                renewed = True
             except (ConnectionClosed, OSError, ValueError) as error:
                 why = error
             finally:
                 await _end(socket)
-            self._note(reason_of(why, self._settings) if why else 'the connection has ended')
+            if renewed:
+                self.problem = 'the server is greeted anew'
+            else:
+                self._note(reason_of(why, self._settings) if why else 'the connection has ended')
             if time.monotonic() - began_s > GOOD_S:
                 self._wait_s = FIRST_S
             await self._pause(is_refusal(why))
@@ -162,7 +172,7 @@ async def keep_alive(socket: ClientConnection, every_s: float, patience_s: float
         answer = await socket.ping()
         try:
             await asyncio.wait_for(answer, patience_s)
-        except TimeoutError:
+        except asyncio.TimeoutError:
             socket.transport.abort()
             raise ConnectionResetError(f'the server says nothing for {patience_s:g} s') from None
         await asyncio.sleep(every_s)
@@ -187,4 +197,4 @@ def _tls(ca_file: str) -> ssl.SSLContext:
         raise StartError(f'ca_file {ca_file} cannot be used: {error}') from error
 
 
-__all__ = ['ClientConnection', 'Connection', 'InvalidStatus', 'keep_alive', 'Talk']
+__all__ = ['ClientConnection', 'Connection', 'InvalidStatus', 'keep_alive', 'Renewal', 'Talk']

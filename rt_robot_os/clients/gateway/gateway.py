@@ -45,6 +45,7 @@ from rt_robot_os.clients.gateway.state_connection import StateConnection
 from rt_robot_os.clients.gateway.surroundings import Surroundings
 from rt_robot_os.clients.gateway.voice import Voice
 from rt_robot_os.uplink.messages import encode
+from rt_robot_os.uplink.tasks import end
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
 PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving, Media, Voice)
@@ -148,10 +149,8 @@ class Gateway:
                 for each in done:
                     each.result()
         finally:
-            for task in tasks:
-                task.cancel()
             with suppress(asyncio.CancelledError):
-                await asyncio.gather(*tasks, return_exceptions=True)
+                await end(tasks)
             self.robot.stop()
             self.keeper.stop()
 

@@ -55,6 +55,7 @@ from rt_robot_os.uplink.importance import Importance
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.messages import VERSION
+from rt_robot_os.uplink.tasks import end
 
 PATH: Final = '/robot/media'
 OBSERVED: Final = 'agent/observed'
@@ -187,9 +188,7 @@ class Media(Part):
             for each in done:
                 each.result()
         finally:
-            for each in tasks:
-                each.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await end(tasks)
             self._want({})
 
     async def _say_hello(self, socket: ClientConnection) -> None:

@@ -92,7 +92,8 @@ class GatewaySettings:
     nodes_file: str = setting('', 'The file that says where the nodes are, as of '
                               'sensor_network; empty when there is none', is_file=True)
     map: str = setting(  # noqa: A003
-        '', 'The map that is shown: a .yaml as of the planner; empty when there is none',
+        '', 'The map that is shown until the robot has one on its topic map: a .yaml as of the '
+        'planner; empty when there is none',
         is_file=True)
     cameras: tuple[str, ...] = setting((), 'Topics of compressed pictures that may be looked at; '
                                        'empty for all of the robot')

@@ -35,16 +35,20 @@ from typing import Protocol
 from rt_robot_os.clients.gateway.connection import ClientConnection
 from rt_robot_os.clients.gateway.connection import Connection
 from rt_robot_os.clients.gateway.connection import keep_alive
+from rt_robot_os.clients.gateway.connection import Renewal
 from rt_robot_os.clients.gateway.part import Part
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.messages import VERSION
+from rt_robot_os.uplink.tasks import end
 
 PATH: Final = '/robot/state'
 #: Messages of parts that may wait.
 QUEUE: Final = 256
 _LOOK_S: Final = 0.02
+# Of the greeting: another map is sent by itself.
+_CHANGING: Final = frozenset({'utc_ns', 'map'})
 _ALIVE_S: Final = 1.0
 _WELCOME_S: Final = 5.0
 
@@ -126,7 +130,10 @@ class StateConnection:
     async def _talk(self, socket: ClientConnection) -> None:
         hello = dict(self._hello())
         await socket.send(encode('hello', {'version': VERSION, **hello}))
-        await asyncio.wait_for(self._await_welcome(socket), _WELCOME_S)
+        try:
+            await asyncio.wait_for(self._await_welcome(socket), _WELCOME_S)
+        except asyncio.TimeoutError:
+            raise TimeoutError from None  # before Python 3.11 another
         self.connected = True
         for part in self._parts:
             part.met_server()
@@ -138,10 +145,8 @@ class StateConnection:
             for each in done:
                 each.result()
         finally:
-            for each in tasks:
-                each.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
             self.connected = False
+            await end(tasks)
             self._queue.clear()
             self._newest.clear()
             for part in self._parts:
@@ -155,10 +160,15 @@ class StateConnection:
                 return
 
     async def _watch(self, hello: Mapping[str, Any]) -> None:
-        """End when the robot has become another: the server is greeted anew."""
+        """
+        End when the robot has become another: the server is greeted anew.
+
+        :raises Renewal: always.
+        """
         while all(self._hello().get(key) == value for key, value in hello.items()
-                  if key != 'utc_ns'):
+                  if key not in _CHANGING):
             await asyncio.sleep(_ALIVE_S)
+        raise Renewal
 
     async def _send(self, socket: ClientConnection) -> None:
         wake = self._wake
@@ -169,7 +179,7 @@ class StateConnection:
                 await socket.send(text)
                 self.sent += 1
                 continue
-            with suppress(TimeoutError):
+            with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(wake.wait(), _LOOK_S)
             wake.clear()
 

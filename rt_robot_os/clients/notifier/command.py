@@ -19,19 +19,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import os
-from pathlib import Path
 
 from rt_robot_os.clients.notifier.notifier import Notifier
 from rt_robot_os.clients.notifier.settings import load
 from rt_robot_os.clients.notifier.settings import NotifierSettings
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import StartError
+from rt_robot_os.link.only_one import folder_of
+from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
-from rt_robot_os.linux.folders import ros_home
-from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
@@ -82,23 +79,13 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _carry(settings: NotifierSettings, robot: str) -> int:
-    folder = Path(settings.folder).expanduser() if settings.folder else (
-        ros_home() / f'{_NAME}-{robot}')
-    lock = LockFile(runtime_folder() / f'{robot}-{_NAME}.lock')
-    try:
-        taken = lock.acquire()
-    except OSError as error:
-        raise StartError(f'{lock.path} cannot be made: {error.strerror}') from error
-    if not taken:
-        raise StartError(f'a notifier of the robot {robot} runs already: two would tell '
-                         'everything twice')
+    folder = folder_of(_NAME, robot, settings.folder)
     stopping: list[int] = []
-    try:
-        lock.note(pid=os.getpid())
+    with only_one(_NAME, robot,
+                  f'a notifier of the robot {robot} runs already: two would tell '
+                  'everything twice'):
         notifier = Notifier(settings, socket_path(robot), folder / 'deliveries.jsonl',
                             lambda text: tell(_NAME, text))
         with ended_by_signals(stopping.append):
             notifier.run(lambda: bool(stopping))
-    finally:
-        lock.release()
     return OK

@@ -122,7 +122,6 @@ class Hub:
             robot = self.known(each['id'], each.get('name') or '')
             robot.lives_with(each.get('people') or ())
             robot.last_seen_ns = each.get('last_seen_ns') or 0
-            robot.silent = True
         for each in alarms:
             self.known(each['robot']).alarms[each['id']] = dict(each)
 

@@ -44,6 +44,7 @@ from rt_robot_os.monitor.services import Services
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
+from rt_robot_os.uplink.tasks import end
 from starlette.websockets import WebSocketDisconnect
 
 #: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.
@@ -287,8 +288,7 @@ async def _until_one_ends(*parts: Coroutine[Any, Any, Any]) -> None:
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        for task in tasks:
-            task.cancel()
+        await end(tasks)
         for found in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(found, Exception) and not isinstance(
                     found, WebSocketDisconnect | RuntimeError):

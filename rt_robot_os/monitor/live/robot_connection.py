@@ -44,6 +44,8 @@ HELLO_S: Final = 10.0
 #: Batches that may wait for the disk; more are refused, and come again.
 BATCHES_MOST: Final = 8
 RETRY_S: Final = 2.0
+#: From one map of a robot to the next.
+MAP_S: Final = 1.0
 MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
 PEOPLE_MOST: Final = 64
@@ -82,7 +84,8 @@ class RobotConnection:
         self._outlet = Outlet(websocket)
         self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
-        self._map_taken = False
+        self._next_map_s = 0.0
+        self._map_kept = asyncio.Lock()
         self._next_s = 0.0
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -146,8 +149,10 @@ class RobotConnection:
         self._boot = boot
         now_ns = time.time_ns()
         self._take_about(hello, now_ns)
-        self.say('welcome', {'utc_ns': now_ns, 'version': VERSION,
-                             'want_map': await self._wants_map(hello.get('map'))})
+        wants_map = await self._wants_map(hello.get('map'))
+        if wants_map:  # a page asks for a map when it hears of it: until then there is that before
+            self._robot.about['map'] = self._services.maps.digest(self._robot.id)
+        self.say('welcome', {'utc_ns': now_ns, 'version': VERSION, 'want_map': wants_map})
         self._services.hub.connect(self._robot, self, now_ns)
         self._start(asyncio.to_thread(self._note_hello))
         return True
@@ -213,19 +218,23 @@ class RobotConnection:
         self.say('taken', {'n': n})
 
     def _take_map(self, message: dict[str, Any]) -> None:
-        if self._services.maps is None or self._map_taken:
-            self._robot.count('messages_unknown')
+        now = asyncio.get_running_loop().time()
+        if self._services.maps is None or now < self._next_map_s:
+            self._robot.count('messages_unknown' if self._services.maps is None
+                              else 'maps_too_fast')
             return
-        self._map_taken = True  # one is asked for
+        self._next_map_s = now + MAP_S  # one is asked for; others come as it grows
         self._start(self._keep_map(message))
 
     async def _keep_map(self, message: dict[str, Any]) -> None:
         try:
-            await asyncio.to_thread(self._services.maps.put, self._robot.id, message)
+            async with self._map_kept:
+                await asyncio.to_thread(self._services.maps.put, self._robot.id, message)
         except (ValueError, OSError) as error:
             self._robot.count('maps_wrong')
             _LOG.warning('%s: its map cannot be kept: %s', self._robot.name, error)
             return
+        self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self._services.hub.tell_robot(self._robot)
 
     def _start(self, what: Coroutine[Any, Any, None]) -> None:

@@ -100,7 +100,7 @@ class RobotState:
     people: frozenset[str] | None = None
     ever: frozenset[str] = frozenset()
     connected: bool = False
-    silent: bool = False
+    silent: bool = True
     last_seen_ns: int = 0
     heard: float = 0.0
     boot: str = ''

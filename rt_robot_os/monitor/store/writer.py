@@ -167,6 +167,8 @@ class Writer:
                 self.failures += 1
                 self._one_by_one(group, error)
             else:
+                # Whoever hears that it is stored finds no fault any more.
+                self.fault = ''
                 for each, result in zip(group, added, strict=True):
                     each.done(result)
             self.commits += 1

@@ -27,10 +27,11 @@ import threading
 from typing import Any
 
 from alarms_core import Core
+from alarms_core_fixtures import core
+from alarms_core_fixtures import running
 from fake_server import FakeServer
 from fake_server import serving
 from fake_server import TOKEN
-from processes import in_a_folder
 import pytest
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
@@ -39,23 +40,8 @@ from rt_robot_os.clients.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.clients.gateway.settings import GatewaySettings  # noqa: E402
 from rt_robot_os.clients.gateway.settings import load  # noqa: E402
 
+__all__ = ['core', 'gateway', 'running', 'server']
 Make = Callable[..., AbstractContextManager[Gateway]]
-
-
-@pytest.fixture(scope='module')
-def running() -> Iterator[Core]:
-    with in_a_folder(Core) as core:
-        core.start()
-        yield core
-
-
-@pytest.fixture
-def core(running: Core, monkeypatch: pytest.MonkeyPatch) -> Core:
-    monkeypatch.setenv('RT_ROBOT_OS_RUNTIME_DIR', str(running.folder))
-    running.answers = lambda command: None
-    for said in running.heard.values():
-        said.clear()
-    return running
 
 
 @pytest.fixture

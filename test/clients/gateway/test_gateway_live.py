@@ -20,7 +20,22 @@ import json
 from typing import Any
 
 from fake_server import FakeServer
+import numpy as np
 from processes import wait_until
+import pytest
+from rt_robot_os.clients.gateway import surroundings
+from rt_robot_os.link.client import LinkClient
+from rt_robot_os.topics import Layout
+
+
+def grid(width: int, value: int = 0, known: int = 0) -> bytes:
+    """Make an OccupancyGrid of 300 rows, all of one value as far as it is known."""
+    cells = np.full((300, width), -1, np.int8)
+    cells[:, :known or width] = value
+    layout = Layout.compile('nav_msgs/msg/OccupancyGrid', {'header.frame_id': 'map'},
+                            tail=cells.size)
+    return layout.from_dict({'info': {'resolution': 0.05, 'width': width, 'height': 300},
+                             'data': cells.ravel()})
 
 
 def test_a_server_is_greeted_and_sees_what_changes(
@@ -59,3 +74,42 @@ def test_signals_become_fewer_never_older(core: Any, server: FakeServer, gateway
 def _known(made: Any) -> str:
     known = made.live._known.get('alarms/list')
     return '{"number": -1}' if known is None else known[3][8:-1].decode()
+
+
+def test_a_map_that_grows_is_sent_when_it_has_changed(
+        core: Any, gateway: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surroundings, 'MAP_S', 0.02)
+    said: list[str] = []
+
+    def maps() -> list[int]:
+        return [each['width'] for each in server.kinds('map')]
+
+    with gateway(core, said) as made, LinkClient(core.folder / 'robot.sock', 'mapping') as client:
+        channel = client.advertise('map')
+        part = next(each for each in made.parts if isinstance(each, surroundings.Surroundings))
+        for width in (300, 400):
+            client.publish(channel, grid(width))
+            wait_until(lambda width=width: maps()[-1:] == [width], 'the map')
+        client.publish(channel, grid(500, known=400))  # no more of it is known
+        client.publish(channel, grid(300, 101))
+        wait_until(lambda: part.maps_refused, 'a refusal')
+        assert maps() == [300, 400] and any('it has the value 101' in each for each in said)
+        client.publish(channel, grid(600))
+        wait_until(lambda: maps()[-1:] == [600], 'the map')
+        assert server.connections == 1, 'the server is not greeted anew for each map'
+        server.want_map = True
+        server.cut()
+        wait_until(lambda: len(maps()) == 4, 'the map for a server that has not got it')
+        assert server.kinds('hello')[-1]['map'] == server.kinds('map')[-1]['sha256']
+    assert made.statistics()['maps_sent'] == 4
+
+
+def test_a_robot_that_has_become_another_is_greeted_without_alarm(
+        core: Any, gateway: Any, server: Any) -> None:
+    said: list[str] = []
+    with gateway(core, said) as made:
+        wait_until(lambda: server.kinds('hello'), 'the greeting')
+        made.identity.boot = 'another'
+        wait_until(lambda: len(server.kinds('hello')) == 2, 'another greeting')
+        wait_until(lambda: made.server.connected, 'the connection')
+    assert not [each for each in said if 'ended' in each]

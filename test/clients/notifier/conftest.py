@@ -12,30 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A core for all tests of a module: to start one takes longest."""
+"""A core for all tests of a module."""
 
-from __future__ import annotations
+from alarms_core_fixtures import core
+from alarms_core_fixtures import running
 
-from collections.abc import Iterator
-
-from alarms_core import Core
-from processes import in_a_folder
-import pytest
-
-pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
-
-
-@pytest.fixture(scope='module')
-def running() -> Iterator[Core]:
-    with in_a_folder(Core) as core:
-        core.start()
-        yield core
-
-
-@pytest.fixture
-def core(running: Core, monkeypatch: pytest.MonkeyPatch) -> Core:
-    monkeypatch.setenv('RT_ROBOT_OS_RUNTIME_DIR', str(running.folder))
-    running.answers = lambda command: None
-    for said in running.heard.values():
-        said.clear()
-    return running
+__all__ = ['core', 'running']

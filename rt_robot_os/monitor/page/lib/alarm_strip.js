@@ -49,7 +49,7 @@ function keyOf(context, open) {
   const [worst] = open;
   return JSON.stringify([context.state.isKnown, context.live.isOpen, open.length,
     open.filter(isLoud).length, worst && [worst.robot, worst.id, worst.state, worst.level, worst.kinds,
-      worst.text, worst.by], robotsUp(context)]);
+      worst.text, worst.by], worst ? null : robotsUp(context)]);
 }
 
 function robotsUp(context) {

@@ -81,8 +81,16 @@ export function add(element, children) {
 
 /** Put these children in the place of all others. */
 export function replace(element, ...children) {
+  const focused = element.contains(document.activeElement) && element !== document.activeElement
+    ? document.activeElement : null;
   element.replaceChildren();
-  return add(element, children);
+  add(element, children);
+  if (focused && focused.matches('a, button')) {
+    // Who goes by keys stays where they were: on the button that says the same.
+    [...element.querySelectorAll(focused.tagName)].find(
+      (each) => each.textContent === focused.textContent)?.focus({preventScroll: true});
+  }
+  return element;
 }
 
 /** Set the text of an element if it differs: nothing is drawn, or read out, for nothing. */

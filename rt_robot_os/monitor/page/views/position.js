@@ -142,16 +142,20 @@ class PositionView {
       const found = await unpacked(await this.context.api.get(
         `/api/robots/${encodeURIComponent(robot.id)}/map`));
       if (mine === this.asked) {
+        const isFirst = !this.map;
         this.map = found;
         this.picture = pictureOf(found, this.palette.map);
         this.explain('');
-        this.fit();
+        isFirst && this.fit(); // one that grows leaves what somebody looks at where it is
       }
     } catch (error) {
       if (mine === this.asked) {
-        this.map = null;
-        this.explain(error.status === 404 ? 'no_map' : 'map_failed', error.message);
-        this.fit();
+        const had = this.map && error.status !== 404;
+        if (!had) {
+          this.map = null;
+          this.explain(error.status === 404 ? 'no_map' : 'map_failed', error.message);
+          this.fit();
+        }
         if (error.status !== 404) {
           setTimeout(() => mine === this.asked && this.retry(), 5000);
         }
