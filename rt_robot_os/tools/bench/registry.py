@@ -39,6 +39,7 @@ from rt_robot_os.tools.bench.cases import reaction
 from rt_robot_os.tools.bench.cases import routing
 from rt_robot_os.tools.bench.cases import serial
 from rt_robot_os.tools.bench.cases import sink
+from rt_robot_os.tools.bench.cases import slam
 from rt_robot_os.tools.bench.cases import spacing
 from rt_robot_os.tools.bench.cases import stability
 from rt_robot_os.tools.bench.cases import start
@@ -51,4 +52,4 @@ CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
     serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
     capture.CASE, gateway.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
     spacing.CASE, localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE,
-    start.START, start.MEMORY)})
+    slam.CASE, start.START, start.MEMORY)})

@@ -27,7 +27,7 @@ from typing import Protocol
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.client import CoreStatistics
+from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 from rt_robot_os.settings import TopicSettings
