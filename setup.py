@@ -76,7 +76,7 @@ setup(
             'health = rt_robot_os.tools.health.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'monitor = rt_robot_os.monitor.program:main',
-            'mapping = rt_robot_os.tools.mapping.program:main',
+            'mapping = rt_robot_os.clients.mapping.program:main',
             'new = rt_robot_os.tools.new.program:main',
             'notifier = rt_robot_os.clients.notifier.program:main',
             'parameters = rt_robot_os.clients.parameters.program:main',

@@ -29,9 +29,9 @@ from html import escape
 from pathlib import Path
 
 from rt_robot_os.devices.sink.twin import SimulatedSink
+from rt_robot_os.link.marker import Marker
 from rt_robot_os.link.markers import LABELS
 from rt_robot_os.link.markers import LINKS
-from rt_robot_os.link.markers import Marker
 from rt_robot_os.link.markers import markers_of
 from rt_robot_os.link.markers import NODES
 from rt_robot_os.settings.world import load_world

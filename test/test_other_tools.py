@@ -25,6 +25,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from rt_robot_os.clients.mapping.outputs import TOPICS
+from rt_robot_os.clients.mapping.settings import load as mapping_settings
 from rt_robot_os.settings import load
 import yaml
 
@@ -156,7 +158,7 @@ def test_the_launch_file_of_a_whole_robot_takes_the_same(name: str) -> None:
     launch = ElementTree.fromstring(text)
     ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
     taken = [each.get('name') for each in ours.findall('arg')]
-    more = {'monitor'} if name == 'assisted_living' else set()
+    more = {'assisted_living': {'monitor'}, 'service_robot': {'mapping'}}.get(name, set())
     given = [str(each.get('name')) for each in launch.findall('arg')]
     assert [each for each in given if each not in more] == taken
     assert set(given) == set(taken) | more
@@ -164,6 +166,45 @@ def test_the_launch_file_of_a_whole_robot_takes_the_same(name: str) -> None:
     assert {each.get('name'): each.get('value') for each in include.findall('arg')} == {
         each: f'$(var {each})' for each in taken}
     assert launch.findall('arg')[0].get('default', '').endswith(f'/config/{name}.yaml')
+
+
+def test_the_robot_that_maps_is_the_service_robot_with_another_file_over_it() -> None:
+    launch = ElementTree.parse(ROOT / 'launch' / 'mapping.launch.xml').getroot()
+    files = {each.get('name'): each.get('default', '') for each in launch.findall('arg')}
+    paths = [CONFIG / files[name].rpartition('/')[2]
+             for name in ('params_file', 'mapping_params_file')]
+    assert all(files.get(name) for name in ('name', 'log_level'))
+    robot, mapping = launch.iter('node')
+    both = '--params-file $(var params_file) --params-file $(var mapping_params_file)'
+    assert both in robot.get('args', '') and both in mapping.get('args', '')
+    settings = load(paths)
+    modules = {each.name: each.settings for each in settings.modules}
+    where = modules['localization']
+    assert where['fix_topic'] == 'slam/pose' and where['correction_topic'] == 'slam/correction'
+    assert not where['second_fix_topic'] and modules['planner']['map_topic'] == 'map'
+    assert 'stargazer' not in [each.name for each in settings.devices]
+    # What mapping reads and publishes is there, with and without.
+    beside = mapping_settings(paths, {})
+    assert beside.fix_topic == '' and beside.start == 'origin'
+    # service_robot.launch.xml mapping:=true gives it the one file.
+    with_marks = mapping_settings(paths[:1], {})
+    assert with_marks.fix_topic == 'stargazer/pose' and with_marks.start == 'pose'
+    alone = load([CONFIG / 'service_robot.yaml'])
+    for found in settings, alone:
+        declared = {each.topic for each in found.topics}
+        assert set(TOPICS) <= declared and {'mapping/command', 'initialpose'} <= declared
+
+
+def test_a_map_that_came_before_a_viewer_is_there_for_it() -> None:
+    mirrors = {each.ros_topic: each for each in load([CONFIG / 'service_robot.yaml']).mirrors}
+    kept = mirrors['map']
+    # As map_server and slam_toolbox publish it.
+    assert (kept.reliability, kept.durability, kept.depth) == ('reliable', 'transient_local', 1)
+    assert kept.message == 'nav_msgs/msg/OccupancyGrid'
+    layout = json.loads((CONFIG / 'foxglove_service_robot.json').read_text())
+    shown = layout['configById']['3D!scene']['topics']
+    assert {'/map', '/slam/path', '/slam/graph'} <= set(shown) and set(
+        name.lstrip('/') for name in shown) <= set(mirrors)
 
 
 def test_each_server_of_nav2_has_its_parameters_and_is_managed() -> None:

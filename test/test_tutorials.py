@@ -23,12 +23,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / 'docs' / 'tutorials').glob('*.md'))
+# One shows commands only.
+CODED = [page for page in PAGES if page.stem != 'map_your_flat']
 BLOCK = re.compile(r'<!-- (examples/[\w/.]+) -->\n```\w+\n(.*?)```\n', re.DOTALL)
 HEADER = Path(__file__).read_text().split('\n\n')[0]
 EXAMPLE = ROOT / 'examples' / 'rt_robot_example'
 
 
-@pytest.mark.parametrize('page', PAGES, ids=[page.stem for page in PAGES])
+@pytest.mark.parametrize('page', CODED, ids=[page.stem for page in CODED])
 def test_the_blocks_of_a_tutorial_are_the_files(page: Path) -> None:
     blocks = BLOCK.findall(page.read_text())
     assert len(blocks) >= 2

@@ -32,6 +32,8 @@ from rclpy.qos import QoSProfile  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'assisted_living.yaml'

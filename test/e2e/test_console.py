@@ -34,6 +34,8 @@ from rcl_interfaces.msg import Log  # noqa: E402
 from rclpy.qos import DurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -30,6 +30,8 @@ from rosbags.interfaces import QosDurability  # noqa: E402
 from rosbags.interfaces import QosReliability  # noqa: E402
 import yaml  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 RECORD = 'rt_robot_os.clients.recording.record_program'
 REPLAY = 'rt_robot_os.clients.recording.replay_program'
 Until = Callable[..., Any]

@@ -39,6 +39,8 @@ from sensor_msgs.msg import MagneticField  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
 from sensor_msgs.msg import NavSatStatus  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 G = 9.80665
 HALF = 0.51  # of a least significant bit, with room for the rounding of floats

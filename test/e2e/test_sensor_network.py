@@ -33,6 +33,8 @@ from std_msgs.msg import Float64  # noqa: E402
 from visualization_msgs.msg import Marker  # noqa: E402
 from visualization_msgs.msg import MarkerArray  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 Place = tuple[float, float]
 

@@ -32,6 +32,8 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'service_robot.yaml'

@@ -47,18 +47,25 @@ NO_ROBOT = {'README.md 1', 'config/diagnostics_aggregator.yaml',
             'config/maps/flat_world.yaml', 'config/maps/house.yaml',
             'config/maps/house_world.yaml', 'config/nav2.yaml',
             'docs/camera_and_voice.md 1', 'docs/gateway.md 1', 'docs/localization.md 1',
-            'docs/notifier.md 1'}
+            'docs/notifier.md 1', 'docs/tutorials/map_your_flat.md 1'}
 # Those of sensor networks have tests of their own.
 NO_ROBOTS = ('config/scenarios/', 'docs/network_simulator.md ')
 HEAD = '/**/robot:\n  ros__parameters:\n'
 # What a part of a file is laid over, where that is not the shipped robot.
-UNDER = {'docs/alarms.md 2': HEAD + '    devices: []\n    topics: [command, answer]\n'
+UNDER = {'config/mapping.yaml': ROOT / 'config' / 'service_robot.yaml',
+         'docs/alarms.md 2': HEAD + '    devices: []\n    topics: [command, answer]\n'
          '    command: {topic: alarms/command, message: std_msgs/msg/String, tail: 400}\n'
          '    answer: {topic: alarms/answer, message: std_msgs/msg/String, tail: 400}\n',
          'docs/tutorials/a_module_in_an_afternoon.md 1': EXAMPLE / 'config' / 'example.yaml',
          'docs/attitude.md 1': HEAD + '    devices: [imu]\n'
          '    imu: {type: witmotion, port: sim, frame_id: imu_link}\n',
          'docs/configuration.md 2': HEAD + '    devices: []\n',
+         'docs/planner.md 2': HEAD + '    devices: []\n    modules: [planner]\n'
+         '    planner: {type: planner, followed_topic: ""}\n    topics: [goal_pose, pose, map, '
+         'slam_correction]\n    slam_correction: {topic: slam/correction, message: '
+         'geometry_msgs/msg/PoseWithCovarianceStamped}\n'
+         '    goal_pose: {message: geometry_msgs/msg/PoseStamped}\n'
+         '    pose: {message: geometry_msgs/msg/PoseWithCovarianceStamped}\n',
          'docs/rules.md 1': ROOT / 'config' / 'sensor_network.yaml',
          'docs/rules.md 2': ROOT / 'config' / 'sensor_network.yaml',
          'docs/rules.md 3': ROOT / 'config' / 'service_robot.yaml',
@@ -132,8 +139,10 @@ def read(name: str, folder: Path) -> Any:
     """Load a configuration as a user would write it down."""
     text = SOURCES[name]
     paths = [folder / 'robot.yaml']
-    if 'ros__parameters' not in text:
+    is_part = 'ros__parameters' not in text
+    if is_part:
         text = HEAD + textwrap.indent(textwrap.dedent(text), '    ')
+    if is_part or name in UNDER:
         under = UNDER.get(name, default_path())
         if isinstance(under, str):
             (folder / 'under.yaml').write_text(under, encoding='utf-8')
@@ -150,7 +159,8 @@ def flat(value: Any, prefix: str = '') -> Iterator[tuple[str, Any]]:
             yield from flat(item, f'{prefix}.{key}' if prefix else key)
     elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
         for each in value:
-            yield from flat(each, f'{prefix}.{each.get("name") or each["frame_id"]}')
+            name = each.get('name') or each.get('frame_id') or each['label']
+            yield from flat(each, f'{prefix}.{name}')
     else:
         yield prefix, value
 
