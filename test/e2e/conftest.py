@@ -181,8 +181,10 @@ class World:
 
     def leftovers(self) -> list[str]:
         """List processes of ours and files of theirs that are still there."""
-        found = [str(p.relative_to(self.folder)) for p in self.folder.rglob('*')
-                 if p.suffix != '.yaml']
+        # os.walk passes over a folder that is removed meanwhile; Path.rglob does not in Python 3.11.
+        found = [os.path.relpath(Path(folder) / name, self.folder)
+                 for folder, folders, files in os.walk(self.folder) for name in folders + files
+                 if not name.endswith('.yaml')]
         for entry in Path('/proc').iterdir():
             if not entry.name.isdigit() or int(entry.name) == os.getpid():
                 continue
