@@ -59,7 +59,7 @@ Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run 
   bench preemption --seconds 60       one case, longer
   bench memory --seconds 3600         watch the size of the core for an hour
   bench localization --data drive.csv --out drive    your own recording
-  bench --full --out results          everything, 88 minutes
+  bench --full --out results          everything, 95 minutes
   bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
   bench --page s                      another terminal: evaluates what is there so far;
                                       after Ctrl-C the same call goes on where it ended

@@ -42,12 +42,13 @@ class Stream:
     :ivar timer: the task's own timer makes it.
     :ivar ticks: it comes with a signal of its own: from a timer or from outside.
     :ivar waits: its releases do not come within the job of a parent.
+    :ivar promiser: whose job makes it, no oftener than promised, whatever makes that run.
     :ivar chain_ns: bound from the first release of the chain to the end of the job; it grows
         while the analysis iterates.
     """
 
     __slots__ = ('task', 'period_ns', 'jitter_ns', 'parents', 'timer', 'ticks', 'waits',
-                 'chain_ns')
+                 'promiser', 'chain_ns')
 
     def __init__(self, task: PlannedTask, period_ns: int, jitter_ns: int,
                  parents: Sequence[Stream] = (), timer: bool = False) -> None:
@@ -58,6 +59,7 @@ class Stream:
         self.timer = timer
         self.ticks = not self.parents
         self.waits = False
+        self.promiser: PlannedTask | None = None
         self.chain_ns = 0
 
     @property
@@ -83,6 +85,9 @@ class Stream:
         Of each way the tasks from the first of that level. Empty when something else releases it,
         or when the releases do not come within the job of a parent.
         """
+        if self.promiser is not None and not self.promiser.logical and (
+                self.promiser.priority < level):
+            return frozenset({(self.task.name,)})
         if not self.parents or self.waits or any(p.task.logical for p in self.parents):
             return frozenset()
         if self.parents[0].task.priority < level:
@@ -156,6 +161,7 @@ class StreamTable:
             # Whatever makes its source run, it comes no oftener; two may come together.
             stream = Stream(task, event.period_ns, event.jitter_ns + event.period_ns)
             stream.ticks = False
+            stream.promiser = self._tasks[event.source] if not event.waits else None
             return [stream]
         parents = self._of(self._tasks[event.source], path)
         if event.source in self.problems and task.name not in self.problems:

@@ -100,6 +100,15 @@ def test_what_is_not_known_has_no_bound_and_says_why() -> None:
     assert found.reason == 'last: its execution time is not known'
 
 
+def test_those_below_a_chain_that_promise_to_be_seldom_release_a_stage_once_together() -> None:
+    low = [timed(f'low{number}', 1, 1000, 10) for number in range(5)]
+    promises = [Event(task.name, 900, promised=True) for task in low]
+    tasks = [timed('first', 9, 1000, 10), released('last', 7, 30, 'middle'), *low,
+             PlannedTask('middle', 8, execution_ns=20, events=(Event('first'), *promises))]
+    # The 60 of the chain, and what all five had released when it began: middle, and after it last.
+    assert chain(tasks, 'first', 'last').bound_ns == 60 + 50
+
+
 def test_logical_execution_is_a_pause() -> None:
     tasks = [PlannedTask('first', 9, period_ns=1000, deadline_ns=400, execution_ns=10,
                          logical=True), released('last', 8, 20, 'first')]
@@ -124,11 +133,13 @@ def test_no_chain_takes_longer_on_the_kernel(seed: int) -> None:
     tasks = random_set(rng, rng.randint(2, 5), rng.uniform(0.2, 0.6), levels=rng.choice([3, 20]))
     before = 't0'
     for number in range(rng.randint(1, 4)):
-        name = f'c{number}'
-        others = rng.sample([t.name for t in tasks if t.name != before], rng.choice((0, 1, 1)))
-        tasks.append(released(name, rng.randint(1, 20), rng.randint(1, 4) * UNIT_NS, before,
-                              *others))
-        before = name
+        others = rng.sample([t for t in tasks if t.name != before], rng.choice((0, 1, 1)))
+        # A task that publishes in each job may promise just that.
+        tasks.append(PlannedTask(
+            f'c{number}', rng.randint(1, 20), execution_ns=rng.randint(1, 4) * UNIT_NS,
+            events=(Event(before), *(Event(t.name, t.period_ns, promised=bool(t.period_ns))
+                                     for t in others))))
+        before = f'c{number}'
     found = chain(tasks, 't0', before)
     if found.bound_ns is not None:
         assert 0 < longest_ns(tasks, [s.task for s in found.stages]) <= found.bound_ns, tasks
