@@ -96,6 +96,10 @@ class _Builder:
         self._check_names()
         if self._measured is not None:
             self._note_measurement(self._measured)
+        if self._wiring.not_counted:
+            self._notes.append(
+                f'{", ".join(self._wiring.not_counted)}: no device, module or mirror publishes it; '
+                'what a client that does makes others compute is not counted')
         if self._given.typical is not None and 'typical' in self._origins.values():
             self._notes.append(
                 'typical execution times are no bounds and are those of another machine: '

@@ -81,11 +81,16 @@ class Wiring:
             if mirror.direction == 'in':
                 # A topic that modules write as well has no section of its own.
                 self.inputs[mirror.topic] = rates.get(mirror.topic) or mirror.max_rate_hz
+        # Nothing in the configuration feeds these: clients of the core may, such as `mapping`.
+        not_fed = [topic for topic in rates if topic not in self._sources | self.inputs.keys()]
         for wakes in self._wakes.values():
             for pattern in [topic for topic in wakes if STAR in topic]:
                 wake = wakes.pop(pattern)
                 wakes.update((topic, wake) for topic in self._sources
                              if star_match(pattern, topic) is not None)
+        #: Those of them that wake somebody; what that costs is not counted.
+        self.not_counted = tuple(
+            topic for topic in not_fed if any(topic in wakes for wakes in self._wakes.values()))
         for topic, rate_hz in self.inputs.items():
             self._add(topic, Source(COMMANDS, settings.core.command_priority, 0.0, rate_hz))
 

@@ -37,7 +37,8 @@ from rt_robot_os.tools.plan.task import Event
 
 ROOT = Path(__file__).resolve().parents[3]
 ROBOTS = [ROOT / 'config' / f'{name}.yaml'
-          for name in ('all_devices', 'camera', 'robot', 'serial')]
+          for name in ('all_devices', 'assisted_living', 'camera', 'robot', 'serial',
+                       'service_robot')]
 ROBOT = Path(__file__).with_name('plan_robot.yaml')
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
 
@@ -257,3 +258,12 @@ def test_the_core_own_tasks_may_want_more_than_there_is() -> None:
     assert found.task('link/service').verdict is Verdict.OVERLOAD
     assert not found.failed
     assert found.service > 1 > found.utilisation
+
+
+def test_what_only_a_client_could_publish_is_told_and_not_counted() -> None:
+    config = ROOT / 'config'
+    made = robot_tasks(load([config / 'service_robot.yaml', config / 'mapping.yaml']))
+    told, = (note for note in made.notes if 'is not counted' in note)
+    # `mapping` is a process of its own; nobody has written here that it runs.
+    assert {'slam/pose', 'slam/correction'} <= set(told.partition(':')[0].split(', '))
+    assert not any('is not counted' in note for note in robot_tasks(settings_of()).notes)
