@@ -163,6 +163,7 @@ make_venv() {
     adopt_venv
     return
   fi
+  spare_the_other_kind
   [ -n "$BASE" ] || choose_python
   say "making the virtual environment $VENV (Python $(version_of "$BASE"))"
   [ "$MODE" = wheels ] || options=(--system-site-packages)
@@ -171,6 +172,17 @@ make_venv() {
   echo incomplete >"$VENV/.$PACKAGE"
   logged "$BASE" -m venv "${options[@]}" "$VENV" || fail "$BASE -m venv failed, see $LOG"
   echo "$MODE" >"$VENV/.$PACKAGE"
+}
+
+# One that the user named is not made anew for another kind of shell: what runs from it would end.
+spare_the_other_kind() {
+  [ -n "${RT_ROBOT_OS_VENV:-}" ] || return 0
+  case $(venv_mark):$MODE in
+    wheels:ros) fail "$VENV was made without ROS, and here ROS 2 is sourced:" \
+      "set RT_ROBOT_OS_VENV to another folder, or use a shell without ROS" ;;
+    ros:wheels) fail "$VENV was made for ROS 2 that is sourced, and here it is not:" \
+      "source it, or set RT_ROBOT_OS_VENV to another folder" ;;
+  esac
 }
 
 # A folder that was there before: used when it is a virtual environment that works, never removed.

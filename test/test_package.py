@@ -25,6 +25,7 @@ import importlib
 import os
 from pathlib import Path
 import re
+import subprocess
 import sys
 import tokenize
 from xml.etree import ElementTree
@@ -340,3 +341,17 @@ def test_files_and_modules_named_in_comments_and_pages_are_there() -> None:
             missing += [f'{name}:{number}: .{found}' for found in RELATIVE_ROLE.findall(line)
                         if not (ROOT / name).with_name(f'{found}.py').is_file()]
     assert missing == []
+
+
+@pytest.mark.parametrize('made_for, here, said', [
+    ('ros', 'wheels', 'was made for ROS 2 that is sourced, and here it is not'),
+    ('wheels', 'ros', 'was made without ROS, and here ROS 2 is sourced')])
+def test_an_environment_that_was_named_is_not_thrown_away_for_another_kind_of_shell(
+        tmp_path: Path, made_for: str, here: str, said: str) -> None:
+    (tmp_path / '.rt_robot_os').write_text(f'{made_for}\n')
+    done = subprocess.run(
+        ['bash', '-c', '. "$0"; MODE=$1; VENV=$RT_ROBOT_OS_VENV; PYTHON=$VENV/bin/python; make_venv',
+         ROOT / 'scripts' / 'environment.bash', here],
+        env={**os.environ, 'RT_ROBOT_OS_VENV': str(tmp_path)}, capture_output=True, text=True)
+    assert done.returncode == 2 and said in done.stderr
+    assert (tmp_path / '.rt_robot_os').exists()

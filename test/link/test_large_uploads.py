@@ -12,40 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Large samples from clients into the core: from good ones, liars, and those that are killed."""
+"""Large samples from clients into the core: from good ones, and from liars."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 import os
 from pathlib import Path
-import subprocess
-import sys
 import tempfile
 from typing import Any
 
-from core_in_process import CoreInProcess
 from core_in_process import MS
-from core_in_process import RawClient
 from core_in_process import S
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from large_clients import Client
+from large_clients import grid
+from large_clients import TAIL
+from large_clients import World
 from processes import in_a_folder
 import pytest
-
-from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
-from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client_rooms import ClientRoom
-from rt_robot_os.link.client_rooms import ClientRooms
 from rt_robot_os.link.client_rooms import SampleTooLong
-from rt_robot_os.link.protocol import decode_json
-from rt_robot_os.link.protocol import GIVE_BACK
-from rt_robot_os.link.protocol import HEADER
-from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
@@ -57,119 +47,9 @@ from rt_robot_os.link.rooms import BYTES_PER_S
 from rt_robot_os.link.rooms import ROOM_SLOTS
 from rt_robot_os.link.rooms import Uploads
 from rt_robot_os.link.rooms import UploadTurns
-from rt_robot_os.link.session import ClientStatistics
-from rt_robot_os.linux.memory_file import FD_BYTES
-from rt_robot_os.linux.memory_file import MemoryFile
-from rt_robot_os.linux.memory_file import received_fds
 from rt_robot_os.topics import LargePublisher
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
-
-TAIL = 400_000
-YAML = f"""
-robot:
-  ros__parameters:
-    core: {{cpu: -2, scheduler_priority: 0, lock_memory: false}}
-    topics: [map, picture, text]
-    map:
-      message: nav_msgs/msg/OccupancyGrid
-      depth: 4
-      tail: {TAIL}
-      fixed: {{header.frame_id: map}}
-    picture: {{message: sensor_msgs/msg/CompressedImage, depth: 8, tail: {TAIL}}}
-    text: {{message: std_msgs/msg/String, depth: 16, tail: 100}}
-"""
-
-
-def grid(cells: int, value: int, frame: bytes = b'map\0') -> bytes:
-    """Make the CDR of an OccupancyGrid of one row, all its cells of one value."""
-    head = bytes([0, 1, 0, 0]) + bytes(8) + (4).to_bytes(4, 'little') + frame
-    head += bytes(12) + cells.to_bytes(4, 'little') + (1).to_bytes(4, 'little') + bytes(4)
-    head += bytes(-(len(head) - 4) % 8) + bytes(56)
-    return head + cells.to_bytes(4, 'little') + bytes([value]) * cells
-
-
-class Client(RawClient):
-    """A client with the rooms of a real one, which sends what a test tells it to."""
-
-    def __init__(self, world: World, name: str) -> None:
-        super().__init__(world.path)
-        self.world = world
-        self.rooms = ClientRooms()
-        self.answers: list[dict[str, Any]] = []
-        self.fds: list[int] = []
-        self.refused = 0
-        self.ask('hello', name=name)
-
-    def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        self.request(do, **arguments)
-        self.world.run()
-        self.receive()
-        return self.answers[-1]
-
-    def receive(self) -> None:
-        buffer = bytearray(PACKET_BYTES_MAXIMUM)
-        while not self.ended:
-            try:
-                length, ancillary, _, _ = self.socket.recvmsg_into([buffer], FD_BYTES)
-            except BlockingIOError:
-                return
-            except ConnectionResetError:
-                length, ancillary = 0, []
-            if not length:
-                self.ended = True
-                return
-            packet = bytes(buffer[:length])
-            if packet[0] == Kind.ROOM:
-                self.rooms.take(memoryview(packet), received_fds(ancillary))
-            elif packet[0] == Kind.GIVE_BACK:
-                self.rooms.returned(Header(*HEADER.unpack_from(packet)).channel, packet)
-            elif packet[0] == Kind.REPLY:
-                self.answers.append(decode_json(packet))
-            for fd in received_fds(ancillary) if packet[0] == Kind.LIFE else ():
-                os.close(fd)
-
-    def room(self, topic: str) -> ClientRoom:
-        room = self.rooms.by_channel.get(self.ask('advertise', topic=topic)['channel'])
-        assert room is not None
-        return room
-
-    def publish(self, room: ClientRoom, cdr: bytes, stamp_ns: int = 0) -> bool:
-        def send(packet: bytes) -> None:
-            self.socket.send(packet)
-
-        return room.publish(cdr, stamp_ns, send)
-
-    def close(self) -> None:
-        super().close()
-        self.rooms.close()
-
-
-class World(CoreInProcess[Client]):
-    """A core with topics of large samples, and a reader of each of them."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder, YAML)
-        self.reader = self.core.bus.subscribe('map', 'test')
-        self.seen: list[tuple[int, int]] = []
-
-    def client(self, name: str = 'writer') -> Client:
-        self.clients.append(Client(self, name))
-        return self.clients[-1]
-
-    def told(self, name: str = 'writer') -> ClientStatistics:
-        return next(each for each in self.core.link.statistics() if each.name == name)
-
-    def run(self, duration_ns: int = 20 * MS) -> None:
-        super().run(duration_ns)
-        if hasattr(self, 'seen'):
-            self.read()
-
-    def read(self) -> None:
-        while self.reader.take():
-            data = bytes(self.reader.msg.data)[:self.reader.msg.info.width]
-            assert len(set(data)) <= 1, 'two samples are mixed'
-            self.seen.append((len(data), data[0] if data else -1))
 
 
 @pytest.fixture
@@ -415,125 +295,3 @@ def test_turns_go_to_whoever_waited_longest() -> None:
     while turns.take(clients, now_ns := now_ns + S):
         pass
     assert order == ['a', 'b', 'c', 'a', 'c', 'a']
-
-
-# ---- the client -------------------------------------------------------------------------------
-
-@pytest.mark.parametrize('body', [
-    b'', GIVE_BACK.pack(3, 0), GIVE_BACK.pack(4, 1), GIVE_BACK.pack(3, 9)])
-def test_a_core_that_gives_back_nonsense_is_refused_by_the_client(body: bytes) -> None:
-    rooms = ClientRooms()
-    memory = MemoryFile.create('test', 2, 5000)
-    rooms.take(memoryview(header(Kind.ROOM, 7) + MEMORY.pack(3, 2, 5000)), [os.dup(memory.fd)])
-    with pytest.raises(LinkError, match='the core gives back'):
-        rooms.returned(7, header(Kind.GIVE_BACK, 7) + body)
-    with pytest.raises(LinkError, match='which has no room'):
-        rooms.returned(8, header(Kind.GIVE_BACK, 8) + GIVE_BACK.pack(3, 0))
-    rooms.close()
-    memory.close()
-    room = rooms.by_channel.get(7)
-    assert room is not None
-    with pytest.raises(LinkError, match='is closed'):
-        room.publish(b'', 0, print)
-
-
-def test_a_packet_that_finds_no_room_in_the_socket_keeps_no_slot() -> None:
-    rooms = ClientRooms()
-    memory = MemoryFile.create('test', 2, 100_000)
-    rooms.take(memoryview(header(Kind.ROOM, 7) + MEMORY.pack(3, 2, 100_000)),
-               [os.dup(memory.fd)])
-    room = rooms.by_channel.get(7)
-    assert room is not None
-    sent: list[bytes] = []
-
-    def full(packet: bytes) -> None:
-        raise LinkSilent('full')
-
-    for _ in range(5):
-        with pytest.raises(LinkSilent):
-            room.publish(bytes(70_000), 0, full)
-    assert [room.publish(bytes(70_000), 0, sent.append) for _ in range(3)] == [True, True, False]
-    rooms.close()
-    memory.close()
-
-
-def test_a_real_client_publishes_what_is_long_by_itself(
-        core: Any, until: Callable[..., Any]) -> None:
-    client: LinkClient = core.client('source')
-    reader: LinkClient = core.client('viewer')
-    channel, text = client.advertise('picture'), client.advertise('text')
-    seen: list[int] = []
-    reader.on_data = lambda head, cdr: seen.append(cdr[-1])
-    reader.mirror('picture')
-    with pytest.raises(SampleTooLong):
-        client.publish(channel, bytes(200_000))
-    with pytest.raises(SampleTooLong):
-        client.publish(text, bytes(200_000))
-    head = bytes([0, 1, 0, 0]) + bytes(8) + (1).to_bytes(4, 'little') + bytes(4)
-    head += (5).to_bytes(4, 'little') + b'jpeg\0' + bytes(3)
-    for number in range(8):
-        body = bytes([number]) * 100_000
-
-        def publish() -> bool:  # nobody pumps this client but its publishing
-            try:
-                client.publish(channel, head + len(body).to_bytes(4, 'little') + body)
-                return True
-            except LinkSilent:
-                return False
-
-        until(publish, 'a slot')
-        until(lambda: reader.pump(0.1) is not None and len(seen) > number, 'the sample')
-    assert seen == list(range(8))
-    mine = next(each for each in reader.statistics().clients if each['name'] == 'source')
-    assert (mine['received'], mine['large'], mine['refused']) == (8, 8, 0)
-
-
-KILLED = """
-import sys
-from pathlib import Path
-from rt_robot_os.link.client import LinkClient, LinkSilent
-client = LinkClient(Path(sys.argv[1]), 'killed')
-channel = client.advertise('picture')
-head = (bytes([0, 1, 0, 0]) + bytes(8) + bytes([1, 0, 0, 0]) + bytes(4) + bytes([5, 0, 0, 0])
-        + b'jpeg\\0' + bytes(3) + (100_000).to_bytes(4, 'little'))
-number = 0
-while True:
-    number += 1
-    try:
-        client.publish(channel, head + bytes([number % 251]) * 100_000)
-    except LinkSilent:
-        client.pump(0.01)
-    if number == 20:
-        print('many', flush=True)
-"""
-
-
-def test_a_client_that_is_killed_in_the_middle_harms_nobody(
-        core: Any, until: Callable[..., Any]) -> None:
-    reader: LinkClient = core.client('viewer')
-    broken: list[int] = []
-    seen: list[int] = []
-
-    def take(head: Header, cdr: memoryview) -> None:
-        seen.append(head.seq)
-        if len(cdr) != 100_036 or len(set(bytes(cdr[36:]))) != 1:
-            broken.append(head.seq)
-
-    reader.on_data = take
-    reader.mirror('picture', patient=True)
-    victim = subprocess.Popen([sys.executable, '-c', KILLED, str(core.path)],
-                              stdout=subprocess.PIPE)
-    try:
-        assert victim.stdout is not None and victim.stdout.readline()
-    finally:
-        victim.kill()
-        victim.communicate()
-
-    def gone() -> bool:
-        reader.pump(0.05)
-        return all(each['name'] != 'killed' for each in reader.statistics().clients)
-
-    until(gone, 'the end of the client')
-    assert seen and not broken
-    maps = Path(f'/proc/{core.process.pid}/maps').read_text()
-    assert maps.count('memfd:rt_robot_os picture') == 1  # of the viewer's mirror

@@ -19,8 +19,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from localization_bench import Bench
+from localization_bench import far_robot
+from localization_bench import pose_of
 import pytest
-
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
@@ -31,10 +33,6 @@ from rt_robot_os.tools.bench.localization.plant import off
 from rt_robot_os.tools.bench.localization.plant import turned
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
-
-from test_localization_module import Bench  # noqa: E402, I100
-from test_localization_module import far_robot  # noqa: E402
-from test_localization_module import pose_of  # noqa: E402
 
 LOOP = (0.6, -0.8, 0.1)
 ALONE: dict[str, Any] = {'fix_topic': 'slam/pose', 'correction_topic': 'slam/correction',
