@@ -17,33 +17,43 @@ Measure what the shipped drivers and modules take, and write rt_robot_os/tools/p
 
     PYTHONPATH=. python3 scripts/typical_times.py [--seconds 20] [--runs 5] [CONFIGURATION.yaml ...]
 
-Run it on a quiet machine, with the right to SCHED_FIFO. It runs the real core of each shipped
-configuration that needs no hardware; what is given as CONFIGURATION is measured besides. A time in
-the table is the 99.9th percentile of the run that was disturbed least, times FACTOR: what others
-compute, on this machine or on one that shares it, only ever makes jobs longer. Of link/service it is
-the median: it is released by each sample, and its longest jobs answer requests. How often bytes
-release a motor board for each sample is entered by hand afterwards, 1 or 2: an answer that comes in
-a dozen pieces costs little more than one that comes at once. So are the modules of a robot that
-drives, measured while it does.
+Run it on a quiet machine, with the right to SCHED_FIFO; it takes a quarter of an hour. It runs the
+real core of each shipped configuration that needs no hardware; what is given as CONFIGURATION is
+measured besides. A time in the table is the 99.9th percentile of the run that was disturbed least,
+times FACTOR: what others compute, on this machine or on one that shares it, only ever makes jobs
+longer. Of link/service it is the median: it is released by each sample, and its longest jobs answer
+requests. Modules have more to do while the robot drives, so it drives as well: to somebody who has
+pressed her button, and exploring with `mapping` beside it; of each module the dearer counts.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import defaultdict
+from collections.abc import Callable
+from collections.abc import Mapping
+from contextlib import ExitStack
 import json
 import math
 import os
 from pathlib import Path
 import platform
+import subprocess
 import sys
 import tempfile
+import threading
 
 from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.kernel import TaskStatistics
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link.cdr import string_message
+from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.folders import RUNTIME_VARIABLE
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from rt_robot_os.sim.orders import order
 from rt_robot_os.tools.plan.measure import measure
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.typical import FORMAT
@@ -54,8 +64,17 @@ CONFIG = Path(__file__).resolve().parents[1] / 'config'
 FACTOR = 2.0
 CONNECTIONS_HZ = 1.0
 ACCEPT_US = 500.0
+# How often bytes release a motor board for each sample: an answer that comes in a dozen pieces costs
+# little more than one that comes at once.
+BOARD_ARRIVALS = {'arduino_bridge': 1.0, 'kobuki': 1.0, 'odrive': 2.0, 'roboclaw': 1.0}
+HELP_AFTER_S = 3.0
+EXPLORE_AFTER_S = 6.0
+DRIVES_S = 40.0
+
+REALTIME = {'core.scheduler_priority': 95}
 
 Times = dict[tuple[str, str], float]
+Begun = Callable[[ExitStack, Path], object]
 
 
 def usual_ns(task: TaskStatistics) -> int:
@@ -64,12 +83,59 @@ def usual_ns(task: TaskStatistics) -> int:
     return task.execution.p50_ns if task.name == 'link/service' else task.execution.p999_ns
 
 
-def measured(settings: RobotSettings, seconds: float) -> Measured:
+def measured(settings: RobotSettings, seconds: float, begun: Begun | None = None) -> Measured:
     """Run the core of a robot once."""
-    with tempfile.TemporaryDirectory(prefix='rtt') as folder:
-        path = Path(folder) / 'core.sock'
+    with tempfile.TemporaryDirectory(prefix='rtt') as folder, ExitStack() as stack:
+        os.environ[RUNTIME_VARIABLE] = folder
+        path = socket_path()
         return measure(settings, CoreProcess(to_json(settings), path), path, seconds,
-                       lambda text: print(f'  {text}', file=sys.stderr), usual_ns)
+                       lambda text: print(f'  {text}', file=sys.stderr), usual_ns,
+                       None if begun is None else lambda: begun(stack, path))
+
+
+def somebody_needs_help(stack: ExitStack, path: Path) -> None:
+    """Have her press her button in a while."""
+    later(stack, HELP_AFTER_S, lambda: order(device_folder(path), 'world press anna help'))
+
+
+def it_explores(stack: ExitStack, path: Path) -> None:
+    """Map beside the core, and explore."""
+    mapping = subprocess.Popen(
+        [sys.executable, '-m', 'rt_robot_os.clients.mapping.program', '--ros-args',
+         '--params-file', CONFIG / 'service_robot.yaml', '--params-file', CONFIG / 'mapping.yaml'],
+        stdout=subprocess.DEVNULL)
+    stack.callback(mapping.wait)
+    stack.callback(mapping.terminate)
+
+    def explore() -> None:
+        with LinkClient(path, 'typical_times') as client:
+            client.publish(client.advertise('mapping/command'), string_message('explore'))
+
+    later(stack, EXPLORE_AFTER_S, explore)
+
+
+def later(stack: ExitStack, seconds: float, do: Callable[[], object]) -> None:
+    """Do something beside the measurement."""
+    timer = threading.Timer(seconds, do)
+    stack.callback(timer.join)
+    timer.start()
+
+
+DRIVES: Mapping[tuple[str, ...], Begun] = {
+    ('assisted_living',): somebody_needs_help, ('service_robot', 'mapping'): it_explores}
+
+
+def note_drives(runs: int, seconds: float, times: Times) -> None:
+    """Measure the modules of robots that drive; the dearer counts."""
+    for names, begun in DRIVES.items():
+        settings = load([CONFIG / f'{name}.yaml' for name in names], REALTIME)
+        found: dict[tuple[str, str], list[float]] = defaultdict(list)
+        for run in range(runs):
+            print(f'{" and ".join(names)}, driving, run {run + 1} of {runs}', file=sys.stderr)
+            note(settings, measured(settings, seconds, begun), found)
+        for key, values in found.items():
+            if key[0] == 'module':
+                times[key] = max(times.get(key, 0.0), min(values))
 
 
 def note(settings: RobotSettings, found: Measured, times: dict[tuple[str, str], list[float]]) -> None:
@@ -87,8 +153,8 @@ def note(settings: RobotSettings, found: Measured, times: dict[tuple[str, str], 
         samples_hz = wiring.samples_hz(device.name)
         times['samples', device.type].append(max(1.0, samples_hz / device.rate_hz))
         arrival = found.tasks.get(f'{device.name}/arrival')
-        times['arrivals', device.type].append(
-            arrival.releases / seconds / samples_hz if arrival else 0.0)
+        times['arrivals', device.type].append(BOARD_ARRIVALS.get(
+            device.type, arrival.releases / seconds / samples_hz) if arrival else 0.0)
 
 
 def rounded(value: float) -> float:
@@ -127,7 +193,7 @@ def main() -> int:
                                                 'service_robot', 'assisted_living')]
     per_robot: list[dict[tuple[str, str], list[float]]] = []
     for path in (*paths, *arguments.more):
-        settings = load([path], {'core.scheduler_priority': 95})
+        settings = load([path], REALTIME)
         per_robot.append(defaultdict(list))
         for run in range(arguments.runs):
             print(f'{path.name}, run {run + 1} of {arguments.runs}', file=sys.stderr)
@@ -137,6 +203,7 @@ def main() -> int:
             dearer = max if key[0] == 'core' else min
             least = min(values)
             times[key] = dearer(times.get(key, least), least)
+    note_drives(arguments.runs, max(DRIVES_S, arguments.seconds), times)
     source = (f'{arguments.machine}, Python {platform.python_version()}, '
               f'{FACTOR:g} times the 99.9th percentile in the best of '
               f'{arguments.runs} runs of {arguments.seconds:g} s, on simulated devices')

@@ -66,7 +66,8 @@ class CoreRunner(Protocol):
 
 
 def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: float,
-            tell: Tell, of: Longest = attrgetter('execution.maximum_ns')) -> Measured:
+            tell: Tell, of: Longest = attrgetter('execution.maximum_ns'),
+            begun: Callable[[], object] | None = None) -> Measured:
     """
     Start a core, do what the node of the robot would do, and take its statistics.
 
@@ -76,14 +77,18 @@ def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: f
     :param seconds: how long, after the devices deliver and everything is warm.
     :param tell: called with what happens, for people.
     :param of: what counts as the longest execution time of a task.
+    :param begun: called when the devices deliver, for what is to go on meanwhile: then no samples
+        from ROS are published, which would be in its way.
     :raises LinkError: the core did not start, or ended.
     """
     process.start()
     try:
         with _connect(process, path) as client:
-            robot = _StandIn(settings, client)
+            robot = _StandIn(settings, client, feeds=begun is None)
             tell(f'the core runs (pid {process.pid}); waiting for its devices')
             _until_active(robot)
+            if begun is not None:
+                begun()
             robot.run(WARM_UP_S)
             client.request('reset_statistics')
             before_ns, before = _cpu_ns(process.pid), client.statistics()
@@ -113,7 +118,7 @@ def _connect(process: CoreRunner, path: Path) -> LinkClient:
 class _StandIn:
     """A client that behaves as the node of the robot: mirrors, samples, heartbeats, requests."""
 
-    def __init__(self, settings: RobotSettings, client: LinkClient) -> None:
+    def __init__(self, settings: RobotSettings, client: LinkClient, feeds: bool) -> None:
         self.client = client
         self.settings = settings
         self.fed = False
@@ -126,7 +131,7 @@ class _StandIn:
                 # A topic that is too large for the link, or is not there: the robot says so.
                 with suppress(LinkError):
                     client.mirror(mirror.topic, mirror.policy, mirror.max_rate_hz)
-        if all(device.port in (SIM_PORT, '') for device in settings.devices):
+        if feeds and all(device.port in (SIM_PORT, '') for device in settings.devices):
             self._feed()
 
     def _feed(self) -> None:

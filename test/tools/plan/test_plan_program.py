@@ -24,9 +24,11 @@ import pytest
 
 from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
+from rt_robot_os.settings import to_json
 from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.command import run
 from rt_robot_os.tools.plan.given import Given
+from rt_robot_os.tools.plan.measure import measure
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask
 from rt_robot_os.tools.plan.measured import read_measured
@@ -194,6 +196,16 @@ def test_the_real_core_is_measured_and_kept(
     assert all(measured.tasks[name].runs for name in ('imu', 'gps', 'guard', 'link/service'))
     assert plan('--measured', str(kept)) == code
     assert os.listdir(tmp_path / 'run') == []
+
+
+def test_what_is_begun_while_measuring_is_not_disturbed_by_samples_of_ros(tmp_path: Path) -> None:
+    settings = load([Path(ROBOT)], {'core.lock_memory': False})
+    path = tmp_path / 'core.sock'
+    asked: list[bool] = []
+    measured = measure(settings, CoreProcess(to_json(settings), path), path, 0.1, lambda text: None,
+                       begun=lambda: asked.append(path.exists()))
+    assert asked == [True]  # once, and the core runs
+    assert not measured.fed and measured.tasks['imu'].runs
 
 
 def test_a_core_that_cannot_start_is_told(
