@@ -15,15 +15,15 @@
 """
 Measure what the shipped drivers and modules take, and write rt_robot_os/tools/plan/typical.json.
 
-    PYTHONPATH=. python3 scripts/typical_times.py [--seconds 20] [--runs 5] [CONFIGURATION.yaml ...]
+    PYTHONPATH=. python3 scripts/typical_times.py [--seconds 20] [--runs 5] [CONFIG.yaml ...]
 
 Run it on a quiet machine, with the right to SCHED_FIFO; it takes a quarter of an hour. It runs the
-real core of each shipped configuration that needs no hardware; what is given as CONFIGURATION is
+real core of each shipped configuration that needs no hardware; what is given as CONFIG is
 measured besides. A time in the table is the 99.9th percentile of the run that was disturbed least,
 times FACTOR: what others compute, on this machine or on one that shares it, only ever makes jobs
-longer. Of link/service it is the median: it is released by each sample, and its longest jobs answer
-requests. Modules have more to do while the robot drives, so it drives as well: to somebody who has
-pressed her button, and exploring with `mapping` beside it; of each module the dearer counts.
+longer. Of link/service it is the median: it is released by each sample, and its longest jobs
+answer requests. Modules have more to do while the robot drives, so it drives as well: to somebody
+who has pressed her button, and exploring with `mapping` beside it; the dearer of both counts.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ CONFIG = Path(__file__).resolve().parents[1] / 'config'
 FACTOR = 2.0
 CONNECTIONS_HZ = 1.0
 ACCEPT_US = 500.0
-# How often bytes release a motor board for each sample: an answer that comes in a dozen pieces costs
-# little more than one that comes at once.
+# How often bytes release a motor board for each sample: an answer that comes in a dozen pieces
+# costs little more than one that comes at once.
 BOARD_ARRIVALS = {'arduino_bridge': 1.0, 'kobuki': 1.0, 'odrive': 2.0, 'roboclaw': 1.0}
 HELP_AFTER_S = 3.0
 EXPLORE_AFTER_S = 6.0
@@ -138,7 +138,8 @@ def note_drives(runs: int, seconds: float, times: Times) -> None:
                 times[key] = max(times.get(key, 0.0), min(values))
 
 
-def note(settings: RobotSettings, found: Measured, times: dict[tuple[str, str], list[float]]) -> None:
+def note(settings: RobotSettings, found: Measured,
+         times: dict[tuple[str, str], list[float]]) -> None:
     """Sort the times of one run by kind."""
     seconds, wiring = found.elapsed_ns / 1e9, Wiring(settings)
     kinds = {device.name: ('driver', device.type) for device in settings.devices}
@@ -190,7 +191,7 @@ def main() -> int:
     times: Times = {}
     # The link costs the more the more there is to mirror: of each task the dearest robot counts.
     paths = [CONFIG / f'{name}.yaml' for name in ('robot', 'all_devices', 'camera',
-                                                'service_robot', 'assisted_living')]
+                                                  'service_robot', 'assisted_living')]
     per_robot: list[dict[tuple[str, str], list[float]]] = []
     for path in (*paths, *arguments.more):
         settings = load([path], REALTIME)

@@ -350,7 +350,8 @@ def test_an_environment_that_was_named_is_not_thrown_away_for_another_kind_of_sh
         tmp_path: Path, made_for: str, here: str, said: str) -> None:
     (tmp_path / '.rt_robot_os').write_text(f'{made_for}\n')
     done = subprocess.run(
-        ['bash', '-c', '. "$0"; MODE=$1; VENV=$RT_ROBOT_OS_VENV; PYTHON=$VENV/bin/python; make_venv',
+        ['bash', '-c',
+         '. "$0"; MODE=$1; VENV=$RT_ROBOT_OS_VENV; PYTHON=$VENV/bin/python; make_venv',
          ROOT / 'scripts' / 'environment.bash', here],
         env={**os.environ, 'RT_ROBOT_OS_VENV': str(tmp_path)}, capture_output=True, text=True)
     assert done.returncode == 2 and said in done.stderr

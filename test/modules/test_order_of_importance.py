@@ -88,9 +88,9 @@ class Flat:
 
     def _come(self) -> None:
         for name, packet in zip(CLASSES, (
-                data_msg(LIVING, 1), data_msg(WRIST, 2, Kind.PULSE, 72), data_msg(WRIST, 3, Kind.ALARM, 1))):
+                data_msg(LIVING, 1), data_msg(WRIST, 2, Kind.PULSE, 72),
+                data_msg(WRIST, 3, Kind.ALARM, 1))):
             self._sinks[name].send(packet)
-
 
     def at_once(self) -> str:
         """Return the trace of the moment in which the packets came, without what was computed."""

@@ -98,8 +98,8 @@ class _Builder:
             self._note_measurement(self._measured)
         if self._wiring.not_counted:
             self._notes.append(
-                f'{", ".join(self._wiring.not_counted)}: no device, module or mirror publishes it; '
-                'what a client that does makes others compute is not counted')
+                f'{", ".join(self._wiring.not_counted)}: no device, module or mirror publishes '
+                'it; what a client that does makes others compute is not counted')
         if self._given.typical is not None and 'typical' in self._origins.values():
             self._notes.append(
                 'typical execution times are no bounds and are those of another machine: '

@@ -202,8 +202,8 @@ def test_what_is_begun_while_measuring_is_not_disturbed_by_samples_of_ros(tmp_pa
     settings = load([Path(ROBOT)], {'core.lock_memory': False})
     path = tmp_path / 'core.sock'
     asked: list[bool] = []
-    measured = measure(settings, CoreProcess(to_json(settings), path), path, 0.1, lambda text: None,
-                       begun=lambda: asked.append(path.exists()))
+    measured = measure(settings, CoreProcess(to_json(settings), path), path, 0.1,
+                       lambda text: None, begun=lambda: asked.append(path.exists()))
     assert asked == [True]  # once, and the core runs
     assert not measured.fed and measured.tasks['imu'].runs
 
