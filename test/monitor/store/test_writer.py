@@ -134,6 +134,8 @@ def test_a_full_disk_is_told_and_nothing_is_acknowledged_until_there_is_room(
             try:
                 await writer.put('r1', 'b', batch(kept, 50, 'alarm_event'), 0.3)
             except StoreError as error:
+                if 'too much waits' in str(error):
+                    continue  # a busy machine; the same records once more are known or fresh
                 assert 'database or disk is full' in str(error)
                 return kept
             kept += 50
