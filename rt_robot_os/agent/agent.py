@@ -110,7 +110,7 @@ class Agent:
             'driven': lambda: self._is_driven,
             'gives up': lambda: self.tuning.after_operator == GIVES_UP})
         self._is_driven = False
-        self._operator = Operator(around.operators, tuning.operator_hold_s)
+        self._operator = Operator(around.operators, tuning)
         self._dialogue = Dialogue(tuning, emit)
         self._body = Body(tuning, around.beside, self.senses, emit, period_ns)
         self._work = Work(tuning, self._body, self._dialogue, emit, self._where, around.orders,
@@ -123,7 +123,7 @@ class Agent:
     def retune(self, tuning: AgentTuning) -> None:
         """Take settings over while it runs."""
         self.tuning = self._dialogue.tuning = self._work.tuning = tuning
-        self._operator.hold_s = tuning.operator_hold_s
+        self._operator.tuning = tuning
         self._body.take(tuning)
 
     # ---- what can be asked ------------------------------------------------------------------
@@ -240,6 +240,9 @@ class Agent:
             self._operator.forget()
             self.senses.other_goal = False  # an errand: an emergency comes first
         held = self._operator.is_held(self.senses)
+        if self.senses.other_goal:
+            self._body.drive.stop()
+            self._body.drive.is_open = False  # to cancel it now would cancel the other one
         self._is_driven = self._operator.drives(self.senses, t_ns)
         self._body.is_free = not held and not self._is_driven
         return held
@@ -250,12 +253,13 @@ class Agent:
             return
         held = self._see_who_has_it(t_ns)
         if held and self.state is not State.HELD:
-            self._fire('estop', self.senses.steering, t_ns)
+            self._fire('estop', self._operator.why_held(self.senses), t_ns)
         elif self._is_driven and self.state not in PAUSES:
-            self._fire('operator', self.senses.steering, t_ns)
-        elif (self.state is State.HELD and not held) or (
-                self.state is State.OPERATOR and not self._is_driven):
-            self._fire('released', '', t_ns)
+            self._fire('operator', self._operator.why_driven(self.senses), t_ns)
+        elif self.state is State.HELD and not held:
+            self._fire('released', 'nobody holds the e-stop any more', t_ns)
+        elif self.state is State.OPERATOR and not self._is_driven:
+            self._fire('released', 'the operator has let go', t_ns)
 
     def _fire(self, event: str, why: str, t_ns: int) -> None:
         """Let something happen."""

@@ -122,8 +122,7 @@ class Body:
             return
         self._goal_place = place
         if self.is_beside(place):
-            if self.drive.is_under_way:
-                self._emit(Goal(None))  # else it drives on to where they are not
+            self._cancel()  # else it drives on to where they are not
             self.drive.stop()
             self.drive.arrived = True
         else:
@@ -181,13 +180,18 @@ class Body:
 
     def halt(self) -> None:
         """Stop, and want nothing any more."""
-        if self.drive.is_under_way:
-            self._emit(Goal(None))
+        self._cancel()
         self.forget()
         self._turn.stop()
         if self._spins:
             self._spins = False
             self._emit(Spin(0.0))
+
+    def _cancel(self) -> None:
+        """Take back what is driven, or would be when the way becomes free."""
+        if self.drive.is_open:
+            self.drive.is_open = False
+            self._emit(Goal(None))
 
     # ---- time --------------------------------------------------------------------------------
 

@@ -39,16 +39,19 @@ class Drive:
     :ivar has_way: whoever was told has a way to it.
     :ivar arrived: the robot is there.
     :ivar problem: why it got nowhere; empty while it may.
+    :ivar is_open: whoever was told has a goal, or may have: it would go there, now or when a way
+        becomes free.
     """
 
     def __init__(self, tries: int, answer_ns: int, waiting_ns: int, pause_ns: int) -> None:
         self.tries = tries
         self.answer_ns, self.waiting_ns, self.pause_ns = answer_ns, waiting_ns, pause_ns
+        self.is_open = False
         self._left: list[Pose] = []
         self.stop()
 
     def stop(self) -> None:
-        """Want nothing any more."""
+        """Want nothing any more; what was told is not taken back."""
         self.goal: Pose | None = None
         self.has_way = self.arrived = False
         self.problem = ''
@@ -82,7 +85,7 @@ class Drive:
         self.goal = self._left.pop(0)
         self._tried += 1
         self._given_ns, self._told_ns, self._next_ns, self._waits_ns = t_ns, -1, -1, -1
-        self.has_way = False
+        self.has_way, self.is_open = False, True
         return self.goal
 
     def told(self, state: str, t_ns: int, robot: Pose | None) -> None:
@@ -98,8 +101,9 @@ class Drive:
             self.has_way, self._waits_ns = True, -1
         elif state == 'done':
             if robot is None or math.dist(robot[:2], self.goal[:2]) <= _DONE_M:
-                self.arrived = True
+                self.arrived, self.is_open = True, False
         elif state.startswith(('refused: ', 'stopped: ')):
+            self.is_open = False
             self._fail(state.partition(': ')[2], t_ns)
         elif state.startswith('waiting: ') and self._waits_ns < 0:
             self._waits_ns, self._why = t_ns, state.partition(': ')[2]

@@ -20,6 +20,7 @@ from collections.abc import Collection
 from typing import Final
 
 from rt_robot_os.agent.senses import Senses
+from rt_robot_os.agent.tuning import AgentTuning
 from rt_robot_os.units import NS_PER_S
 
 # As the multiplexer of velocities says it: "nobody: e-stop, asked for on estop".
@@ -32,29 +33,45 @@ class Operator:
     Who has the robot, by what the multiplexer says and by goals that are not the agent's.
 
     :param sources: names of those who steer by hand, as the multiplexer has them.
+    :ivar tuning: how long they keep it, and how long a planner may take.
     """
 
-    def __init__(self, sources: Collection[str], hold_s: float) -> None:
+    def __init__(self, sources: Collection[str], tuning: AgentTuning) -> None:
         self._sources = frozenset(sources)
-        self.hold_s = hold_s
-        self._until_ns = -1
-        self._errand = False
+        self.tuning = tuning
+        self.forget()
 
     def is_held(self, senses: Senses) -> bool:
         """Return whether the e-stop is set; it is until it is released."""
         return senses.estop or senses.steering.startswith(_ESTOP)
 
+    def why_held(self, senses: Senses) -> str:
+        """Return in words what holds the robot."""
+        return (senses.steering.partition(': ')[2] if senses.steering.startswith(_ESTOP) else
+                'somebody holds it')
+
+    def why_driven(self, senses: Senses) -> str:
+        """Return in words what an operator does."""
+        return (f'{senses.steering} steers' if senses.steering in self._sources else
+                'somebody has sent the robot elsewhere')
+
     def forget(self) -> None:
         """Begin anew: what the robot was sent for before is no reason to wait."""
         self._until_ns = -1
-        self._errand = False
+        self._errand_until_ns = -1
 
     def drives(self, senses: Senses, t_ns: int) -> bool:
-        """Return whether an operator drives, or has let go just now."""
+        """
+        Return whether an operator drives, or has let go just now.
+
+        An errand is over when the planner says so, or has said nothing of it for too long.
+        """
+        t = self.tuning
         if senses.other_goal:
-            self._errand = True
-        elif senses.planner_new and senses.planner.startswith(_ENDS):
-            self._errand = False
-        if senses.steering in self._sources or self._errand:
-            self._until_ns = t_ns + round(self.hold_s * NS_PER_S)
+            self._errand_until_ns = t_ns + round(t.answer_s * NS_PER_S)
+        elif senses.planner_new and self._errand_until_ns >= 0:
+            self._errand_until_ns = -1 if senses.planner.startswith(_ENDS) else (
+                t_ns + round(t.approach_s * NS_PER_S))
+        if senses.steering in self._sources or t_ns < self._errand_until_ns:
+            self._until_ns = t_ns + round(t.operator_hold_s * NS_PER_S)
         return t_ns < self._until_ns

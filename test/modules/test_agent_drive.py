@@ -41,7 +41,7 @@ class Helper(Robot):
     AGENT: dict[str, Any] = {}
 
     def __init__(self, folder: Path, **more: Any) -> None:
-        super().__init__(folder, **more)
+        super().__init__(folder, **{'cancel_topic': 'trajectory_cancel', **more})
         self.person = self.anna = 4.6, 3.0
         self.speeds: list[tuple[float, float]] = []
         self.bench.kernel.add_task('person', self._tell_place, priority=70, rate_hz=10.0)
@@ -122,3 +122,22 @@ def test_whom_it_cannot_reach_it_gives_up_with_the_reason(
     cause = json.loads(str(robot.said_in.msg.data))['cause']
     assert cause.startswith('blocked: ') and '(2 places tried)' in cause
     assert robot.nearest_person_m > 0.1
+
+
+def test_once_it_has_given_up_it_stands_though_the_way_becomes_free(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Helper, 'AGENT', {
+        'places': 1, 'retries': 0, 'waiting_s': 2.0, 'give_up_s': 60.0})
+    robot = Helper(tmp_path, doors=1, patience_s=60.0, retry_s=0.5)
+    robot.person = 3.05, 1.25  # somebody else, in the only door
+    stood: list[tuple[float, float, float]] = []
+
+    def leave() -> None:
+        stood.append(robot.pose)
+        robot.person = 5.0, 5.0
+
+    robot.bench.at(1.0, lambda: robot.alarm('raised'))
+    robot.bench.at(14.0, leave)
+    robot.bench.run(24.0)
+    assert robot.path() == ['approach', 'give_up'], robot.said('planner/state')
+    assert robot.is_at(*stood[0]), (stood, robot.pose, robot.said('planner/state'))

@@ -313,6 +313,7 @@ def test_an_operator_may_send_the_robot_elsewhere() -> None:
     assert rig.path() == ['approach', 'operator']
     assert rig.transitions()[1]['t_ns'] == pytest.approx(3 * S, abs=60 * MS)
     assert len(rig.goals) == 3  # the agent's, and those of the operator
+    assert not rig.cancels.latest()  # what the operator wants is driven on
 
 
 def test_commands_of_an_operator() -> None:

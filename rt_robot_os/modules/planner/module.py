@@ -68,6 +68,7 @@ class Planner(Module):
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
     followed = Input('trajectory/state', wake=True, message=_TEXT)
     map = Input('', message=MAP_MESSAGE, initial=True, newest=True)  # noqa: A003
+    cancel = Input('', message='std_msgs/msg/Bool', wake=True)
     correction = Input('', message='geometry_msgs/msg/PoseWithCovarianceStamped', wake=True)
     plan = Output('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3 * POSES_MAXIMUM)
     state = Output('planner/state', _TEXT, tail=_TEXT_LENGTH)
@@ -155,6 +156,7 @@ class Planner(Module):
         self._take_pose(now_ns)
         if self.goal.latest():
             self._take_goal(now_ns)
+        self._take_cancels(now_ns)
         self._take_corrections(now_ns)
         if self._corrections.pending:
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
@@ -205,6 +207,7 @@ class Planner(Module):
         goal = planar(self.goal.msg.pose)
         self._goals += 1
         self._goal, self._job, self._route = goal, None, None
+        self._told = ''  # whoever gave it waits for a word, also for one that was said before
         self._progress.begin()
         self._retry_ns = self._look_ns = now_ns
         self._is_held = self._is_possible = False
@@ -212,6 +215,16 @@ class Planner(Module):
         self._is_wanted = goal is not None
         if goal is None:
             self._refuse('the goal is no pose', now_ns)
+
+    def _take_cancels(self, now_ns: int) -> None:
+        """Give the goal up; who follows the plan hears it, too, unless the plan came later."""
+        while self.connected('cancel') and self.cancel.take():
+            stamp_ns = self.cancel.stamp_ns
+            if self.cancel.msg.data and self._goal is not None and stamp_ns >= self.goal.stamp_ns:
+                if self._is_given and self._route_ns >= stamp_ns:
+                    self._give(None, now_ns)
+                self._is_given = False
+                self._end('stopped: cancelled', now_ns)
 
     def _take_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
         """Take how it goes with whoever follows the plan."""

@@ -60,4 +60,6 @@ SETTINGS: Final = (
           live=True),
     Field('patience_s', float, 30.0, 'How long, before the goal is given up', 's', 0.0,
           3600.0, live=True),
+    Field('cancel_topic', str, '', 'True takes the goal back, also one that waits for a way, a '
+          'std_msgs/msg/Bool: the cancel_topic of the trajectory; empty: there is none'),
 )
