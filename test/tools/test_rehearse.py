@@ -19,10 +19,13 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.agent.edges import EDGES
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import load
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.command import run
+from rt_robot_os.tools.rehearse.coverage import edges_taken
+from rt_robot_os.tools.rehearse.coverage import name_of
 from rt_robot_os.tools.rehearse.director import Director
 from rt_robot_os.tools.rehearse.director import Record
 from rt_robot_os.tools.rehearse.noticed import emergencies_of
@@ -79,6 +82,48 @@ def test_a_message_that_a_person_sees_twice_is_a_problem():
         '1.1 was shown 2 times',)
 
 
+def step(source, target, cause, alarm='1'):
+    return {'from': source, 'to': target, 'cause': cause, 'alarm': alarm, 't_ns': 0}
+
+
+SERVED = [step('idle', 'approach', 'raised: anna: fall'),
+          step('approach', 'return', 'over: alarm 1'), step('return', 'idle', 'arrived')]
+
+
+@pytest.mark.parametrize(('record', 'problem'), [
+    (Record(transitions=SERVED), ''),
+    (Record(transitions=SERVED, disobeyed=['a goal at 3.00 s: the operator had the robot']),
+     'the agent ordered a goal at 3.00 s: the operator had the robot'),
+    (Record(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
+                         step('approach', 'operator', 'operator: teleop steers')]),
+     'the agent ended in operator'),
+    (Record(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
+                         step('approach', 'operator', 'operator: teleop steers')],
+            taken=True), ''),
+    (Record(transitions=[SERVED[0], step('approach', 'give_up', 'blocked'),
+                         step('give_up', 'idle', 'timeout: after 120 s')]),
+     'the agent gave up without a reason: blocked'),
+    (Record(has_agent=True), 'the agent forgot alarm 1'), (Record(), ''),
+], ids=['well', 'disobeyed', 'hangs', 'taken', 'no reason', 'forgot', 'no agent'])
+def test_what_the_agent_does_is_judged(record, problem):
+    record.events = [RAISED, event('1', 'top', 'raised', 60.0)]
+    assert judge(FALL, record).problems == ((problem,) if problem else ())
+
+
+def test_the_edges_that_were_taken_are_those_of_the_table():
+    told = [step('idle', 'confirm', 'suspected: anna: fall'),
+            step('confirm', 'operator', 'operator: teleop steers'),
+            step('operator', 'operator', 'over: alarm 1; return afterwards'),
+            step('operator', 'return', 'released: the operator has let go'),
+            step('return', 'held', 'estop: somebody holds it'),
+            step('held', 'operator', 'released: nobody holds the e-stop any more')]
+    assert [name_of(edge) for edge in edges_taken(told)] == [
+        'idle --> confirm: suspected / take', 'confirm --> operator: operator / stop',
+        'operator --> before: released', 'return --> held: estop / stop',
+        'held --> operator: released [driven]']
+    assert len({name_of(edge) for edge in EDGES}) == len(EDGES)
+
+
 def test_a_story_is_the_same_each_time_it_is_drawn():
     assert draw(7, [('fall', 'anna')], ['hall']) == draw(7, [('fall', 'anna')], ['hall'])
     assert len({draw(number, [('fall', 'anna')], ['hall']) for number in range(20)}) == 20
@@ -106,6 +151,27 @@ def test_who_was_looked_after_gets_up_and_who_lies_cannot_fall(flat):
     story = Story(3, (Scene(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
     record = Director(flat, story).tell()
     assert record.no_falls == [again] and not judge(story, record).problems
+
+
+def test_an_operator_who_takes_the_robot_has_it_and_the_camera_answers(flat):
+    story = Story(3, (Scene(10.0, 'fall', 'anna', 0.0, 'help'),
+                      Scene(13.0, 'operator_drives', '', 6.0),
+                      Scene(24.0, 'operator_sends'), Scene(75.0, 'operator_says', 'stay'),
+                      Scene(80.0, 'noise', '', 5.0)), Carer(90.0, 20.0))
+    record = Director(flat, story).tell()
+    assert not judge(story, record).problems
+    taken = [name_of(edge) for edge in edges_taken(record.transitions)]
+    assert sum('operator: operator' in each for each in taken) == 2
+    assert 'observe --> report: observed' in taken
+
+
+@pytest.mark.parametrize(('caller', 'cause'), [
+    ('cellar', 'blocked: no place to stand beside it'),
+    ('intercom', 'no_place: nobody knows where it is')])
+def test_a_call_from_where_the_robot_cannot_go_is_given_up_with_the_reason(flat, caller, cause):
+    story = Story(3, (Scene(10.0, 'call', caller, 30.0),), Carer(20.0, 10.0))
+    verdict = judge(story, Director(flat, story).tell())
+    assert not verdict.problems and cause in verdict.gave_up
 
 
 def test_a_killed_core_goes_on_with_its_alarm(flat):

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 from typing import Final
 
 from rt_robot_os.motion.angles import wrapped
@@ -34,6 +35,15 @@ _STATE_EVERY: Final = 20
 _PATIENCE_S: Final = 30.0
 # Commands older than that move nothing.
 _COMMAND_NS: Final = NS_PER_S // 2
+# Whoever has the robot has had it for so long before an order of the agent is one too many.
+_HEARD_NS: Final = 3 * STEP_NS
+# So near to where it began it is charged, as sensor_msgs/BatteryState says it.
+_HOME_M: Final = 0.3
+_CHARGING, _DISCHARGING = 1, 2
+_FULL_V, _FLAT_V = 25.2, 21.2
+# How an operator drives.
+_TELEOP_RAD_S: Final = 0.3
+_SAME_M: Final = 1e-6
 
 
 class Body:
@@ -46,31 +56,36 @@ class Body:
     :param world: whose robot is moved.
     :ivar blocked: something stands in the way.
     :ivar lost: nobody knows where it is.
-    :ivar battery_v: of its battery.
+    :ivar flat: its battery is nearly empty.
     :ivar estop: somebody holds the e-stop.
     :ivar refuses: no place near the goal is free.
+    :ivar silent: the planner says nothing.
+    :ivar stuck: its wheels turn, and it stays where it is.
+    :ivar driven: an operator steers.
+    :ivar home: where it began; it is charged there.
+    :ivar errand: where an operator has sent it; None without.
+    :ivar disobeyed: what the agent ordered while somebody else had the robot.
     :ivar moved_m: the way that it went.
-    :ivar first_motion_ns: when it began to move, after :meth:`note_motion`.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.blocked = self.lost = self.estop = self.refuses = False
-        self.battery_v = 25.2
+        self.flat = self.silent = self.stuck = self.driven = False
+        self.disobeyed: list[str] = []
         self.moved_m = 0.0
-        self.first_motion_ns = 0
+        self.home = world.base.pose[:2]
         self._forget()
 
     def _forget(self) -> None:
         self._goal: tuple[float, float, float] | None = None
+        self.errand: tuple[float, float] | None = None
         self._waited_s = 0.0
         self._state, self._planner = 'idle', ''
         self._turn_rad_s, self._turn_until_ns = 0.0, 0
         self._steps = 0
-
-    def note_motion(self) -> None:
-        """Forget when it first moved."""
-        self.first_motion_ns = 0
+        self._taken_ns: int | None = None
+        self._steers = ''
 
     def enter(self, stage: Stage) -> None:
         """Find the topics; it has forgotten its goal, as a core does that was killed."""
@@ -81,6 +96,7 @@ class Body:
         self._battery = stage.publisher('battery')
         self._stop_reason = stage.publisher('stop_reason')
         self._estop_out = stage.publisher('estop')
+        self._steering = stage.publisher('steering')
         self._goals = stage.reader('goal_pose')
         self._cancels = stage.reader('trajectory_cancel')
         self._commands = stage.reader('cmd_vel_agent')
@@ -101,32 +117,72 @@ class Body:
             pose.position = x, y, 0.0
             pose.orientation = 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
             self._pose.publish(now_ns)
+        self._tell_who_steers(now_ns)
         if self._steps % _STATE_EVERY == 0:
             self._tell(self._state, now_ns, again=True)
             if self._battery is not None:
-                self._battery.msg.voltage = self.battery_v
-                self._battery.msg.percentage = max(0.0, min(1.0, (self.battery_v - 21.0) / 4.2))
+                self._tell_battery(self._battery.msg)
                 self._battery.publish(now_ns)
 
+    def _tell_battery(self, message: Any) -> None:
+        message.voltage = volts = _FLAT_V if self.flat else _FULL_V
+        message.percentage = max(0.0, min(1.0, (volts - 21.0) / 4.2))
+        is_home = math.dist(self.world.base.pose[:2], self.home) < _HOME_M
+        message.power_supply_status = _CHARGING if is_home else _DISCHARGING
+
+    def _tell_who_steers(self, now_ns: int) -> None:
+        """Say it as the multiplexer does."""
+        steers = ('nobody: e-stop, asked for on estop' if self._held else
+                  'teleop' if self.driven else
+                  'agent' if self._turn_rad_s and now_ns < self._turn_until_ns else
+                  'trajectory' if self._goal is not None else 'nobody')
+        if steers != self._steers and self._steering is not None:
+            self._steering.msg.data = steers
+            self._steering.publish(now_ns)
+        self._steers = steers
+
+    def _order(self, what: str, now_ns: int) -> None:
+        """Note an order of the agent that it should not have given."""
+        if not (self.estop or self.driven):
+            self._taken_ns = None
+        elif self._taken_ns is None:
+            self._taken_ns = now_ns
+        elif what and now_ns - self._taken_ns > _HEARD_NS:
+            who = 'e-stop' if self.estop else 'operator'
+            self.disobeyed.append(f'{what} at {now_ns / NS_PER_S:.2f} s: the {who} had the robot')
+
     def _take(self, now_ns: int) -> None:
+        self._order('', now_ns)
         while self._goals is not None and self._goals.take():
-            pose = self._goals.msg.pose
-            yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
-            self._goal = (pose.position.x, pose.position.y, yaw)
-            self._waited_s = 0.0
-            if self.refuses:
-                self._goal = None
-                self._plan('refused: where the robot could stand is not free', now_ns)
-            else:
-                distance = math.dist(self._goal[:2], self.world.base.pose[:2])
-                self._plan('planning', now_ns)
-                self._plan(f'planned: {distance:.2f} m', now_ns)
+            self._take_goal(self._goals.msg.pose, now_ns)
         while self._cancels is not None and self._cancels.take():
             if self._cancels.msg.data and self._goal is not None:
+                if self._is_errand(self._goal):
+                    self.disobeyed.append(f'cancelled at {now_ns / NS_PER_S:.2f} s what an '
+                                          'operator had sent the robot for')
                 self._stop('stopped: cancelled', now_ns)
         while self._commands is not None and self._commands.take():
             self._turn_rad_s = self._commands.msg.angular.z
             self._turn_until_ns = now_ns + _COMMAND_NS
+            self._order('a turn' if self._turn_rad_s else '', now_ns)
+
+    def _take_goal(self, pose: Any, now_ns: int) -> None:
+        yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+        self._goal = goal = pose.position.x, pose.position.y, yaw
+        self._waited_s = 0.0
+        if not self._is_errand(goal):
+            self.errand = None
+            self._order('a goal', now_ns)
+        self._plan('planning', now_ns)
+        if self.refuses:
+            self._goal = None
+            self._plan('refused: where the robot could stand is not free', now_ns)
+        else:
+            distance = math.dist(goal[:2], self.world.base.pose[:2])
+            self._plan(f'planned: {distance:.2f} m', now_ns)
+
+    def _is_errand(self, goal: tuple[float, float, float]) -> bool:
+        return self.errand is not None and math.dist(goal[:2], self.errand) < _SAME_M
 
     def _hold(self, now_ns: int) -> None:
         """Tell of the e-stop when it changes."""
@@ -141,9 +197,12 @@ class Body:
     def _move(self, now_ns: int) -> None:
         if self._held:
             return
+        if self.driven:
+            self._turn(_TELEOP_RAD_S * _STEP_S)
+            return
         if self._goal is None:
             if self._turn_rad_s and now_ns < self._turn_until_ns:
-                self._turn(self._turn_rad_s * _STEP_S, now_ns)
+                self._turn(self._turn_rad_s * _STEP_S)
             return
         if self.lost:
             self._stop('stopped: pose is 0.6 s old', now_ns)
@@ -151,7 +210,10 @@ class Body:
             self._wait(now_ns)
         else:
             self._waited_s = 0.0
-            self._go(self._goal, now_ns)
+            if self.stuck:
+                self._tell('driving', now_ns)
+            elif not self.silent:
+                self._go(self._goal, now_ns)
 
     def _wait(self, now_ns: int) -> None:
         self._waited_s += _STEP_S
@@ -172,26 +234,25 @@ class Body:
         most = _TURN_RAD_S * _STEP_S
         if abs(error) > most:
             self._tell('turning', now_ns)
-            self._turn(math.copysign(most, error), now_ns)
+            self._turn(math.copysign(most, error))
         elif distance > 0.01:
             self._tell('driving', now_ns)
             step = min(distance, _SPEED_M_S * _STEP_S)
-            self._put(x + step * math.cos(wanted), y + step * math.sin(wanted), wanted, now_ns)
+            self._put(x + step * math.cos(wanted), y + step * math.sin(wanted), wanted)
             self.moved_m += step
         else:
             self._goal = None
-            self._put(x, y, goal[2], now_ns)
+            self._put(x, y, goal[2])
             self._tell('done', now_ns)
             self._plan('done', now_ns)
 
     # ---- saying ------------------------------------------------------------------------------
 
-    def _turn(self, angle: float, now_ns: int) -> None:
+    def _turn(self, angle: float) -> None:
         x, y, yaw = self.world.base.pose
-        self._put(x, y, wrapped(yaw + angle), now_ns)
+        self._put(x, y, wrapped(yaw + angle))
 
-    def _put(self, x: float, y: float, yaw: float, now_ns: int) -> None:
-        self.first_motion_ns = self.first_motion_ns or now_ns
+    def _put(self, x: float, y: float, yaw: float) -> None:
         self.world.base.teleport(x, y, yaw)
 
     def _stop(self, why: str, now_ns: int) -> None:
@@ -206,7 +267,7 @@ class Body:
         self._state = state
 
     def _plan(self, state: str, now_ns: int) -> None:
-        if self._planner_out is not None and state != self._planner:
+        if self._planner_out is not None and state != self._planner and not self.silent:
             self._planner_out.msg.data = state
             self._planner_out.publish(now_ns)
         self._planner = state

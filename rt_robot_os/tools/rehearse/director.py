@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
 from dataclasses import replace
@@ -30,10 +31,12 @@ from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.posture import Posture
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.network import Network
+from rt_robot_os.tools.rehearse.observers import Observers
 from rt_robot_os.tools.rehearse.office import CARER
 from rt_robot_os.tools.rehearse.office import Channels
 from rt_robot_os.tools.rehearse.office import Disk
 from rt_robot_os.tools.rehearse.office import Later
+from rt_robot_os.tools.rehearse.office import Operator
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.stage import STEP_NS
 from rt_robot_os.tools.rehearse.story import Scene
@@ -47,6 +50,8 @@ _PRESS_S: Final = 10.0
 #: What is not over by then hangs.
 LONGEST_S: Final = 1800.0
 _LOOK_NS: Final = 10 * NS_PER_S
+# An operator sends the robot so far beside its home: there the agent never goes.
+_ASIDE_M: Final = 0.6
 
 
 @dataclass
@@ -62,6 +67,9 @@ class Record:
     :ivar lasted_s: of virtual time.
     :ivar moved_m: the way of the robot.
     :ivar no_falls: scenes in which somebody was to fall who lay on the floor already.
+    :ivar disobeyed: what the agent ordered while e-stop or operator had the robot.
+    :ivar taken: e-stop or operator had the robot at the end.
+    :ivar has_agent: the robot has one.
     """
 
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -72,11 +80,23 @@ class Record:
     lasted_s: float = 0.0
     moved_m: float = 0.0
     no_falls: list[Scene] = field(default_factory=list)
+    disobeyed: Sequence[str] = ()
+    taken: bool = False
+    has_agent: bool = False
 
     @property
     def agent_state(self) -> str:
         """Return the state of the agent at the end."""
         return str(self.transitions[-1]['to']) if self.transitions else 'idle'
+
+    def forgotten(self) -> list[str]:
+        """Return the alarms that wait for the agent: nobody has them, and it never had one."""
+        if not self.has_agent:
+            return []
+        served = {each.get('alarm') for each in self.transitions}
+        return [number for number, events in self.alarms().items()
+                if number not in served and events[-1]['level'] in ('urgent', 'critical')
+                and events[-1]['state'] in ('suspected', 'raised')]
 
     def alarms(self) -> dict[str, list[dict[str, Any]]]:
         """Return the events of each alarm, by its number."""
@@ -96,6 +116,7 @@ class Listener:
         """Find the topics."""
         self._events = stage.reader('alarms/events')
         self._transitions = stage.reader('agent/transitions')
+        self._record.has_agent = self._transitions is not None
         self._said = stage.reader('agent/say')
 
     def act(self, now_ns: int) -> None:
@@ -134,6 +155,16 @@ class Director:
         self.wearables = Wearables(settings, self.world)
         self.disk = Disk()
         self.channels = Channels(story.carer, random)
+        self.observers = Observers(self.world)
+        self.operator = Operator(self.body)
+        self._switches: Mapping[str, tuple[object, str]] = {
+            'path_blocked': (self.body, 'blocked'), 'lost_position': (self.body, 'lost'),
+            'estop': (self.body, 'estop'), 'battery_low': (self.body, 'flat'),
+            'no_free_place': (self.body, 'refuses'), 'planner_silent': (self.body, 'silent'),
+            'robot_stuck': (self.body, 'stuck'), 'operator_drives': (self.body, 'driven'),
+            'camera_fails': (self.observers, 'failing'), 'noise': (self.observers, 'noise'),
+            'channel_fails': (self.channels, 'failing'), 'disk_full': (self.disk, 'full'),
+            'sink_silent': (self.network, 'silent')}
         self.record = Record()
         self._later = Later()
         self._crash_at_s: list[tuple[float, float]] = []
@@ -162,14 +193,16 @@ class Director:
         self.record.shown = self.channels.shown
         self.record.lasted_s = now_s
         self.record.moved_m = self.body.moved_m
+        self.record.disobeyed = self.body.disobeyed
+        self.record.taken = self._is_taken()
         return self.record
 
     def _live(self, from_s: float, until_s: float) -> float:
         """Run one core until a time, or until all is over; return when that was."""
         begin_ns = round(from_s * NS_PER_S) // STEP_NS * STEP_NS
         stage = Stage(self._settings, (
-            self, self.body, self.network, self.wearables, self.disk, self.channels,
-            Listener(self.record)), begin_ns)
+            self, self.body, self.network, self.wearables, self.observers, self.disk,
+            self.channels, self.operator, Listener(self.record)), begin_ns)
         try:
             stage.core.prepare_modules()
             stage.run(round(until_s * NS_PER_S))
@@ -181,9 +214,14 @@ class Director:
         """Return whether nothing is left to be waited for."""
         # All crashes come first: they are scenes as well.
         if now_s < self._story.settled_s or self.record.agent_state not in (
-                'idle', 'stay', 'return'):
+                'idle', 'stay', 'return', *(('held', 'operator') if self._is_taken() else ())):
             return False
-        return all(is_settled(events) for events in self.record.alarms().values())
+        return all(is_settled(events) for events in self.record.alarms().values()) and (
+            self._is_taken() or not self.record.forgotten())
+
+    def _is_taken(self) -> bool:
+        """Return whether e-stop or operator has the robot."""
+        return self.body.estop or self.body.driven
 
     # ---- as an actor -------------------------------------------------------------------------
 
@@ -245,36 +283,33 @@ class Director:
                 order(['node', scene.who, 'off', *([f'{scene.for_s:.1f}'] if scene.for_s else [])])
             case 'node_reboots':
                 order(['node', scene.who, 'reboot'])
-            case what:
-                self._trouble(what, scene.who, True)
+            case 'walks_off':
+                order(['walk', scene.who])
+            case 'presses_late':
+                order(['press', scene.who, scene.answer, f'{_PRESS_S:g}'])
+            case _:
+                self._trouble(scene, True)
 
     def _end(self, scene: Scene) -> None:
         if scene.what in ('fall', 'sit', 'sleep'):
             self.world.inject(['rise', scene.who])
         else:
-            self._trouble(scene.what, scene.who, False)
+            self._trouble(scene, False)
 
-    def _trouble(self, what: str, who: str, begins: bool) -> None:
-        body = self.body
-        match what:
-            case 'path_blocked':
-                body.blocked = begins
-            case 'lost_position':
-                body.lost = begins
-            case 'estop':
-                body.estop = begins
-            case 'battery_low':
-                body.battery_v = 21.2 if begins else 25.2
-            case 'no_free_place':
-                body.refuses = begins
-            case 'channel_fails':
-                self.channels.failing = begins
-            case 'disk_full':
-                self.disk.full = begins
-            case 'sensor_off':
-                (self.wearables.off.add if begins else self.wearables.off.discard)(who)
-            case 'sink_silent':
-                self.network.silent = begins
+    def _trouble(self, scene: Scene, begins: bool) -> None:
+        what, who, now_ns = scene.what, scene.who, self._stage.now_ns
+        if what in self._switches:
+            setattr(*self._switches[what], begins)
+        elif what == 'sensor_off':
+            (self.wearables.off.add if begins else self.wearables.off.discard)(who)
+        elif what == 'call' and not begins:
+            self.operator.hang_up(who, now_ns)
+        elif what == 'call':
+            self.operator.call(who, round((scene.for_s or self._longest_s) * NS_PER_S), now_ns)
+        elif what == 'operator_says':
+            self.operator.order(who, now_ns)
+        elif what == 'operator_sends' and begins:
+            self.operator.send(self.body.home[0] + _ASIDE_M, self.body.home[1], now_ns)
 
 
 def is_settled(events: list[dict[str, Any]]) -> bool:

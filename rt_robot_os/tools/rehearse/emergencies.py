@@ -20,19 +20,24 @@ import argparse
 from collections import Counter
 from collections.abc import Iterable
 from collections.abc import Iterator
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 import json
 from multiprocessing import get_context
 import time
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
+from rt_robot_os.agent.edges import EDGES
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.coverage import edges_taken
+from rt_robot_os.tools.rehearse.coverage import name_of
 from rt_robot_os.tools.rehearse.director import Director
 from rt_robot_os.tools.rehearse.director import Record
 from rt_robot_os.tools.rehearse.noticed import emergencies_of
@@ -81,11 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _tell(settings, story)
     begin_s = time.monotonic()
     numbers = range(arguments.seed, arguments.seed + max(arguments.stories, 1))
-    verdicts, lasted_s = [], 0.0
-    for verdict, seconds in _judged(settings, numbers, arguments.jobs):
-        verdicts.append(verdict)
-        lasted_s += seconds
-    found = _summary(verdicts, lasted_s, time.monotonic() - begin_s)
+    found = _summary(list(_judged(settings, numbers, arguments.jobs)), begin_s)
     if arguments.json:
         print(json.dumps(found, indent=1))
     else:
@@ -98,22 +99,33 @@ def _story_of(settings: RobotSettings, number: int) -> Story:
     return draw(number, emergencies_of(settings, world), nodes_of(world))
 
 
-def judged(settings: RobotSettings, number: int) -> tuple[Verdict, float]:
+class Told(NamedTuple):
     """
-    Tell one story and judge it.
+    A story that was told and judged.
 
-    :return: the verdict, and how many seconds of virtual time it took.
+    :ivar verdict: on it.
+    :ivar lasted_s: of virtual time.
+    :ivar edges: of the agent's table that it took, and how often.
     """
+
+    verdict: Verdict
+    lasted_s: float = 0.0
+    edges: Mapping[str, int] = {}
+
+
+def judged(settings: RobotSettings, number: int) -> Told:
+    """Tell one story and judge it."""
     story = _story_of(settings, number)
     try:
         record = Director(settings, story).tell()
     except AssertionError as error:
-        return Verdict(number, {}, (str(error),), 0, 0, ()), 0.0
-    return judge(story, record), record.lasted_s
+        return Told(Verdict(number, {}, (str(error),), 0, 0, ()))
+    edges = Counter(name_of(edge) for edge in edges_taken(record.transitions))
+    return Told(judge(story, record), record.lasted_s, edges)
 
 
 def _judged(settings: RobotSettings, numbers: Iterable[int], jobs: int
-            ) -> Iterator[tuple[Verdict, float]]:
+            ) -> Iterator[Told]:
     if jobs < 2:
         yield from (judged(settings, number) for number in numbers)
         return
@@ -126,19 +138,26 @@ def _prepare(settings: str) -> None:
     _HERE.append(from_json(settings))
 
 
-def _judged_here(number: int) -> tuple[Verdict, float]:
+def _judged_here(number: int) -> Told:
     return judged(_HERE[-1], number)
 
 
-def _summary(verdicts: list[Verdict], lasted_s: float, wall_s: float) -> dict[str, Any]:
+def _summary(told: list[Told], begin_s: float) -> dict[str, Any]:
+    verdicts = [each.verdict for each in told]
+    edges: Counter[str] = Counter()
+    for each in told:
+        edges.update(each.edges)
     ends = Counter(end for verdict in verdicts for end in verdict.ends.values())
     return {
-        'stories': len(verdicts), 'virtual_s': round(lasted_s, 1), 'wall_s': round(wall_s, 1),
+        'stories': len(verdicts),
+        'virtual_s': round(sum(each.lasted_s for each in told), 1),
+        'wall_s': round(time.monotonic() - begin_s, 1),
         'emergencies': sum(each.noticed + each.hidden for each in verdicts),
         'noticed': sum(each.noticed for each in verdicts),
         'hidden': sum(each.hidden for each in verdicts),
         'alarms': dict(sorted(ends.items())),
         'gave_up': dict(Counter(why for each in verdicts for why in each.gave_up).most_common(12)),
+        'edges': {name: edges[name] for name in map(name_of, EDGES)},
         'problems': [{'story': verdict.number, 'problem': problem}
                      for verdict in verdicts for problem in verdict.problems]}
 
@@ -150,6 +169,8 @@ def _print(found: dict[str, Any]) -> None:
     print('alarms:', ', '.join(f'{count} {end}' for end, count in found['alarms'].items()))
     for why, count in found['gave_up'].items():
         print(f'  the robot gave up {count} times: {why}')
+    never = [name for name, count in found['edges'].items() if not count]
+    print(f'the agent took {len(found["edges"]) - len(never)} of its {len(found["edges"])} edges')
     problems = found['problems']
     for each in problems[:_PROBLEMS_SHOWN]:
         print(f'story {each["story"]}: {each["problem"]}')

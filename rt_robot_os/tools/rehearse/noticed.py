@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.story import CALLERS
 
 _BUTTON = 'alarm'
 _SMOKE = 'smoke'
@@ -61,3 +62,5 @@ def _noticed(settings: RobotSettings, world: World) -> Iterator[tuple[str, str]]
             yield 'help', subject
         elif module.type == 'rule' and values.get('kind') == 'smoke' and subject in smells:
             yield 'smoke', subject
+        elif module.type == 'agent':  # what another program tells the alarms is for it, too
+            yield from (('call', caller) for caller in CALLERS)

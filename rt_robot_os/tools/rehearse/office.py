@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Those behind the robot on the stage: the disk and its journal, the channels, who is told."""
+"""
+Those behind the robot on the stage: the disk, the channels, who is told, who operates it.
+
+Another program may call for somebody, too.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,9 @@ from random import Random
 from typing import Any
 from typing import Final
 
+from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.story import CALLERS
 from rt_robot_os.tools.rehearse.story import Carer
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
@@ -38,16 +44,20 @@ CARER: Final = 'carer'
 _DISK_NS: Final = 5 * NS_PER_MS
 _CHANNEL_NS: Final = 800 * NS_PER_MS
 _BEAT_NS: Final = 5 * NS_PER_S
+# What lasts is told again that often.
+_AGAIN_NS: Final = 10 * NS_PER_S
 
 
-def _texts(reader: Subscription | None) -> list[Any]:
+def texts(reader: Subscription | None) -> list[Any]:
+    """Return all that has come on a topic of JSON."""
     found = []
     while reader is not None and reader.take():
         found.append(json.loads(str(reader.msg.data)))
     return found
 
 
-def _say(publisher: Publisher | None, text: str, now_ns: int) -> None:
+def say(publisher: Publisher | None, text: str, now_ns: int) -> None:
+    """Publish a text, if somebody would read it."""
     if publisher is not None:
         publisher.msg.data = text
         publisher.publish(now_ns)
@@ -103,7 +113,7 @@ class Disk:
             for at_ns, record in self.kept:
                 self._answer({'record': record, 'age_ns': now_ns - at_ns}, now_ns)
             self._answer({'restored': len(self.kept)}, now_ns)
-        for record in _texts(self._records):
+        for record in texts(self._records):
             if self.full:
                 self._answer({'fault': 'no space left on the disk', 'seq': record.get('seq')},
                              now_ns)
@@ -116,7 +126,7 @@ class Disk:
         self._answer({'stored': record.get('seq')}, now_ns)
 
     def _answer(self, content: Mapping[str, Any], now_ns: int) -> None:
-        _say(self._stored, json.dumps(content), now_ns)
+        say(self._stored, json.dumps(content), now_ns)
 
 
 class Channels:
@@ -148,11 +158,11 @@ class Channels:
     def act(self, now_ns: int) -> None:
         """Bring messages, and do what is due; it is alive all the time."""
         if now_ns % _BEAT_NS == 0:
-            _say(self._beats, '{}', now_ns)
-        for message in _texts(self._messages):
+            say(self._beats, '{}', now_ns)
+        for message in texts(self._messages):
             key = message['key']
             if key in self._done:  # it was sent again
-                _say(self._reports, json.dumps(self._done[key]), now_ns)
+                say(self._reports, json.dumps(self._done[key]), now_ns)
             else:
                 self._later.at(now_ns + _CHANNEL_NS, partial(self._bring, message))
         self._later.act(now_ns)
@@ -161,7 +171,7 @@ class Channels:
         key = message['key']
         report = {'key': key, 'channel': message['channel'], 'ok': not self.failing,
                   'text': 'no network' if self.failing else 'delivered'}
-        _say(self._reports, json.dumps(report), now_ns)
+        say(self._reports, json.dumps(report), now_ns)
         if self.failing:
             return
         if key not in self._done:
@@ -179,10 +189,63 @@ class Channels:
                        partial(self._acknowledge, alarm))
 
     def _acknowledge(self, alarm: str, now_ns: int) -> None:
-        _say(self._commands, f'acknowledge {alarm} by {CARER}', now_ns)
+        say(self._commands, f'acknowledge {alarm} by {CARER}', now_ns)
         self._later.at(now_ns + round(self._carer.ends_after_s * NS_PER_S),
                        partial(self._end, alarm))
 
     def _end(self, alarm: str, now_ns: int) -> None:
-        _say(self._commands, f'resolve {alarm} by {CARER} looked after', now_ns)
+        say(self._commands, f'resolve {alarm} by {CARER} looked after', now_ns)
         self._busy.discard(alarm)  # what comes again is looked at again
+
+
+class Operator:
+    """
+    Plays an operator at a screen, and another program that calls for somebody.
+
+    :param body: of the robot, which they send elsewhere.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+        self._texts: dict[str, Publisher | None] = {}
+        self._calls: dict[str, int] = {}
+
+    def enter(self, stage: Stage) -> None:
+        """Find the topics."""
+        self._texts = {topic: stage.publisher(topic)
+                       for topic in ('agent/command', 'alarms/causes')}
+        self._goal = stage.publisher('goal_pose')
+
+    def act(self, now_ns: int) -> None:
+        """Say again what lasts."""
+        for caller, until_ns in self._calls.items():
+            if now_ns % _AGAIN_NS == 0 and now_ns < until_ns:
+                self._call(caller, True, now_ns)
+
+    def order(self, words: str, now_ns: int) -> None:
+        """Say something to the agent."""
+        say(self._texts['agent/command'], words, now_ns)
+
+    def send(self, x: float, y: float, now_ns: int) -> None:
+        """Send the robot elsewhere."""
+        if self._goal is not None:
+            self._body.errand = x, y
+            self._goal.msg.pose.position = x, y, 0.0
+            self._goal.msg.pose.orientation = 0.0, 0.0, 0.0, 1.0
+            self._goal.publish(now_ns)
+
+    def call(self, caller: str, for_ns: int, now_ns: int) -> None:
+        """Have another program call for somebody, for a while."""
+        self._calls[caller] = now_ns + for_ns
+        self._call(caller, True, now_ns)
+
+    def hang_up(self, caller: str, now_ns: int) -> None:
+        """End a call."""
+        self._call(caller, False, now_ns)
+
+    def _call(self, caller: str, active: bool, now_ns: int) -> None:
+        place = CALLERS[caller]
+        say(self._texts['alarms/causes'], json.dumps({
+            'kind': 'call', 'subject': caller, 'level': 'urgent', 'active': active,
+            'text': f'a call from the {caller}', 'source': 'calls',
+            **({} if place is None else {'x': place[0], 'y': place[1]})}), now_ns)

@@ -26,11 +26,20 @@ from typing import Final
 from typing import NamedTuple
 
 #: What may happen to people and to the home; each asks for help.
-EMERGENCIES: Final = ('fall', 'help', 'sick', 'smoke')
+EMERGENCIES: Final = ('fall', 'help', 'sick', 'smoke', 'call')
 #: What may go wrong besides, and with what.
 TROUBLES: Final = (
     'node_dies', 'node_reboots', 'path_blocked', 'lost_position', 'estop', 'battery_low',
-    'core_killed', 'channel_fails', 'disk_full', 'sink_silent', 'no_free_place')
+    'core_killed', 'channel_fails', 'disk_full', 'sink_silent', 'no_free_place', 'planner_silent',
+    'robot_stuck', 'camera_fails', 'noise', 'operator_drives', 'operator_sends', 'operator_says',
+    'walks_off', 'presses_late')
+# People meddle oftener than anything breaks.
+_OFTEN: Final = (
+    'estop', 'operator_drives', 'operator_sends', *3 * ('operator_says',), 'walks_off')
+#: What an operator says to the agent.
+ORDERS: Final = ('abort', 'stay', 'return', 'go 1')
+#: Where a call of another program says that it is: somewhere, in a wall, or nowhere.
+CALLERS: Final = {'door': (2.0, 2.0), 'cellar': (60.0, 60.0), 'intercom': None}
 #: What somebody does when the robot asks how they are.
 ANSWERS: Final = ('fine', 'help', 'silent')
 
@@ -45,9 +54,10 @@ class Scene(NamedTuple):
 
     :ivar at_s: since the beginning.
     :ivar what: of :data:`EMERGENCIES` or :data:`TROUBLES`.
-    :ivar who: a person, a node; empty for the robot.
+    :ivar who: a person, a node, one of :data:`CALLERS`, what an operator says; empty for the
+        robot.
     :ivar for_s: how long; 0 is for good.
-    :ivar answer: of the person, for a fall.
+    :ivar answer: of the person, for a fall and for a button that is pressed late.
     """
 
     at_s: float
@@ -97,11 +107,15 @@ def draw(number: int, emergencies: Sequence[tuple[str, str]], nodes: Sequence[st
     :param nodes: those that may die or reboot.
     """
     random = Random(number)
+    people = sorted({who for what, who in emergencies if what in ('fall', 'help')})
     scenes = [_emergency(random, *random.choice(list(emergencies)))
               for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
     begins_s = min(each.at_s for each in scenes)
-    for what in random.sample(TROUBLES, random.choice((0, 1, 1, 2, 3))):
-        scenes.append(_trouble(random, what, begins_s, nodes))
+    if random.random() < 0.5:  # often one happens while the robot is busy with another
+        scenes = [each._replace(at_s=min(each.at_s, begins_s + random.uniform(0.0, 45.0)))
+                  for each in scenes]
+    for what in random.sample((*TROUBLES, *_OFTEN), random.choice((0, 1, 2, 2, 3, 4))):
+        scenes.append(_trouble(random, what, begins_s, nodes, people))
     never = random.random() < 0.15
     carer = Carer(float('inf') if never else random.uniform(5.0, 240.0),
                   random.uniform(20.0, 120.0))
@@ -118,13 +132,23 @@ def _emergency(random: Random, what: str, who: str) -> Scene:
     return Scene(at_s, what, who, lasts_s, random.choice(ANSWERS))
 
 
-def _trouble(random: Random, what: str, begins_s: float, nodes: Sequence[str]) -> Scene:
+def _trouble(random: Random, what: str, begins_s: float, nodes: Sequence[str],
+             people: Sequence[str]) -> Scene:
     at_s = max(1.0, begins_s + random.uniform(-15.0, 60.0))
-    who = random.choice(list(nodes)) if what.startswith('node') and nodes else ''
     for_s = random.choice((0.0, random.uniform(5.0, 120.0)))
-    if what == 'core_killed':
+    who = answer = ''
+    if what.startswith('node') and nodes:
+        who = random.choice(list(nodes))
+    elif what == 'core_killed':
         for_s = random.uniform(0.5, 15.0)
-    return Scene(at_s, what, who, for_s)
+    elif what == 'robot_stuck':  # a state has to be long for its time to be over
+        for_s = random.uniform(60.0, 600.0)
+    elif what == 'operator_says':
+        who, for_s = random.choice(ORDERS), 0.0
+    elif what in ('walks_off', 'presses_late') and people:
+        who, for_s = random.choice(list(people)), 0.0
+        answer = random.choice(ANSWERS[:2]) if what == 'presses_late' else ''
+    return Scene(at_s, what, who, for_s, answer)
 
 
 def quiet(number: int, hours: float, people: Sequence[str], nodes: Sequence[str]) -> Story:

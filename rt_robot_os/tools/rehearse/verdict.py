@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Iterator
 from typing import Any
 from typing import Final
 from typing import NamedTuple
@@ -29,14 +30,15 @@ from rt_robot_os.tools.rehearse.story import Story
 from rt_robot_os.units import NS_PER_S
 
 # An emergency has become an alarm by then.
-_NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0}
+_NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0, 'call': 5.0}
 # What hides an emergency: nobody can hear what is not sent. A fall is felt by a device, the others
 # are told by nodes, through the sink.
-_HIDING: Final = {'fall': ('core_killed',)}
+_HIDING: Final = {'fall': ('core_killed',), 'call': ('core_killed',)}
 _HIDING_NODES: Final = ('core_killed', 'node_dies', 'node_reboots', 'sink_silent')
 _AROUND_S: Final = 15.0
 # An alarm of just before is of the same emergency.
 _SAME_S: Final = 10.0
+_SHOWN: Final = 3
 
 
 class Verdict(NamedTuple):
@@ -77,11 +79,22 @@ def judge(story: Story, record: Record) -> Verdict:
             hidden += 1
         else:
             problems.append(f'{scene.what} of {scene.who} at {scene.at_s:.1f} s became no alarm')
-    if record.agent_state not in ('idle', 'stay', 'return', 'held', 'operator') and all(
-            end != 'escalated' for end in ends.values()):
-        problems.append(f'the agent ended in {record.agent_state}')
+    problems += _of_agent(record)
     return Verdict(story.number, ends, tuple(problems), noticed, hidden, tuple(
         str(each['cause']) for each in record.transitions if each['to'] == 'give_up'))
+
+
+def _of_agent(record: Record) -> Iterator[str]:
+    """Yield what the agent did that it should not, and what it left undone."""
+    ends = ('idle', 'stay', 'return', *(('held', 'operator') if record.taken else ()))
+    if record.agent_state not in ends:
+        yield f'the agent ended in {record.agent_state}'
+    yield from (f'the agent ordered {each}' for each in record.disobeyed[:_SHOWN])
+    if not record.taken:
+        yield from (f'the agent forgot alarm {each}' for each in record.forgotten())
+    for each in record.transitions:
+        if each['to'] == 'give_up' and not str(each['cause']).partition(': ')[2]:
+            yield f'the agent gave up without a reason: {each["cause"]}'
 
 
 def _end(events: list[dict[str, Any]]) -> str:

@@ -1,0 +1,60 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which edges of the agent's table were taken, by the transitions that it told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Iterator
+from collections.abc import Mapping
+from typing import Any
+from typing import Final
+
+from rt_robot_os.agent.edges import Edge
+from rt_robot_os.agent.edges import EDGES
+from rt_robot_os.agent.edges import PAUSES
+from rt_robot_os.agent.edges import State
+
+_BY_ENDS: Final[Mapping[tuple[str, str, str], Edge]] = {
+    (edge.source.value, edge.event, edge.target.value): edge for edge in EDGES}
+
+
+def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[Edge]:
+    """
+    Yield the edge of each transition, in their order.
+
+    What happened in a pause and leads on from what is done afterwards is none.
+
+    :param transitions: as the agent told them.
+    """
+    before = State.IDLE.value
+    for told in transitions:
+        source, target = str(told['from']), str(told['to'])
+        event = str(told['cause']).partition(':')[0]
+        key = source, event, target
+        if event == 'released' and target == before:
+            key = source, event, State.BEFORE.value
+        if State(source) not in PAUSES:
+            before = source
+        edge = _BY_ENDS.get(key) or _BY_ENDS.get((source, event, State.BEFORE.value))
+        if edge is not None:
+            yield edge
+
+
+def name_of(edge: Edge) -> str:
+    """Return an edge as the drawing has it: ``confirm --> observe: help [there] / confirm``."""
+    guard = f' [{edge.guard}]' if edge.guard else ''
+    action = f' / {edge.action}' if edge.action else ''
+    return f'{edge.source.value} --> {edge.target.value}: {edge.event}{guard}{action}'

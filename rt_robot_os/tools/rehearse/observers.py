@@ -1,0 +1,74 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Camera and microphone on the stage: they answer orders, unless the camera fails."""
+
+from __future__ import annotations
+
+from functools import partial
+import json
+from typing import Any
+from typing import Final
+
+from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.office import Later
+from rt_robot_os.tools.rehearse.office import say
+from rt_robot_os.tools.rehearse.office import texts
+from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.units import NS_PER_S
+
+# A picture is on the disk so much later.
+_PICTURE_NS: Final = NS_PER_S
+_LEVEL_NS: Final = NS_PER_S // 10
+_QUIET_DB, _LOUD_DB = -60.0, -15.0
+
+
+class Observers:
+    """
+    Plays the devices ``camera`` and ``microphone``.
+
+    :param world: of the people who may speak.
+    :ivar failing: the camera says nothing.
+    :ivar noise: it is loud.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.failing = self.noise = False
+        self._world = world
+        self._later = Later()
+
+    def enter(self, stage: Stage) -> None:
+        """Find the topics; a new core ordered nothing."""
+        self._later.forget()
+        self._orders = stage.reader('camera/observe')
+        self._observed = stage.publisher('camera/observed')
+        self._level = stage.publisher('sound/level')
+
+    def act(self, now_ns: int) -> None:
+        """Take orders, answer those that are done, and listen."""
+        for order in texts(self._orders):
+            if not self.failing:
+                after_s = order.get('after_s', 0.0) if order['order'] == 'clip' else 0.0
+                self._later.at(now_ns + _PICTURE_NS + round(after_s * NS_PER_S),
+                               partial(self._answer, order))
+        self._later.act(now_ns)
+        if self._level is not None and now_ns % _LEVEL_NS == 0:
+            is_loud = self.noise or any(each.speaks for each in self._world.people)
+            self._level.msg.data = _LOUD_DB if is_loud else _QUIET_DB
+            self._level.publish(now_ns)
+
+    def _answer(self, order: dict[str, Any], now_ns: int) -> None:
+        say(self._observed, json.dumps({
+            'id': order['id'], 'alarm': order['alarm'], 'subject': order['subject'],
+            'kind': order['order'], 'camera': 'camera', 'file': f'{order["id"]}.jpg'}), now_ns)
