@@ -51,7 +51,9 @@ from rt_robot_os.alarms.orders import carry_out
 from rt_robot_os.alarms.rules import Rules
 from rt_robot_os.units import NS_PER_S
 
+#: The journal keeps nothing, or will keep nothing soon.
 JOURNAL_FAULT: Final = 'journal_fault'
+JOURNAL_SPACE: Final = 'journal_space'
 #: The longest record, in bytes.
 RECORD_BYTES: Final = 32_000
 _WAITING_MOST: Final = 64
@@ -96,6 +98,7 @@ class Desk:
         self._found: dict[str, dict[str, Any]] = {}
         self._seq = self._stored_seq = 0
         self._faulty = False
+        self._patience_ns = 0  # while it is faulty: until then it is waited for
         self._unstored: deque[tuple[int, str, str]] = deque()
         self._held: deque[Held] = deque()
         self._events: list[Event] = []
@@ -138,8 +141,7 @@ class Desk:
 
     def take_picture(self, alarm: str, file: str, t_ns: int) -> None:
         """Take what the robot has seen."""
-        file = file[:_FILE_MOST]
-        self.book.add_picture(alarm, file)
+        self.book.add_picture(alarm, file[:_FILE_MOST])
         self._settle(t_ns)
 
     def take_stored(self, found: Mapping[str, Any], t_ns: int) -> None:
@@ -157,8 +159,10 @@ class Desk:
                 self._take_seq(int(found['stored']), t_ns)
             elif 'resend' in found:
                 self._records = self.unstored()
+            elif 'low' in found:
+                self._tell(JOURNAL_SPACE, str(found['low'])[:160], t_ns)
             elif 'fault' in found:
-                self._fault(str(found['fault'])[:160], t_ns)
+                self._fault(str(found['fault'])[:160], t_ns, self._wait_ns)
             else:
                 raise ValueError(f'the journal says {str(found)[:60]}')
         except (KeyError, TypeError, AttributeError) as error:
@@ -169,7 +173,7 @@ class Desk:
         if self._started and not self._restored and now_ns >= self._start_until_ns:
             at_ns, self._restored = self._start_until_ns, True
             self.book.unsaved = True
-            self._fault(f'it has given nothing back in {self._wait_ns / NS_PER_S:g} s', at_ns)
+            self._fault(f'it has given nothing back in {self._wait_ns / NS_PER_S:g} s', at_ns, 0)
             self._take_waiting(at_ns)
         while (due_ns := self.book.next_ns()) and due_ns <= now_ns:
             self._give_up_waiting(due_ns)
@@ -180,12 +184,10 @@ class Desk:
     @property
     def next_ns(self) -> int:
         """Return when :meth:`advance` has something to do; 0 never."""
-        found = [self.book.next_ns()]
-        if self._held and not self._faulty:
-            found.append(self._held[0].until_ns)
-        if self._started and not self._restored:
-            found.append(self._start_until_ns)
-        return min(filter(None, found), default=0)
+        starts = self._started and not self._restored
+        return min(filter(None, (
+            self.book.next_ns(), self._held[0].until_ns if self._held else 0,
+            self._start_until_ns if starts else 0)), default=0)
 
     # ---- what comes out ----------------------------------------------------------------------
 
@@ -280,13 +282,16 @@ class Desk:
             key, delivery.channel, alarm.id, delivery.step, alarm.level.name.lower(),
             alarm.subject, words_of(alarm), alarm.kinds, alarm.node, alarm.x, alarm.y,
             tuple(alarm.pictures), delivery.again)
+        given_up = self._faulty and t_ns >= self._patience_ns
         # The robot's voice is heard here and now; nobody hears it twice after a restart.
-        if not self._has_journal or self._faulty or delivery.channel == ROBOT:
+        if not self._has_journal or given_up or delivery.channel == ROBOT:
             self._notifications.append(notification)
             return
         if len(self._held) >= _HELD_MOST:
             self._notifications.append(self._held.popleft().notification)
         until_ns = max(t_ns, self._began_ns) + self._wait_ns
+        if self._faulty:
+            until_ns = min(until_ns, self._patience_ns)
         self._held.append(Held(self._seq, until_ns, notification))
 
     def _release(self, held: Held) -> None:
@@ -307,27 +312,37 @@ class Desk:
             self._release(self._held.popleft())
         if self._faulty and not self._unstored:
             self._faulty, self.warning = False, ''
-            self._tell_fault(False, 'the journal keeps records again', t_ns)
+            self._tell(JOURNAL_FAULT, '', t_ns)
 
     def _give_up_waiting(self, now_ns: int) -> None:
-        if self._held and not self._faulty and self._held[0].until_ns <= now_ns:
-            self._fault(f'it has stored nothing for {self._wait_ns / NS_PER_S:g} s',
-                        self._held[0].until_ns)
-
-    def _fault(self, text: str, t_ns: int) -> None:
-        """Go on without the journal until it stores records again."""
-        self.warning = f'the journal does not keep alarms: {text}; after a restart those that ' \
-                       'are open now may be missing'
+        until_ns = self._held[0].until_ns if self._held else now_ns + 1
+        if until_ns > now_ns:
+            return
         while self._held:
             self._release(self._held.popleft())
         if not self._faulty:
-            self._faulty = True
-            self.counters['journal_faults'] += 1
-        self._tell_fault(True, text, t_ns)
+            self._fault(f'it has stored nothing for {self._wait_ns / NS_PER_S:g} s', until_ns, 0)
 
-    def _tell_fault(self, active: bool, text: str, t_ns: int) -> None:
-        self.book.take_cause(Cause(JOURNAL_FAULT, 'journal', Level.TECHNICAL, active, text,
-                                   'alarms'), t_ns)
+    def _fault(self, text: str, t_ns: int, patience_ns: int) -> None:
+        """
+        Go on without the journal until it stores records again.
+
+        :param patience_ns: nobody is told for so long: a core that was killed before the journal
+            is there again would forget what was told.
+        """
+        self.warning = f'the journal does not keep alarms: {text}; after a restart those that ' \
+                       'are open now may be missing'
+        if not self._faulty:
+            self._faulty, self._patience_ns = True, t_ns + patience_ns
+            self.counters['journal_faults'] += 1
+            self._held = deque(each._replace(until_ns=min(each.until_ns, self._patience_ns))
+                               for each in self._held)
+        self._tell(JOURNAL_FAULT, text or 'it does not say why', t_ns)
+
+    def _tell(self, kind: str, text: str, t_ns: int) -> None:
+        """Tell what is wrong with the journal; without a text that it is so no longer."""
+        self.book.take_cause(Cause(kind, 'journal', Level.TECHNICAL, bool(text), text, 'alarms'),
+                             t_ns)
         self._settle(t_ns)
 
     # ---- after a restart ---------------------------------------------------------------------
@@ -355,6 +370,8 @@ class Desk:
             self._began_ns = t_ns
             self.book.restore(self._read_alarms(t_ns), t_ns)
             self._settle(t_ns)
+            if not self._faulty:
+                self._tell(JOURNAL_FAULT, '', t_ns)  # that of before is over
             self.advance(t_ns)
             if not late:
                 self._take_waiting(t_ns)

@@ -129,6 +129,9 @@ def decode(data: bytes) -> Contents:
     found = Contents()
     position = 0
     while position < len(data):
+        if data.startswith(_END, position):
+            position = found.end = position + 1  # written over what a crash had left there
+            continue
         head = _HEAD.match(data, position)
         end = 0 if head is None else _line_end(data, head)
         if head is not None and end and _take(found, data[head.end():end]):

@@ -42,8 +42,21 @@ class Store(Protocol):
     def truncate(self, name: str, size: int) -> None:
         """Cut a file off."""
 
+    def blank(self, name: str, start: int) -> None:
+        """Write ends of lines over all that is behind a place; needs no room."""
+
     def write(self, name: str, data: bytes) -> None:
-        """Write a file anew and wait until it is safe; its name is safe with the folder."""
+        """
+        Write a file anew and wait until it is safe; its name is safe with the folder.
+
+        What was kept for a file of this name that is empty is used.
+        """
+
+    def keep(self, name: str, size: int) -> None:
+        """Keep room for a file of such a size; one that is not there is made, empty."""
+
+    def kept(self, name: str) -> int:
+        """Return the bytes that a file has on the disk, written or kept."""
 
     def rename(self, name: str, other: str) -> None:
         """Give a file another name, which another may have had."""
@@ -65,6 +78,11 @@ class _File:
     def __init__(self) -> None:
         self.data = bytearray()
         self.safe = b''
+        self.kept = self.safely_kept = 0
+
+    @property
+    def room(self) -> int:
+        return max(len(self.data), self.kept)
 
 
 class MemoryStore:
@@ -95,6 +113,7 @@ class MemoryStore:
             else:
                 file.data = bytearray(random.choice((data, file.safe)))
             file.safe = bytes(file.data)
+            file.kept = file.safely_kept = random.choice((file.kept, file.safely_kept))
         self._files = dict(names)
         self._names = [names]
 
@@ -112,16 +131,38 @@ class MemoryStore:
         """Make a file safe."""
         self._call()
         file = self._files[name]
-        file.safe = bytes(file.data)
+        file.safe, file.safely_kept = bytes(file.data), file.kept
 
     def truncate(self, name: str, size: int) -> None:
-        """Cut a file off."""
+        """Cut a file off, and give back what was kept for it."""
         self._call()
-        del self._files[name].data[size:]
+        file = self._files[name]
+        del file.data[size:]
+        file.kept = file.safely_kept = 0
+
+    def blank(self, name: str, start: int) -> None:
+        """Write ends of lines over what is behind."""
+        self._call()
+        data = self._files[name].data
+        data[start:] = b'\n' * (len(data) - start)
+
+    def keep(self, name: str, size: int) -> None:
+        """Keep room for a file."""
+        self._call()
+        file = self._file(name)
+        if size - file.room > self._free():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        file.kept = max(file.kept, size)
+
+    def kept(self, name: str) -> int:
+        """Return the room of a file."""
+        file = self._files.get(name)
+        return 0 if file is None else file.room
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file anew."""
-        self._files.pop(name, None)
+        if self.read(name):
+            self._files.pop(name)
         self._call(lambda: self._add(name, data[:len(data) // 2]))
         self._add(name, data)
         self.sync(name)
@@ -147,13 +188,20 @@ class MemoryStore:
         self._names.append(dict(self._files))
 
     def _add(self, name: str, data: bytes) -> None:
-        free = self.room - sum(len(each.data) for each in self._files.values())
+        file = self._file(name)
+        free = file.room - len(file.data) + self._free()
+        file.data += data[:free]
+        if free < len(data):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _file(self, name: str) -> _File:
         if name not in self._files:
             self._files[name] = _File()
             self._named()
-        self._files[name].data += data[:max(0, free)]
-        if free < len(data):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return self._files[name]
+
+    def _free(self) -> int:
+        return max(0, self.room - sum(each.room for each in self._files.values()))
 
     def _call(self, half: Callable[[], object] = lambda: None) -> None:
         self.calls += 1

@@ -29,6 +29,7 @@ MCL_FUTURE = 2
 MCL_ONFAULT = 4
 PR_SET_PDEATHSIG = 1
 PR_SET_TIMERSLACK = 29
+FALLOC_FL_KEEP_SIZE = 1
 SIG_BLOCK = 0
 SIG_UNBLOCK = 1
 
@@ -93,6 +94,8 @@ munlockall = _declare(_blocking, 'munlockall')
 adjtimex = _declare(_quick, 'adjtimex', ctypes.POINTER(Timex))
 prctl = _declare(_quick, 'prctl', ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong,
                  ctypes.c_ulong)
+fallocate = _declare(_blocking, 'fallocate', ctypes.c_int, ctypes.c_int, ctypes.c_long,
+                     ctypes.c_long)
 
 # On the hot path: called with prepared ctypes objects, so no conversion and no Python-level
 # error check. The arguments are valid by construction; sigwaitinfo may be interrupted, which is

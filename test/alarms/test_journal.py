@@ -170,7 +170,7 @@ def test_a_damaged_file_is_made_up_for_by_the_one_before() -> None:
 
 
 def test_a_full_disk_is_an_error_that_leaves_nothing_half_done() -> None:
-    store = MemoryStore()
+    store = MemoryStore(room=3000)  # too little to keep some of it free
     kept = journal(store)
     kept.open()
     kept.append(record(1), 1)

@@ -91,6 +91,7 @@ class JournalProcess:
         self._killed = killed
         self._file: JournalFile | None = None
         self._waiting: list[str] = []
+        self._low = False
         timeline.after(self._ms(2, 30), self._open)
 
     def _ms(self, least: float, most: float) -> int:
@@ -130,6 +131,7 @@ class JournalProcess:
             for text in waiting:
                 self._file.append(text, int(json.loads(text)['seq']))
             stored = self._file.commit()
+            low = self._file.keep_room().problem
         except OSError as error:
             self._fail(str(error.strerror))
             return
@@ -137,6 +139,9 @@ class JournalProcess:
             self._killed()
             return
         self._timeline.after(self._ms(0.5, 15), lambda: self._say({'stored': stored}))
+        if self._low != (low is not None):
+            self._low = not self._low
+            self._say({'low': str(low.strerror) if low else ''})
 
     def _say(self, said: dict[str, Any]) -> None:
         if not self.ended:

@@ -82,6 +82,7 @@ class Result:
     :ivar folded: that came a second time and said so, after a crash in the middle of a delivery.
     :ivar told_anew: emergencies that have another number since a crash: nothing was written of the
         first one, or the journal did not answer.
+    :ivar forgotten: alarms that somebody was told of, and that a later core did not know.
     :ivar digest: of all events; the same for the same seed.
     """
 
@@ -93,6 +94,7 @@ class Result:
     shown_twice: int = 0
     folded: int = 0
     told_anew: int = 0
+    forgotten: int = 0
     virtual_hours: float = 0.0
     went_wrong: Counter[str] = field(default_factory=Counter)
     scenes_lost: list[int] = field(default_factory=list)
@@ -117,7 +119,8 @@ class Result:
             f'  {self.acknowledged} acknowledged, {self.top} told up to the top',
             f'  {self.lost} lost', f'  {self.shown} notifications shown, {self.shown_twice} of '
             f'them twice; {self.folded} came again and said so',
-            f'  {self.told_anew} alarms with another number since a crash',
+            f'  {self.told_anew} alarms with another number since a crash, {self.forgotten} '
+            'forgotten',
             f'what went wrong: {wrong}',
             *([f'scenes with losses: {", ".join(map(str, self.scenes_lost))}'] if (
                 self.scenes_lost) else []), f'digest {self.digest}']

@@ -51,7 +51,11 @@ from rt_robot_os.units import NS_PER_S
 
 _PACKETS_PER_READ: Final = 8
 _PING_NS: Final = NS_PER_S
+# A disk that stays full is told again, should somebody have resolved what was told.
+_AGAIN_NS: Final = 60 * NS_PER_S
 _KB: Final = 1024
+_LOW: Final = ('{}: alarms are stored in the {} KiB that were kept free for them, and not at all '
+               'when that is used up; make room on the disk')
 _ENDED: Final = ('its process ended without a word (somebody killed it, or the memory was full); '
                  'it is started anew')
 
@@ -82,8 +86,11 @@ class Journal(Device):
         self._pinged_ns = self._stamp_ns = 0
         self._lost = 0
         self._bytes = self._frames = self._samples = self._rejected = self._last_ns = 0
-        self._told: dict[str, int] = {'records': 0, 'records_not_ready': 0, 'resends': 0}
-        self._found = ''
+        self._told: dict[str, int] = {'records': 0, 'records_not_ready': 0, 'resends': 0,
+                                      'kept_kb': 0, 'put_off': 0}
+        self._found = self._low = self._not_kept = ''
+        self._low_told: bool | None = None
+        self._low_ns = 0
 
     def open(self) -> None:  # noqa: A003
         """
@@ -189,7 +196,7 @@ class Journal(Device):
         if kind == Kind.FAULT:
             self._fail(text, now_ns)
         if kind == Kind.PONG:
-            return 1
+            return self._take_room(text, now_ns)
         if kind not in (Kind.RECORD, Kind.RESTORED, Kind.STORED):
             self._rejected += 1
             return 0
@@ -202,6 +209,26 @@ class Journal(Device):
                 return 0
             self._ready = True
         self._publish(text, now_ns)
+        return 1
+
+    def _take_room(self, text: str, now_ns: int) -> int:
+        """Take how much room is kept on the disk; a full disk is told before that is used up."""
+        try:
+            found = json.loads(text)
+            kept_kb, put_off = int(found['kept_kb']), int(found['put_off'])
+            full, not_kept = str(found['full']), str(found['not_kept'])
+        except (ValueError, KeyError, TypeError):
+            self._rejected += 1
+            return 0
+        self._told['kept_kb'], self._told['put_off'] = kept_kb, put_off
+        if not_kept and not self._not_kept:
+            self.log.warn('no room can be kept for the journal (%s): when the disk is full, '
+                          'alarms are told without being stored', not_kept)
+        self._not_kept = not_kept
+        self._low = _LOW.format(full, kept_kb) if full else ''
+        if bool(full) != self._low_told or (full and now_ns - self._low_ns >= _AGAIN_NS):
+            self._low_told, self._low_ns = bool(full), now_ns
+            self._publish(json.dumps({'low': self._low}), now_ns)
         return 1
 
     def _look_at(self, torn_bytes: int, damaged: int) -> None:
@@ -240,4 +267,4 @@ class Journal(Device):
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,
-            more={**self._told, 'warning': self._found})
+            more={**self._told, 'warning': '; '.join(filter(None, (self._found, self._low)))})

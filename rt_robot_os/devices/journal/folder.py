@@ -19,6 +19,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from rt_robot_os.linux.disk_room import keep_room
+from rt_robot_os.linux.disk_room import room_of
+
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
 
 
@@ -54,11 +57,30 @@ class Folder:
         """Cut a file off."""
         os.ftruncate(self._opened(name), size)
 
+    def blank(self, name: str, start: int) -> None:
+        """Write ends of lines over all that is behind a place."""
+        fd = os.open(self.path / name, _FLAGS)  # where it is to be: not at the end
+        try:
+            os.lseek(fd, start, os.SEEK_SET)
+            _write(fd, b'\n' * (os.fstat(fd).st_size - start))
+        finally:
+            os.close(fd)
+
+    def keep(self, name: str, size: int) -> None:
+        """Keep room for a file of such a size; one that is not there is made, empty."""
+        keep_room(self._opened(name), size)
+
+    def kept(self, name: str) -> int:
+        """Return the bytes that a file has on the disk, written or kept."""
+        return room_of(self.path / name)
+
     def write(self, name: str, data: bytes) -> None:
         """Write a file anew and wait until it is on the disk."""
-        self.remove(name)
-        fd = os.open(self.path / name, _FLAGS | os.O_EXCL, 0o600)
+        self._close(name)
+        fd = os.open(self.path / name, _FLAGS, 0o600)
         try:
+            if os.fstat(fd).st_size:  # to cut off an empty one would give back what is kept
+                os.ftruncate(fd, 0)
             _write(fd, data)
             os.fsync(fd)
         finally:

@@ -36,7 +36,7 @@ class Kind(IntEnum):
     KEEP = 2
     PING = 3
     #: From it: a record of before, that there are no more, up to which record all is safe, what is
-    #: wrong, that it is there.
+    #: wrong; that it is there, and how much room is kept on the disk.
     RECORD = 4
     RESTORED = 5
     STORED = 6

@@ -43,6 +43,7 @@ from rt_robot_os.devices.journal.talk import Kind
 from rt_robot_os.devices.journal.talk import packet
 from rt_robot_os.devices.journal.talk import PACKET_BYTES
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.disk_room import is_full
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
@@ -136,9 +137,19 @@ class Worker:
                     journal.append(text, int(json.loads(text)['seq']))
                     kept = True
                 elif data[0] == Kind.PING:
-                    self._connection.send(packet(Kind.PONG))
+                    self._connection.send(json_packet(Kind.PONG, _room(journal)))
             if kept:
                 self._connection.send(json_packet(Kind.STORED, {'stored': journal.commit()}))
+
+
+def _room(journal: JournalFile) -> dict[str, Any]:
+    """Keep room for what will come, and tell how much there is."""
+    room = journal.keep_room()
+    problem = room.problem
+    told = '' if problem is None else problem.strerror or str(problem)
+    full = problem is not None and is_full(problem)
+    return {'kept_kb': room.kept_bytes // 1024, 'put_off': journal.put_off,
+            'full': told if full else '', 'not_kept': '' if full else told}
 
 
 def main(arguments: Sequence[str]) -> int:

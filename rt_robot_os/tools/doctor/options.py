@@ -21,10 +21,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import sys
 from typing import NoReturn
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.tools.doctor.report import FAILED
 from rt_robot_os.tools.doctor.system import Wanted
+
+if TYPE_CHECKING:
+    from rt_robot_os.settings import RobotSettings
 
 _EPILOG = """\
 exit code: 0 ready: nothing to mend; 1 usable: a robot runs, with degraded latency or convenience;
@@ -34,6 +38,8 @@ exit code: 0 ready: nothing to mend; 1 usable: a robot runs, with degraded laten
 The doctor changes nothing. `ros2 run rt_robot_os doctor --ros-args --params-file my_robot.yaml`
 checks the machine for that robot: its CPU, its priority, its ports."""
 _LONGEST_S = 86400.0
+# Its port is a folder, and nothing that is plugged in.
+_JOURNAL = 'journal'
 
 
 class _Parser(argparse.ArgumentParser):
@@ -109,7 +115,7 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
         return Wanted(cpu=default.cpu if cpu is None else cpu, source='as usual; the '
                       'configuration cannot be read')
     ports = tuple(dict.fromkeys(device.port for device in settings.devices
-                                if device.port.startswith('/')))
+                                if device.port.startswith('/') and device.type != _JOURNAL))
     if cpu is not None:
         source += ', --cpu'
     core = settings.core
@@ -117,7 +123,15 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
         cpu=core.cpu if cpu is None else cpu, priority=core.scheduler_priority,
         lock_memory=core.lock_memory, ports=ports, cpu_latency_us=core.cpu_latency_us,
         spin_us=core.spin_us, watchdog=settings.watchdog.device,
-        black_box_folder=core.black_box_folder, source=source)
+        black_box_folder=core.black_box_folder, journals=_journals(settings), source=source)
+
+
+def _journals(settings: RobotSettings) -> tuple[tuple[str, int], ...]:
+    from rt_robot_os.alarms.journal_file import disk_bytes
+    from rt_robot_os.devices.journal.worker import folder_of
+    return tuple((str(folder_of(device.port)), disk_bytes(device.settings['limit_kb'] << 10))
+                 for device in settings.devices if device.type == _JOURNAL
+                 and device.sim is None)
 
 
 def parse(argv: Sequence[str]) -> tuple[Options, Wanted]:

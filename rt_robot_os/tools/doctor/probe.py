@@ -165,9 +165,24 @@ def rclpy() -> dict[str, Any]:
     return {'file': module.__file__ or '', 'rmw': rmw, 'version': version}
 
 
+def room(folder: str, size_bytes: str) -> dict[str, Any]:
+    """Try whether room can be kept in a folder, for a file that has no name and goes at once."""
+    from rt_robot_os.linux.disk_room import is_full
+    from rt_robot_os.linux.disk_room import keep_room
+    try:
+        fd = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        return {'tried': False, 'reason': error.strerror or str(error), 'full': False}
+    try:
+        keep_room(fd, int(size_bytes))
+    except OSError as error:
+        return {'tried': True, 'reason': error.strerror or str(error), 'full': is_full(error)}
+    return {'tried': True, 'reason': '', 'full': False}
+
+
 PROBES: Mapping[str, Callable[..., dict[str, Any]]] = {
     'scheduler': scheduler, 'clock': clock, 'python': python, 'core': core,
-    'compiled': compiled, 'rclpy': rclpy}
+    'compiled': compiled, 'rclpy': rclpy, 'room': room}
 
 
 if __name__ == '__main__':

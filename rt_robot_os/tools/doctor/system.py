@@ -51,6 +51,7 @@ class Wanted:
     :ivar spin_us: how early the kernel wakes to spin.
     :ivar watchdog: a watchdog of the machine that is fed; empty without.
     :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
+    :ivar journals: folder of each journal of alarms, and the bytes that it takes.
     :ivar source: where that is written.
     """
 
@@ -62,6 +63,7 @@ class Wanted:
     spin_us: float = 0.0
     watchdog: str = ''
     black_box_folder: str = ''
+    journals: tuple[tuple[str, int], ...] = ()
     source: str = 'the default configuration'
 
 

@@ -29,6 +29,10 @@ from random import Random
 from typing import Any
 from typing import Final
 
+from rt_robot_os.alarms.alarm import compact
+from rt_robot_os.alarms.journal_file import JournalFile
+from rt_robot_os.alarms.journal_file import Room
+from rt_robot_os.alarms.store import MemoryStore
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.story import CALLERS
@@ -43,6 +47,10 @@ CARER: Final = 'carer'
 # What is written is on the disk so much later, and a channel answers so much later.
 _DISK_NS: Final = 5 * NS_PER_MS
 _CHANNEL_NS: Final = 800 * NS_PER_MS
+_RETRY_NS: Final = 2 * NS_PER_S
+_DISK_BYTES: Final = 1 << 30
+# As the device has it where nobody says otherwise.
+_JOURNAL_BYTES: Final = 1 << 20
 _BEAT_NS: Final = 5 * NS_PER_S
 # What lasts is told again that often.
 _AGAIN_NS: Final = 10 * NS_PER_S
@@ -88,42 +96,67 @@ class Later:
 
 class Disk:
     """
-    Plays the device ``journal``: what was written survives the core, what was not is lost.
+    Plays the device ``journal``: the real file, on a disk in memory that survives the core.
 
-    :ivar kept: the records, as they were written.
-    :ivar full: nothing can be written.
+    :ivar full: there is room only for what it had kept free.
     """
 
     def __init__(self) -> None:
-        self.kept: list[tuple[int, dict[str, Any]]] = []
         self.full = False
+        self._store = MemoryStore()
         self._later = Later()
 
     def enter(self, stage: Stage) -> None:
-        """Give back to a new core what is kept."""
+        """Begin with a new core, which knows nothing."""
         self._later.forget()
         self._records = stage.reader('alarms/journal')
         self._stored = stage.publisher('alarms/stored')
-        self._restored = False
+        self._journal: JournalFile | None = None
+        self._open_ns = self._now_ns = 0
+        self._low = False
 
     def act(self, now_ns: int) -> None:
         """Give back what is kept, then write what comes."""
-        if not self._restored:
-            self._restored = True
-            for at_ns, record in self.kept:
-                self._answer({'record': record, 'age_ns': now_ns - at_ns}, now_ns)
-            self._answer({'restored': len(self.kept)}, now_ns)
+        self._now_ns = now_ns
+        self._store.room = 0 if self.full else _DISK_BYTES
+        if self._journal is None and now_ns >= self._open_ns:
+            self._open(now_ns)
         for record in texts(self._records):
-            if self.full:
-                self._answer({'fault': 'no space left on the disk', 'seq': record.get('seq')},
-                             now_ns)
-            else:
+            if self._journal is not None:  # else it is asked for again
                 self._later.at(now_ns + _DISK_NS, partial(self._keep, record))
         self._later.act(now_ns)
+        if now_ns % NS_PER_S == 0 and self._journal is not None:
+            self._look(self._journal.keep_room(), now_ns)
+
+    def _open(self, now_ns: int) -> None:
+        journal = JournalFile(self._store, _JOURNAL_BYTES, lambda: self._now_ns)
+        try:
+            living = journal.open().living()
+        except OSError as error:
+            self._fail(error, now_ns)
+            return
+        self._journal = journal
+        for each in living:
+            self._answer({'record': each.record, 'age_ns': now_ns - each.at_ns}, now_ns)
+        self._answer({'restored': len(living)}, now_ns)
 
     def _keep(self, record: dict[str, Any], now_ns: int) -> None:
-        self.kept.append((now_ns, record))
-        self._answer({'stored': record.get('seq')}, now_ns)
+        if self._journal is None:
+            return
+        try:
+            self._journal.append(compact(record), int(record['seq']))
+            self._answer({'stored': self._journal.commit()}, now_ns)
+        except OSError as error:
+            self._fail(error, now_ns)
+
+    def _look(self, room: Room, now_ns: int) -> None:
+        if self._low != (room.problem is not None):
+            self._low = not self._low
+            self._answer({'low': str(room.problem.strerror) if room.problem else ''}, now_ns)
+
+    def _fail(self, error: OSError, now_ns: int) -> None:
+        self._journal, self._open_ns = None, now_ns + _RETRY_NS
+        self._answer({'fault': str(error.strerror)}, now_ns)
 
     def _answer(self, content: Mapping[str, Any], now_ns: int) -> None:
         say(self._stored, json.dumps(content), now_ns)

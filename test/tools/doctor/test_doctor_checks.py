@@ -373,6 +373,23 @@ def test_the_folder_of_the_black_box_needs_room_as_well(machine) -> None:
     assert states == [('/users/pi/.ros/log', OK), ('/data/box', BAD)]
 
 
+@pytest.mark.parametrize(('tried', 'state', 'told'), [
+    ({'tried': True, 'reason': '', 'full': False}, OK, '4608 KiB can be kept free for /data/al'),
+    ({'tried': True, 'reason': 'No space left on device', 'full': True}, BAD, 'no 4608 KiB'),
+    ({'tried': True, 'reason': 'Operation not supported', 'full': False}, WARN, 'cannot keep'),
+    ({'tried': False, 'reason': 'Is a directory', 'full': False}, UNKNOWN, 'Is a directory')])
+def test_a_journal_of_alarms_needs_a_folder_that_keeps_room(machine, tried, state, told) -> None:
+    wanted = {'journals': [['/data/al', 4608 << 10]]}
+    probes = {**machine('raspberry_pi').facts['probes'], 'room': tried}
+    finding = _only(machine('raspberry_pi', {'/data/x': ''}, wanted=wanted, probes=probes),
+                    'memory.journal')
+    assert (finding.state, told in finding.found) == (state, True)
+    finding = _only(machine('raspberry_pi', {'/data/x': ''}, wanted=wanted, denied=['/data']),
+                    'memory.journal')
+    assert finding.state is BAD and 'cannot be written' in finding.found
+    assert _only(machine('raspberry_pi'), 'memory.journal').state is ABSENT
+
+
 def test_many_files_of_dds(machine) -> None:
     system = machine('docker', {f'/dev/shm/fastrtps_{n:04x}': '' for n in range(201)})
     assert _only(system, 'leftovers.shared_memory').state is WARN

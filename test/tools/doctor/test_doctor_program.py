@@ -30,7 +30,9 @@ from rt_robot_os.linux.clock_discipline import clock_state
 from rt_robot_os.tools.doctor import examination
 from rt_robot_os.tools.doctor.command import run
 from rt_robot_os.tools.doctor.finding import Check
+from rt_robot_os.tools.doctor.finding import State
 from rt_robot_os.tools.doctor.options import parse
+from rt_robot_os.tools.doctor.registry import ask
 from rt_robot_os.tools.doctor.registry import Group
 from rt_robot_os.tools.doctor.system import ProbeError
 from rt_robot_os.tools.doctor.system import System
@@ -90,6 +92,22 @@ def test_the_configuration_says_what_the_core_asks_for(tmp_path) -> None:
     assert (wanted.cpu, wanted.priority, wanted.ports) == (1, 42, ('/dev/ttyUSB5',))
     _, wanted = parse(['--cpu', '0', *arguments])
     assert (wanted.cpu, wanted.source) == (0, 'the given configuration, --cpu')
+
+
+def test_the_folder_of_a_journal_is_no_port_and_room_is_tried_there(tmp_path) -> None:
+    path = tmp_path / 'robot.yaml'
+    path.write_text(
+        'robot:\n  ros__parameters:\n    devices: [kept]\n'
+        f'    kept: {{type: journal, port: {tmp_path}/alarms, limit_kb: 64}}\n'
+        '    topics: [records]\n'
+        '    records: {topic: alarms/journal, message: std_msgs/msg/String, tail: 3000}\n')
+    _, wanted = parse(['--ros-args', '--params-file', str(path)])
+    assert wanted.ports == ()
+    assert wanted.journals == ((f'{tmp_path}/alarms', 3 * 96 * 1024),)
+    before = list(tmp_path.iterdir())
+    (finding,) = ask(CHECKS['memory.journal'], System(wanted))
+    assert finding.state in (State.OK, State.WARN, State.UNKNOWN), finding
+    assert list(tmp_path.iterdir()) == before
 
 
 def test_ctrl_c_ends_it_and_the_measurement() -> None:

@@ -119,10 +119,15 @@ def disk(system: System) -> Iterator[Finding]:
             yield unknown('neither ROS_LOG_DIR, ROS_HOME nor HOME is set')
 
 
+def _nearest(system: System, folder: str) -> str:
+    """Return the folder, or that above it which is there."""
+    while folder != '/' and not system.exists(folder):
+        folder = os.path.dirname(folder)
+    return folder
+
+
 def _room(system: System, folder: str) -> Finding:
-    nearest = folder
-    while nearest != '/' and not system.exists(nearest):
-        nearest = os.path.dirname(nearest)
+    nearest = _nearest(system, folder)
     elsewhere = Remedy(('export ROS_LOG_DIR=/tmp/ros_log',), 'or any folder of your own')
     if not system.may(nearest, os.W_OK):
         return bad(f'{folder} cannot be written or made', elsewhere, subject=folder, weight=90)
@@ -136,6 +141,35 @@ def _room(system: System, folder: str) -> Finding:
                                'export ROS_LOG_DIR=/mnt/larger/ros_log'),
                               'delete old logs, or write them elsewhere'), subject=folder,
                  weight=50)
+
+
+def journal(system: System) -> Iterator[Finding]:
+    """Look whether journals of alarms can be written, and can keep room for a full disk."""
+    if not system.wanted.journals:
+        yield absent('no journal of alarms is configured')
+    for folder, size_bytes in system.wanted.journals:
+        yield _journal(system, folder, size_bytes)
+
+
+def _journal(system: System, folder: str, size_bytes: int) -> Finding:
+    nearest = _nearest(system, folder)
+    elsewhere = Remedy((), 'make it writable for this user, or name another folder with the key '
+                       'port of the journal')
+    if not system.may(nearest, os.W_OK):
+        return bad(f'{folder} cannot be written or made', elsewhere, subject=folder, weight=90)
+    room = system.probe('room', nearest, size_bytes)
+    told = f'{size_bytes >> 10} KiB'
+    if not room['tried']:
+        return unknown(f'{folder}: no file can be tried there: {room["reason"]}', subject=folder)
+    if room['full']:
+        return bad(f'no {told} are free for {folder}', Remedy(
+            (f'df -h {shlex.quote(nearest)}',), 'make room on that disk'), subject=folder,
+            weight=80)
+    if room['reason']:
+        return warn(f'the file system of {folder} cannot keep room free: {room["reason"]}', Remedy(
+            (), 'name a folder on ext4, xfs or btrfs with the key port of the journal'),
+            subject=folder, weight=30)
+    return ok(f'{told} can be kept free for {folder}', subject=folder)
 
 
 def shared(system: System) -> Iterator[Finding]:
@@ -164,6 +198,8 @@ CHECKS = (
           'a core that maps more than it uses is refused memory', overcommit),
     Check('memory.disk', 'log folder', 'the node does not start without a place for its log',
           disk),
+    Check('memory.journal', 'journal of alarms',
+          'alarms that cannot be stored are forgotten by a crash', journal),
     Check('memory.shared', 'shared memory', 'Fast DDS sends to the same machine through it',
           shared),
 )

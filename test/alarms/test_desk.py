@@ -1,0 +1,106 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The desk and its journal: what waits, for how long, and what is told of a journal that fails."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rt_robot_os.alarms.cause import Cause
+from rt_robot_os.alarms.cause import Level
+from rt_robot_os.alarms.desk import Desk
+from rt_robot_os.units import NS_PER_S
+
+WAIT_S = 2
+HELP = Cause('help', 'anna', Level.CRITICAL, True, 'the button was pressed', 'button')
+
+
+class Office:
+    """A desk, and what it has said so far."""
+
+    def __init__(self, *records: str) -> None:
+        self.desk = Desk(wait_ns=WAIT_S * NS_PER_S)
+        self.records: list[str] = []
+        self.desk.start(NS_PER_S)
+        for each in records:
+            self.says(1.0, {'record': json.loads(each), 'age_ns': NS_PER_S})
+        self.says(1.0, {'restored': len(records)})
+
+    def says(self, at_s: float, said: dict[str, Any]) -> None:
+        self.desk.take_stored(said, round(at_s * NS_PER_S))
+
+    def told(self, at_s: float) -> list[str]:
+        """Let time pass; return of whom people are told until then."""
+        self.desk.advance(round(at_s * NS_PER_S))
+        self.records += self.desk.take_records()
+        return [each.subject for each in self.desk.take_notifications()
+                if each.channel != 'robot']
+
+    def store(self, at_s: float) -> None:
+        self.records += self.desk.take_records()
+        self.says(at_s, {'stored': json.loads(self.records[-1])['seq']})
+
+    def kinds(self) -> list[str]:
+        """Return the causes that last of what is wrong with the journal."""
+        return [kind for each in self.desk.book.in_order() if each.subject == 'journal'
+                for kind, reason in each.reasons.items() if reason.active]
+
+
+def test_nobody_is_told_while_a_journal_that_ended_may_be_back_in_time() -> None:
+    office = Office()
+    office.desk.take_cause(HELP, 2 * NS_PER_S)
+    office.says(2.1, {'fault': 'its process ended'})
+    assert office.told(2.9) == []
+    office.says(3.0, {'restored': 0})
+    office.store(3.1)
+    assert office.told(3.1) == ['anna', 'journal']
+    assert office.kinds() == []
+
+
+def test_people_are_told_without_a_journal_that_does_not_come_back() -> None:
+    office = Office()
+    office.says(2.0, {'fault': 'no such disk'})
+    office.desk.take_cause(HELP, round(3.5 * NS_PER_S))
+    assert office.told(3.9) == []
+    assert office.told(4.0) == ['journal', 'anna']  # 2 s after the fault, not after the cause
+    office.says(4.5, {'fault': 'no such disk'})
+    office.desk.take_cause(HELP._replace(subject='bob'), 5 * NS_PER_S)
+    assert office.told(5.0) == ['bob']
+    assert 'no such disk' in office.desk.warning
+
+
+def test_a_fault_of_the_journal_ends_with_the_core_that_had_it() -> None:
+    first = Office()
+    first.says(2.0, {'fault': 'No space left on device'})
+    first.told(10.0)
+    kept = [each for each in first.records if json.loads(each)['state']]
+    second = Office(kept[-1])
+    assert second.kinds() == []
+
+
+def test_a_disk_that_is_full_is_told_while_alarms_are_still_stored() -> None:
+    office = Office()
+    office.says(2.0, {'low': 'No space left on device: 900 KiB were kept'})
+    office.store(2.0)
+    assert office.told(2.0) == ['journal'] and office.kinds() == ['journal_space']
+    office.desk.take_cause(HELP, 3 * NS_PER_S)
+    assert office.told(4.9) == []  # it waits for the journal as ever
+    office.store(4.9)
+    assert office.told(4.9) == ['anna'] and not office.desk.warning
+    office.says(60.0, {'low': 'No space left on device: 800 KiB were kept'})
+    assert office.kinds() == ['journal_space']
+    office.says(70.0, {'low': ''})
+    assert office.kinds() == []
