@@ -37,7 +37,7 @@ LIMIT_KB = 64
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 512 KiB."""
+    """Mount a file system of 512 KiB."""
     if os.geteuid():
         pytest.skip('only root may mount a small file system')
     mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=512k', 'tmpfs', tmp_path],
