@@ -34,20 +34,22 @@ class FallLimits(NamedTuple):
     """
     The limits, in g, degrees, m/s and s; :data:`FALL_FIELDS` says of each what it is.
 
-    Impact: sitting down and stairs stay below 1.5 to 2 g, most falls are above 3 g (Kangas 2008,
-    Bourke 2007). Posture: a chair tilts the trunk by 30 to 60 degrees, a floor by 60 and more.
-    Descent: a fall reaches 1.3 m/s and more (Bourke 2010), sitting down hardly 1 m/s.
+    Speed: a fall reaches 1.3 m/s and more (Bourke 2010), sitting down hardly 1 m/s; what was
+    gained on the way down the floor takes away again, a soft one as much as a hard one, so both
+    have the same limits. Posture: a chair tilts the trunk by 30 to 60 degrees, a floor by 60 and
+    more.
     """
 
     impact_from_g: float = 1.5
-    impact_full_g: float = 3.0
+    stop_from_m_s: float = 0.5
+    stop_full_m_s: float = 1.5
     posture_from_deg: float = 30.0
     posture_full_deg: float = 70.0
     posture_least_deg: float = 40.0
     descent_from_m_s: float = 0.5
     descent_full_m_s: float = 1.5
     descent_weight: float = 0.5
-    evidence: float = 1.4
+    evidence: float = 1.6
     before_from_s: float = 2.5
     before_until_s: float = 0.8
     settle_s: float = 0.3
@@ -76,7 +78,9 @@ def _limit(name: str, text: str, unit: str, minimum: float, maximum: float) -> F
 FALL_FIELDS: Final = (
     _limit('impact_from_g', 'what is felt at a blow: from here on it may be the impact of a fall',
            'g', 1.1, 8.0),
-    _limit('impact_full_g', 'from here on an impact counts fully, as 1', 'g', 1.2, 16.0),
+    _limit('stop_from_m_s', 'speed that the impact takes away: from here on it counts', 'm/s', 0.0,
+           5.0),
+    _limit('stop_full_m_s', 'from here on the impact counts fully, as 1', 'm/s', 0.1, 10.0),
     _limit('posture_from_deg', 'turn of the body between before and after: from here on it counts',
            'deg', 0.0, 170.0),
     _limit('posture_full_deg', 'from here on the turn counts fully, as 1', 'deg', 1.0, 180.0),
@@ -110,7 +114,7 @@ FALL_FIELDS: Final = (
 
 def problem_of(limits: FallLimits) -> str:
     """Return what does not fit together, and what would; empty when all does."""
-    for low, high in (('impact_from_g', 'impact_full_g'),
+    for low, high in (('stop_from_m_s', 'stop_full_m_s'),
                       ('posture_from_deg', 'posture_full_deg'),
                       ('descent_from_m_s', 'descent_full_m_s'),
                       ('before_until_s', 'before_from_s')):

@@ -16,10 +16,10 @@
 Detection of falls from a worn accelerometer: a descent, an impact, another posture, stillness.
 
 The detector is fed sample by sample. Each blow is kept for some seconds; as soon as the wearer has
-come to rest after it, what is known of it is weighed (:class:`Evidence`): how hard it was, how far
-the body has turned between before and after, how fast it went down. Nothing depends on how the
-sensor is mounted, for only angles between two postures are looked at, nor on its rate, for samples
-count in blocks of a length of time.
+come to rest after it, what is known of it is weighed (:class:`Evidence`): how much speed it took
+away, how far the body has turned between before and after, how fast it went down. Nothing depends
+on how the sensor is mounted, for only angles between two postures are looked at, nor on its rate,
+for samples count in blocks of a length of time.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
+import math
 from typing import Final
 from typing import NamedTuple
 
@@ -79,6 +80,7 @@ class Evidence(NamedTuple):
     :ivar impact_ns: when it was.
     :ivar peak_g: how hard it was: the largest mean of a block.
     :ivar least_g: the least that was felt in the second before.
+    :ivar stop_m_s: how much speed it took away: what was felt beyond the 1 g of rest, summed.
     :ivar descent_m_s: how fast it went down.
     :ivar turned_deg: the angle between the postures before and after.
     :ivar turn_deg_s: the fastest turn around it; 0 without a gyroscope.
@@ -89,6 +91,7 @@ class Evidence(NamedTuple):
     impact_ns: int
     peak_g: float
     least_g: float
+    stop_m_s: float
     descent_m_s: float
     turned_deg: float
     turn_deg_s: float
@@ -292,13 +295,14 @@ class FallDetector:
             return None
         limits = self._limits
         turned = angle_deg(blow.before, after)
+        stop_m_s = self._history.stop_m_s(blow.at_ns, math.hypot(*after))
         score = 0.0
         if turned >= limits.posture_least_deg:
-            score = (_part(blow.peak_g, limits.impact_from_g, limits.impact_full_g)
+            score = (_part(stop_m_s, limits.stop_from_m_s, limits.stop_full_m_s)
                      + _part(turned, limits.posture_from_deg, limits.posture_full_deg)
                      + limits.descent_weight * _part(
                          blow.descent_m_s, limits.descent_from_m_s, limits.descent_full_m_s))
-        return Evidence(blow.at_ns, blow.peak_g, blow.least_g, blow.descent_m_s, turned,
+        return Evidence(blow.at_ns, blow.peak_g, blow.least_g, stop_m_s, blow.descent_m_s, turned,
                         blow.turn_deg_s, score, score / limits.most_evidence)
 
     def _learn(self, blow: _Blow) -> None:

@@ -43,6 +43,9 @@ _LEVEL: Final = r'(?:\s+level\s+(\w+))?'
 _LIMIT: Final = re.compile(
     rf'(\w+)\s*([<>])\s*{_NUMBER}(?:\s+for\s+{_TIME})?(?:\s+clear\s+{_NUMBER})?{_LEVEL}')
 _TREND: Final = re.compile(rf'(\w+)\s+(rising|falling)\s+{_NUMBER}\s+in\s+{_TIME}{_LEVEL}')
+_WORD: Final = re.compile(r'[<>=!]+|[^\s<>=!]+')
+_RELATIONS: Final = ('>', '<', 'rising', 'falling')
+_EXAMPLE: Final = 'such as "pulse_per_min > 120 for 60 s clear 110 level urgent"'
 _NS_PER_S: Final = 1_000_000_000
 _WINDOW_MINIMUM_NS: Final = 30 * _NS_PER_S
 _WINDOW_MAXIMUM_NS: Final = 14 * 86_400 * _NS_PER_S
@@ -112,8 +115,30 @@ def limit_of(text: str) -> Limit | TrendLimit:
         return _limit(*found.groups())
     if found := _TREND.fullmatch(text):
         return _trend(*found.groups())
-    raise ValueError(f'must be {LIMIT_FORM}, or {TREND_FORM}, such as '
-                     '"pulse_per_min > 120 for 60 s clear 110 level urgent"')
+    raise ValueError(_misunderstood(text))
+
+
+def _misunderstood(text: str) -> str:
+    """Say at which word a text is no limit and no trend, and what has to stand there."""
+    words = _WORD.findall(text)
+    if not words:
+        return f'it is empty: it must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}'
+    sign = SIGNS[checked_sign(words[0])]
+    words += ['', '']
+    if words[1] not in _RELATIONS:
+        return (f'{_shown(words[1])} cannot stand behind the sign, only {" ".join(_RELATIONS)}: '
+                f'it must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}')
+    form = LIMIT_FORM if words[1] in '<>' else TREND_FORM
+    if not re.fullmatch(_NUMBER, words[2]):
+        unit = f', in {sign.unit}' if sign.unit else ''
+        return f'{_shown(words[2])} is no number; write it without a unit{unit}: it must be {form}'
+    rest = ' '.join(words[3:]).strip()
+    return (f'{_shown(rest)} cannot stand behind {words[2]}: it must be {form}, in this order, '
+            f'times with a unit (s, min, h, d), {_EXAMPLE}')
+
+
+def _shown(text: str) -> str:
+    return repr(text[:40]) if text else 'the end'
 
 
 def _limit(sign: str, relation: str, value: str, time: str | None, clear: str | None,

@@ -22,6 +22,7 @@ from typing import Final
 from typing import NamedTuple
 from typing import TypeAlias
 
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
@@ -30,6 +31,9 @@ Vector: TypeAlias = tuple[float, float, float]
 # A gap in the samples is bridged for so long where something is summed over time.
 _BRIDGED_S: Final = 0.15
 _LEAST_BLOCKS: Final = 3
+# An impact and its rebounds: from so long before its peak until so long after it.
+_STOP_FROM_NS: Final = 200 * NS_PER_MS
+_STOP_UNTIL_NS: Final = 500 * NS_PER_MS
 
 
 class Span(NamedTuple):
@@ -148,6 +152,27 @@ class MotionHistory:
             least = min(least, sizes[index])
             index -= 1
         return best, least
+
+    def stop_m_s(self, at_ns: int, rest_g: float) -> float:
+        """
+        Return how much speed an impact took away: the integral of what is beyond rest around it.
+
+        A soft floor takes longer for it and is felt less, but has to take away as much as a hard
+        one.
+
+        :param at_ns: of its peak.
+        :param rest_g: what the sensor feels at rest: 1 g, but for its scale and its zero.
+        """
+        times, sizes = self._times, self._sizes
+        index = bisect_left(times, at_ns - _STOP_FROM_NS)
+        end = bisect_left(times, at_ns + _STOP_UNTIL_NS + 1)
+        speed = 0.0
+        while index + 1 < end:
+            lasts_s = min((times[index + 1] - times[index]) / NS_PER_S, _BRIDGED_S)
+            beyond = max(0.0, sizes[index] - rest_g) + max(0.0, sizes[index + 1] - rest_g)
+            speed += 0.5 * beyond * lasts_s * STANDARD_GRAVITY_M_S2
+            index += 1
+        return speed
 
     def _mean(self, first: int, end: int) -> Vector:
         count = max(1, end - first)

@@ -119,7 +119,10 @@ def checked_sign(name: str) -> str:
     :raises ValueError: there is none of that name.
     """
     if name not in SIGNS:
-        close = get_close_matches(name, SIGNS, 1)
-        hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(SIGNS)}'
+        # Most write a part of it: pulse, temp, spo2.
+        close = ([each for each in SIGNS if len(name) > 1 and name.lower() in each]
+                 or get_close_matches(name, SIGNS, 1))
+        hint = (f'did you mean {" or ".join(close[:2])}?' if close
+                else f'there are {", ".join(SIGNS)}')
         raise ValueError(f'{name[:40]!r} is no sign: {hint}')
     return name

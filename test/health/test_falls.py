@@ -111,6 +111,36 @@ def test_a_sensor_of_two_g_is_enough(direction):
     assert what(clipped) == [What.FALL]
 
 
+@pytest.mark.parametrize('most_g', [1.7, 2.0])
+def test_a_soft_floor_takes_as_much_speed_and_is_felt_less(most_g):
+    """A mattress: the same impulse as the floor of the model, spread over a longer time."""
+    rows = motion(FALL)
+    begun_s = 8.0 + IMPACT_S
+    sizes = [math.hypot(*row[1:4]) for row in rows]
+    beyond = [0.02 * (size - 1.0) for row, size in zip(rows, sizes)
+              if begun_s <= row[0] < begun_s + 0.3 and size > 1.0]
+    lasts_s = math.pi / 2.0 * sum(beyond) / (most_g - 1.0)  # of half a sine of that height
+    soft = []
+    for (at_s, *force, turn), size in zip(rows, sizes):
+        if begun_s <= at_s < begun_s + max(0.3, lasts_s):
+            swing = math.sin(math.pi * min(1.0, (at_s - begun_s) / lasts_s))
+            force = [each / size * (1.0 + (most_g - 1.0) * swing) for each in force]
+        soft.append((at_s, *force, turn))
+    found = happened(soft)
+    assert [one.what for one in found] == [What.FALL]
+    assert found[0].evidence.peak_g == pytest.approx(most_g, abs=0.05)
+    assert found[0].evidence.stop_m_s == pytest.approx(
+        happened(rows)[0].evidence.stop_m_s, rel=0.25)
+
+
+@pytest.mark.parametrize('scale', [0.92, 1.08])
+def test_the_scale_of_a_sensor_is_no_impact(scale):
+    scaled = [(at_s, x * scale, y * scale, z * scale, turn)
+              for at_s, x, y, z, turn in motion(FALL)]
+    stop_m_s = happened(motion(FALL))[0].evidence.stop_m_s
+    assert happened(scaled)[0].evidence.stop_m_s == pytest.approx(stop_m_s, rel=0.1)
+
+
 def test_who_gets_up_has_recovered_and_may_fall_again():
     up = [('rise', 4.0), ('walk', 6.0)]
     assert what(motion([*FALL, *up])) == [What.FALL, What.RECOVERED]
@@ -196,6 +226,6 @@ def test_a_sensor_that_hangs_says_nothing():
 
 def test_limits_that_do_not_fit_are_named():
     assert problem_of(FallLimits()) == ''
-    assert 'impact_from_g' in problem_of(FallLimits(impact_from_g=4.0))
+    assert 'stop_from_m_s' in problem_of(FallLimits(stop_from_m_s=4.0))
     assert 'decide_within_s' in problem_of(FallLimits(decide_within_s=1.0))
     assert 'evidence' in problem_of(FallLimits(evidence=3.0))

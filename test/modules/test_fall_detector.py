@@ -205,7 +205,7 @@ def test_samples_without_an_acceleration_and_slow_ones_are_told() -> None:
 
 
 @pytest.mark.parametrize(('settings', 'named'), [
-    ({'impact_from_g': 5.0}, 'impact_full_g'), ({'person': 'anna/2'}, 'person'),
+    ({'stop_from_m_s': 5.0}, 'stop_full_m_s'), ({'person': 'anna/2'}, 'person'),
     ({'person': ' '}, 'person'), ({'imu_topic': ''}, 'peaks_topic')])
 def test_settings_that_cannot_be_are_named(settings: dict[str, Any], named: str) -> None:
     with pytest.raises(ConfigError, match=named):

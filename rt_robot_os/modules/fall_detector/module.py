@@ -267,6 +267,7 @@ class FallDetection(Module):
         if evidence is not None:
             values.update(
                 peak_g=f'{evidence.peak_g:.2f}', least_g=f'{evidence.least_g:.2f}',
+                stop_m_s=f'{evidence.stop_m_s:.2f}',
                 descent_m_s=f'{evidence.descent_m_s:.2f}',
                 turned_deg=f'{evidence.turned_deg:.0f}',
                 turn_deg_s=f'{evidence.turn_deg_s:.0f}', evidence=f'{evidence.score:.2f}',

@@ -161,4 +161,7 @@ def _source(text: str) -> SourceText:
         raise ValueError(_FORM)
     parts = topic.rstrip('/').split('/')
     sign = checked_sign(words[0] if len(words) == 2 else parts[-1])
+    if parts[-1] in SIGNS and parts[-1] != sign:
+        raise ValueError(f'{topic} is by its name {parts[-1]}, not {sign}: write "{topic}", or '
+                         'rename the topic')
     return SourceText(sign, topic, field, name or parts[-2 if len(parts) > 1 else -1])

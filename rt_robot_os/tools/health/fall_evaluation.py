@@ -40,7 +40,7 @@ LYING: Final = r'lying|lie_?down|^D1[234](?!\d)'
 #: What a cross-validation chooses among: coarse, so that no recording decides it.
 GRID: Final[Mapping[str, tuple[float, ...]]] = {
     'evidence': (1.2, 1.4, 1.6, 1.8), 'posture_least_deg': (40.0, 50.0),
-    'impact_full_g': (2.5, 3.0, 3.5)}
+    'stop_full_m_s': (1.25, 1.5, 1.75)}
 _Z_95: Final = 1.959964
 
 
