@@ -43,6 +43,7 @@ from rt_robot_os.slam.located import Located
 from rt_robot_os.slam.matching import Certainty
 from rt_robot_os.slam.matching import Matcher
 from rt_robot_os.slam.matching import Way
+from rt_robot_os.slam.novelty import Novelty
 from rt_robot_os.slam.scan import Scan
 from rt_robot_os.slam.scan import Surface
 from rt_robot_os.slam.scan import surface_of
@@ -64,13 +65,8 @@ _UNSURE_M: Final = 1.0
 _UNSURE_RAD: Final = 0.5
 #: Lost, scans are kept again after this way, if many come.
 _LOST_M: Final = 0.5
-#: Something new is a part of the points, in so many scans: who walks by is not.
-_NEW_SHARE: Final = 0.04
-_NEW_SCANS: Final = 8
 #: A map that moved by so much is drawn anew.
 _CELL_M: Final = 0.05
-#: Where the robot was before so many scans are kept that add nothing: one loop may be wrong.
-_AGAIN: Final = 6
 _STILL: Final = np.zeros(3)
 #: After steps longer than this all that waits is done at once: such logs are thinned out.
 _THINNED_M: Final = 0.25
@@ -126,7 +122,7 @@ class Mapper:
         mapper._anchor = max(0, len(graph.keyframes) - 1)
         mapper._travelled_m = 2.0 * mapper.tuning.loop_apart_m + max(
             (each.travelled_m for each in graph.keyframes), default=0.0)
-        mapper._again = _AGAIN
+        mapper._novelty.is_known()
         return mapper
 
     def relocated(self, pose: Floats, odometry: Floats) -> None:
@@ -151,7 +147,7 @@ class Mapper:
         if self.keyframes:
             poses = np.array([each.pose for each in self.keyframes])
             self._stand_on(int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin()))
-            self._again = _AGAIN
+            self._novelty.is_known()
 
     def _begin(self, pose: Floats, is_placed: bool) -> None:
         self.keyframes, self.edges = self.graph.keyframes, self.graph.edges
@@ -161,6 +157,7 @@ class Mapper:
         self._absolute = Absolute(self.graph, self.counts)
         self._elsewhere = Elsewhere(self.graph, self.tuning, is_placed)
         self._out_of_date = OutOfDate()
+        self._novelty = Novelty(self.keyframes, self.tuning)
         self._way = Way()
         self._track = Trajectory(self.tuning.trajectory_most)
         self._local = None
@@ -168,8 +165,6 @@ class Mapper:
         self._chosen = np.full(2, np.inf)  # where they were chosen
         self._anchor, self._relative = 0, _STILL  # where the robot is, seen from a keyframe
         self._travelled_m = 0.0
-        self._news = 0  # scans in a row that see something new
-        self._again = 0  # keyframes kept since the robot is where it was before
         self._odometry = None
         self._pose = pose
         self._correction = None
@@ -204,8 +199,7 @@ class Mapper:
         else:
             self._certainty.matched(match.aligned)
             self._elsewhere.placed()
-            unknown = self._local_map(guess).unknown(surface, self._pose)
-            self._news = self._news + 1 if unknown > _NEW_SHARE * len(surface) else 0
+            self._novelty.seen(self._local_map(guess).unknown(surface, self._pose), len(surface))
         is_kept = self._adds(match)
         if is_kept:
             self._keep(scan, surface, match)
@@ -278,30 +272,11 @@ class Mapper:
 
     def _adds(self, match: Match | None) -> bool:
         """Return whether a scan adds something to the map."""
-        t = self.tuning
         if self._elsewhere.is_looking or (
                 match is None and self._way.is_dense and self._way.way_m < _LOST_M):
             return False  # it is not sure where that would be
         near = self._members if match is not None else [self._anchor]
-        recent = [index for index in near if not self._is_old(index)]
-        if len(recent) == len(near):
-            self._again = 0
-        elif self._again < _AGAIN:
-            near = recent or [len(self.keyframes) - 1]
-        apart = between(np.broadcast_to(self._pose, (len(near), 3)),
-                        np.array([self.keyframes[index].pose for index in near]))
-        far, turned = np.hypot(apart[:, 0], apart[:, 1]), np.abs(apart[:, 2])
-        if ((far <= t.keyframe_m) & (turned <= t.keyframe_rad)).any():
-            return False
-        if match is None or len(recent) < len(self._members) and self._again < _AGAIN:
-            return True
-        return (match.aligned.share < t.keep_share or self._news >= _NEW_SCANS
-                or bool(far.min() > t.cover_m))
-
-    def _is_old(self, index: int) -> bool:
-        """Return whether a keyframe is of another visit to this place."""
-        travelled_m = self.keyframes[index].travelled_m
-        return self._travelled_m - travelled_m > self.tuning.loop_apart_m
+        return self._novelty.adds(match, self._pose, near, self._travelled_m)
 
     def _keep(self, scan: Scan, surface: Surface, match: Match | None) -> None:
         """Keep a scan."""
@@ -315,8 +290,8 @@ class Mapper:
                                              self.tuning))
         self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface,
                               self._travelled_m))
-        self._again += any(self._is_old(each) for each in self._members)
-        self._anchor, self._relative, self._news = index, _STILL, 0
+        self._novelty.kept(self._members, self._travelled_m)
+        self._anchor, self._relative = index, _STILL
         self._closing.look(index)
         for gone in crowded(self.keyframes, index, self.tuning):
             self.counts['crowded'] += 1
