@@ -27,6 +27,7 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.slam.absolute import Absolute
+from rt_robot_os.slam.afterthought import Afterthought
 from rt_robot_os.slam.closing import Closing
 from rt_robot_os.slam.elsewhere import Elsewhere
 from rt_robot_os.slam.finding import Found
@@ -160,6 +161,7 @@ class Mapper:
         self._novelty = Novelty(self.keyframes, self.tuning)
         self._way = Way()
         self._track = Trajectory(self.tuning.trajectory_most)
+        self._afterthought = Afterthought()
         self._local = None
         self._members: list[int] = []  # of what scans are matched with
         self._chosen = np.full(2, np.inf)  # where they were chosen
@@ -203,7 +205,9 @@ class Mapper:
         is_kept = self._adds(match)
         if is_kept:
             self._keep(scan, surface, match)
-        elif match is not None:
+        elif match is None:
+            self._afterthought.missed(self._track.forgotten + len(self._track), surface)
+        else:
             self._stand_on(self._nearest())
             if self._matcher.is_sure(match):
                 self._take_out(surface)
@@ -378,10 +382,12 @@ class Mapper:
             self._closing.changed()
 
     def finish(self) -> None:
-        """Look at all places that wait, and move all keyframes until they agree."""
+        """Look at all that waits, move all keyframes until they agree, and what was lost."""
         self._work(None)
         self._closing.settle()
         self._moved()
+        self.counts['lost'] -= self._afterthought.look_again(self.keyframes, self._track,
+                                                             self._matcher)
 
     def trajectory(self) -> Floats:
         """Return the poses of the scans on the map as it is now; shape (scans, 3)."""

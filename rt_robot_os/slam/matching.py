@@ -134,7 +134,7 @@ class Matcher:
         """
         found = self._match(local, surface, guess, way)
         if found is None and not way.is_dense and not local.is_empty and len(surface):
-            found = self._turned(local, surface, guess)
+            found = self.turned(local, surface, guess)
         share = 0.0 if found is None else found.aligned.share
         if is_astray and share < _AS_EVER * self._usual:
             return None
@@ -171,8 +171,12 @@ class Matcher:
                 break
         return best if best is not None and best.aligned.share >= t.share_least else None
 
-    def _turned(self, local: LocalMap, surface: Surface, guess: Floats) -> Match | None:
-        """Look at all headings; None unless one fits as well as a loop has to, and no other."""
+    def turned(self, local: LocalMap, surface: Surface, guess: Floats) -> Match | None:
+        """
+        Look for a scan at all headings, near a pose.
+
+        :return: None unless it fits at one as well as a loop has to, and at no other.
+        """
         t = self._tuning
         window = Window(guess, _TURNED_M, np.pi, step_rad=_TURNED_STEP_RAD)
         found = local.search(surface, window, None)

@@ -63,6 +63,15 @@ class Trajectory:
         self._at[self._count], self._relative[self._count] = keyframe, relative
         self._count += 1
 
+    def put(self, place: int, keyframe: int, relative: Floats) -> None:
+        """
+        Correct a pose.
+
+        :param place: among those that are remembered, from 0.
+        :param keyframe: index of a keyframe, from which it is seen at ``relative``, shape (3,).
+        """
+        self._at[place], self._relative[place] = keyframe, relative
+
     def removed(self, index: int, heir: int, seen_from_heir: Floats) -> None:
         """
         Follow a keyframe that is taken out of the list.

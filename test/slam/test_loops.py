@@ -129,3 +129,9 @@ def test_a_turn_that_the_wheels_did_not_count_is_found() -> None:
             number, wheels, ranges + rng.normal(0, 0.01, beams), -math.pi / 2, step)).pose))
     assert abs(off[9][2]) < 0.02 and np.hypot(*off[9][:2]) < 0.05
     assert abs(off[-1][2]) < 0.02 and np.hypot(*off[-1][:2]) < 0.1
+    # The scan after the turn saw nothing that was known; those behind it say where it was.
+    assert abs(off[10][2]) > 1.0 and mapper.counts['lost'] == 1
+    mapper.finish()
+    late = between(np.array(poses[10]), mapper.trajectory()[10])
+    assert abs(late[2]) < 0.02 and np.hypot(*late[:2]) < 0.05
+    assert mapper.counts['lost'] == 0
