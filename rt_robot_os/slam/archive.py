@@ -59,7 +59,8 @@ GRAPH_SUFFIX: Final = '.graph.npz'
 VERSION: Final = 1
 #: A picture that was painted on is still of its graph; one of which more is new is not.
 _PAINTED_MOST: Final = 0.1
-_YAML: Final = ('.yaml', '.yml')
+#: How the name of a map's YAML file ends.
+YAML: Final = ('.yaml', '.yml')
 _OTHERS: Final = {
     '.posegraph': 'a graph of slam_toolbox', '.data': 'a graph of slam_toolbox',
     '.pbstream': 'a state of Cartographer', '.png': 'a picture', '.pgm': 'a picture'}
@@ -315,7 +316,7 @@ def _yaml_of(path: str | os.PathLike[str]) -> Path:
         raise ConfigError([f'{path}: is no name of a map: give NAME or NAME.yaml'])
     if file.name.endswith(GRAPH_SUFFIX):
         file = file.with_name(file.name.removesuffix(GRAPH_SUFFIX))
-    return file if file.suffix in _YAML else file.with_name(f'{file.name}.yaml')
+    return file if file.suffix in YAML else file.with_name(f'{file.name}.yaml')
 
 
 def _graph_path(yaml: Path) -> Path:

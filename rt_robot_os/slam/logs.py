@@ -46,6 +46,8 @@ from rt_robot_os.units import NS_PER_S
 
 _HEAD: Final = re.compile(
     r'(\d+) ranges.*first beam at (-?[\d.]+) deg, step (-?[\d.]+) deg')
+_EXAMPLE: Final = ('"# t, odometry x y yaw, reference x y yaw, then 180 ranges in m, first beam at '
+                   '-90.0 deg, step 1.0000 deg"')
 _POSES: Final = 7
 _GZIP: Final = b'\x1f\x8b'
 #: A line of more is none of a log.
@@ -81,6 +83,7 @@ class TextLog:
         self.bad = 0
         self.problems: list[str] = []
         self.share_read = 0.0
+        self._first_bad = ''
         self._path = path
         self._references: list[Floats] | None = []
         with self._lines([]) as lines:  # what is wrong with it is told when it is read
@@ -89,8 +92,11 @@ class TextLog:
         with self._lines([]) as lines:
             self._judged = None if self._head else judge(lines)
         if self._head is None and self._judged is None:
-            raise ConfigError([f'{path}: no scan in it: neither rows of a CSV with ranges nor '
-                               'FLASER or ROBOTLASER1 lines of a CARMEN log'])
+            raise ConfigError([
+                f'{path}:1: the first line of a CSV must say what its columns are, such as {_EXAMPLE}'
+                if first.startswith('#') or first.count(',') >= _POSES else
+                f'{path}: no scan in it: neither rows of a CSV with ranges nor FLASER or '
+                'ROBOTLASER1 lines of a CARMEN log'])
         if self._judged is not None and not self._judged.has_wheels:
             raise ConfigError([f'{path}: no odometry in it: its lines of odometry repeat the '
                                'corrected poses of the scans'])
@@ -115,10 +121,13 @@ class TextLog:
                 backwards += last_ns is not None and scan.stamp_ns < last_ns
                 last_ns = scan.stamp_ns
                 yield scan
+        why = f'; the first is {self._first_bad}' if self._first_bad else ''
         if not count:
-            raise ConfigError([f'{self._path}: no scan in it that could be read', *self.problems])
+            raise ConfigError([f'{self._path}: no scan in it that could be read{why}',
+                               *self.problems])
         if self.bad:
-            self.problems.append(f'{self.bad} lines could not be read and were left out')
+            self.problems.append(f'lines that could not be read, and were left out: {self.bad}'
+                                 f'{why}')
         if backwards:
             self.problems.append(f'{backwards} scans are stamped earlier than those before them: '
                                  'the order of the lines counts')
@@ -142,9 +151,13 @@ class TextLog:
         beams = int(self._head[1])
         start, step = math.radians(float(self._head[2])), math.radians(float(self._head[3]))
         for number, row in enumerate(lines):
-            found = _numbers(row.split(',')) if number else None
-            if found is None or len(found) != _POSES + beams:
-                self.bad += bool(number and row.strip())
+            if not number or not row.strip():
+                continue
+            try:
+                found = _numbers(row.split(','), beams)
+            except ValueError as error:
+                self.bad += 1
+                self._first_bad = self._first_bad or f'line {number + 1}: {error}'
                 continue
             self._references.append(found[4:_POSES])
             yield Scan(round(found[0] * NS_PER_S), found[1:4], found[_POSES:], start, step)
@@ -190,12 +203,20 @@ def read_log(path: Path) -> Log:
     return Log(scans, log.reference, log.bad)
 
 
-def _numbers(words: list[str]) -> Floats | None:
-    try:
-        found = np.array([float(each) for each in words])
-    except ValueError:
-        return None
-    return found if np.isfinite(found[:_POSES]).all() else None
+def _numbers(words: list[str], beams: int) -> Floats:
+    """
+    Read a row.
+
+    :raises ValueError: it is none; the message says why.
+    """
+    if len(words) != _POSES + beams:
+        raise ValueError(f'{len(words)} values, where the first line of the file says {_POSES} '
+                         f'and {beams} ranges')
+    found = np.array([float(each) for each in words[:_POSES]]
+                     + [float(each) if each.strip() else math.nan for each in words[_POSES:]])
+    if not np.isfinite(found[:_POSES]).all():
+        raise ValueError(f'time and poses must be finite: {", ".join(words[:_POSES])}')
+    return found
 
 
 def rows(poses: Floats) -> Iterator[list[float]]:

@@ -103,6 +103,11 @@ def test_lines_of_newer_logs_say_their_angles_and_may_say_how_bright_ranges_were
 @pytest.mark.parametrize('text, code, says', [
     ('Dear diary, today I drove.\n', 2, 'no scan in it: neither rows of a CSV with ranges nor'),
     (HEAD, 2, 'no scan in it that could be read'),
+    ('0,0,0,0,0,0,0,1,1,1\n', 2, ':1: the first line of a CSV must say what its columns are'),
+    (HEAD + '0,0,0,0,0,0,0,1,1\n', 2, 'line 2: 9 values, where the first line of the file says'),
+    (HEAD + '0,0,nan,0,0,0,0,1,1,1\n', 2, 'line 2: time and poses must be finite: 0, 0, nan'),
+    (HEAD + '1,0,0,0,0,0,0,1,,1\n1,x,0,0,0,0,0,1,1,1\n', 0,
+     'left out: 1; the first is line 3: could not convert'),
     (HEAD + '0,0,0,0,0,0,0,inf,inf,nan\n' * 3, 2, 'none of its 3 scans has a range between'),
     (HEAD + '1,0,0,0,0,0,0,1,1,1\n', 0, '1 scans over 0 m, 1 kept'),
     (HEAD + '1,0,0,0,0,0,0,1,1,1\n0,0,0,0,0,0,0,1,1,1\nx\n', 0,
@@ -118,6 +123,31 @@ def test_logs_of_nothing_are_told(
     if not code:
         found = json.loads(report.read_text())
         assert found['scans'] == len(found['poses']) == len(found['stamps_ns'])
+
+
+@pytest.mark.parametrize('option, name, says', [
+    ('--report', 'nowhere/report.json', 'there is no folder'),
+    ('--picture', 'nowhere/map.png', 'there is no folder'),
+    ('--map', 'map.png', 'name the YAML file, such as'),
+])
+def test_what_cannot_be_written_is_told_before_the_log_is_mapped(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, name: str, says: str
+        ) -> None:
+    log = written(tmp_path, HEAD + '1,0,0,0,0,0,0,1,1,1\n')
+    assert run(['--bag', str(log), option, str(tmp_path / name)]) == 2
+    said = capsys.readouterr()
+    assert f'{option} {tmp_path / name}' in said.err and says in said.err and not said.out
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_relations_of_a_log_with_lines_left_out_are_not_trusted(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    row = '1,0,0,0,0,0,0,1,1,1\n'
+    log = written(tmp_path, HEAD + row + 'x\n' + row)
+    relations = tmp_path / 'relations.csv'
+    relations.write_text('i,j,dx,dy,dyaw\n0,1,0,0,0\n')
+    assert run(['--bag', str(log), '--relations', str(relations)]) == 0
+    assert 'those behind them may be held against others' in capsys.readouterr().out
 
 
 def test_a_log_that_is_cut_off_is_read_up_to_there(

@@ -30,6 +30,7 @@ from rt_robot_os.clients.mapping.picture import draw
 from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.slam.archive import YAML
 from rt_robot_os.slam.libraries import check
 from rt_robot_os.slam.logs import rows
 from rt_robot_os.slam.mapper import Mapper
@@ -53,6 +54,7 @@ def map_log(arguments: argparse.Namespace) -> None:
     check()
     if not 0.01 <= arguments.cell <= 1.0:
         raise ConfigError([f'--cell {arguments.cell:g}: 0.01 to 1 m'])
+    _check_outputs(arguments)
     relations = None if arguments.relations is None else read_relations(arguments.relations)
     source = opened(arguments)
     begun_s = time.perf_counter()
@@ -63,6 +65,9 @@ def map_log(arguments: argparse.Namespace) -> None:
     report.update(seconds=round(took_s, 3), scans_per_s=round(len(poses) / took_s, 1))
     if relations is not None:
         report['errors'] = compare(poses, relations)
+        if source.bad:
+            source.problems.append('the relations count the scans that were read: where lines were '
+                                   'left out, those behind them may be held against others')
     _say(report)
     if mapper.counts['empty'] == len(poses):
         raise ConfigError([f'{arguments.bag}: nothing to map: none of its {len(poses)} scans '
@@ -73,6 +78,22 @@ def map_log(arguments: argparse.Namespace) -> None:
     except OSError as error:
         raise ConfigError([f'{error.filename or "a file"} cannot be written: '
                            f'{error.strerror or error}']) from error
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """
+    Look at what is to be written before hours are spent on it.
+
+    :raises ConfigError: a name that cannot be written.
+    """
+    for option, path in (('--report', arguments.report), ('--map', arguments.map_file),
+                         ('--picture', arguments.picture)):
+        if path is not None and not path.parent.is_dir():
+            raise ConfigError([f'{option} {path}: there is no folder {path.parent}'])
+    if arguments.map_file is not None and arguments.map_file.suffix not in YAML:
+        raise ConfigError([f'--map {arguments.map_file}: name the YAML file, such as '
+                           f'{arguments.map_file.with_suffix(YAML[0])}; the picture of the map is '
+                           'written beside it'])
 
 
 def _report(name: str, source: Source, mapper: Mapper, stamps_ns: list[int], poses: Floats
