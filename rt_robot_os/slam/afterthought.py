@@ -58,8 +58,8 @@ class Afterthought:
 
         :return: how many were found.
         """
-        poses = np.array([each.pose for each in keyframes])
-        seen_at = track.poses(poses)
+        known = [each.pose for each in keyframes]
+        poses, seen_at = np.array(known), track.poses(known)
         count = 0
         for number, surface in self._scans:
             place = number - track.forgotten

@@ -46,8 +46,9 @@ from rt_robot_os.units import NS_PER_S
 
 _HEAD: Final = re.compile(
     r'(\d+) ranges.*first beam at (-?[\d.]+) deg, step (-?[\d.]+) deg')
-_EXAMPLE: Final = ('"# t, odometry x y yaw, reference x y yaw, then 180 ranges in m, first beam at '
-                   '-90.0 deg, step 1.0000 deg"')
+#: How the first line of a CSV may look.
+_EXAMPLE: Final = ('"# t, odometry x y yaw, reference x y yaw, then 180 ranges in m, first beam '
+                   'at -90.0 deg, step 1.0000 deg"')
 _POSES: Final = 7
 _GZIP: Final = b'\x1f\x8b'
 #: A line of more is none of a log.
@@ -93,8 +94,8 @@ class TextLog:
             self._judged = None if self._head else judge(lines)
         if self._head is None and self._judged is None:
             raise ConfigError([
-                f'{path}:1: the first line of a CSV must say what its columns are, such as {_EXAMPLE}'
-                if first.startswith('#') or first.count(',') >= _POSES else
+                f'{path}:1: the first line of a CSV must say what its columns are, such as '
+                f'{_EXAMPLE}' if first.startswith('#') or first.count(',') >= _POSES else
                 f'{path}: no scan in it: neither rows of a CSV with ranges nor FLASER or '
                 'ROBOTLASER1 lines of a CARMEN log'])
         if self._judged is not None and not self._judged.has_wheels:

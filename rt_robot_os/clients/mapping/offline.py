@@ -66,8 +66,8 @@ def map_log(arguments: argparse.Namespace) -> None:
     if relations is not None:
         report['errors'] = compare(poses, relations)
         if source.bad:
-            source.problems.append('the relations count the scans that were read: where lines were '
-                                   'left out, those behind them may be held against others')
+            source.problems.append('the relations count the scans that were read: behind lines '
+                                   'that were left out they may be held against others')
     _say(report)
     if mapper.counts['empty'] == len(poses):
         raise ConfigError([f'{arguments.bag}: nothing to map: none of its {len(poses)} scans '
