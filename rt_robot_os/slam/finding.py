@@ -55,6 +55,9 @@ _POINTS_LEAST: Final = 30
 #: Places that are followed, and those looked at in one piece of work.
 _FOLLOWED_MOST: Final = 60
 _PIECE: Final = 100
+#: So few are looked at closely, and only if they are nearly as likely as the best.
+_CLOSELY: Final = 8
+_NEARLY: Final = 0.7
 #: Two places this near are one.
 _SAME_M: Final = 0.3
 _SAME_RAD: Final = 0.17
@@ -138,6 +141,7 @@ class Finder:
     :param graph: that it was drawn of: makes the answer more exact.
     :raises ConfigError: nothing in the grid is free, or nothing occupied.
     :ivar state: what it is doing, in a line.
+    :ivar is_ambiguous: several places fit: the robot should move.
     :ivar known: the map as it is searched, for a ``Follower``, which need not build it again.
     :ivar counts: ``scans``, ``empty`` (with too few points), ``searches``, ``places`` (that are
         thought of now), ``found``.
@@ -157,6 +161,7 @@ class Finder:
     def begin(self) -> None:
         """Forget where the robot may be, and start anew with the next scan."""
         self.state = 'searching: waiting for a scan'
+        self.is_ambiguous = False
         self._scan: Scan | None = None
         self._points = np.zeros((0, 2))
         self._places: _Places | None = None
@@ -267,8 +272,18 @@ class Finder:
             self._viewed = scan.odometry
         places.poses = refined(self._known, places.poses, some)
         check = checked(self._known, places.poses, some)
-        places.now = places.now + check.likelihood
-        places.explained, places.through = check.explained, check.through
+        now, places.explained, places.through = (
+            check.likelihood, check.explained, check.through)
+        likelihood = places.before + (places.now + now) / (places.scans + 1)
+        best = np.argsort(-likelihood, kind='stable')[:_CLOSELY]
+        best = best[likelihood[best] > likelihood[best[0]] - _NEARLY]
+        # What only a few beams tell apart: the edge of a shelf, a wall 5 cm further away.
+        many = some_of(points, closely=True)
+        places.poses[best] = refined(self._known, places.poses[best], many)
+        check = checked(self._known, places.poses[best], many)
+        now[best], places.explained[best], places.through[best] = (
+            check.likelihood, check.explained, check.through)
+        places.now = places.now + now
         places.scans += 1
         _thin(places)
 
@@ -281,6 +296,7 @@ class Finder:
         several = bool((places.before < 0.0).any())
         fits = (places.explained[0] >= _EXPLAINED_LEAST and places.through[0] <= _THROUGH_MOST
                 and places.now[0] / places.scans >= _LIKELY_LEAST)
+        self.is_ambiguous = fits and likely > 1
         if fits and likely == 1:
             if places.scans >= _SCANS_LEAST or several:
                 return self._answer(places.poses[0], scan)

@@ -75,6 +75,8 @@ _CROWD_M: Final = 2.0
 _FASTEST_M_S: Final = 5.0
 _FASTEST_RAD_S: Final = 15.0
 _POINTS_LEAST: Final = 20
+#: Points of a scan may come to lie so much further away, for it is looked for in a window.
+_MARGIN_M: Final = 2.0
 _START: Final = np.diag((0.2, 0.2, 0.1)) ** 2
 
 
@@ -104,7 +106,8 @@ class Follower:
         to 0.2 m and 0.1 rad.
     :param odometry: shape (3,): of the laser when it was at the start; None: that of the first
         scan.
-    :param known: ``Finder.known`` of the same grid; None: it is built, 10 ms for a flat.
+    :param known: ``Finder.known`` of the same grid; None: it is made anew. What is not measured
+        in it is measured where the robot is.
     :raises ConfigError: nothing in the grid is free, or nothing occupied.
     :ivar lost: why it does not know any more where it is, and has to be found; empty while it
         does.
@@ -120,8 +123,6 @@ class Follower:
         self.counts = dict.fromkeys(('scans', 'searched', 'unmatched', 'jumps', 'lost'), 0)
         load_libraries()
         self._known = KnownMap(grid) if known is None else known
-        for _ in self._known.build() if known is None else ():
-            pass
         self._lines = KnownLines(self._known, graph)
         along, angle = (_COMMON if graph is not None else
                         (_OF_CELLS[0] * self._known.cell_m, _OF_CELLS[1]))
@@ -153,6 +154,7 @@ class Follower:
         self.counts['scans'] += 1
         guess, covariance = self._predicted(scan)
         points = surface_of(scan, self.tuning.range_max_m).points
+        self._known.measure_near(guess, _MARGIN_M + float(np.hypot(*points.T).max(initial=0.0)))
         fit = self._match(points, guess, covariance) if len(points) >= _POINTS_LEAST else None
         if fit is not None and fit.is_good:
             return self._matched(scan, fit, covariance)

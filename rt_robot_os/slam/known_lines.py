@@ -42,6 +42,8 @@ from rt_robot_os.slam.transforms import wrapped
 #: As far around is looked; and after so much of the way again.
 _REACH_M: Final = 14.0
 _AGAIN_M: Final = 3.0
+#: What a graph has seen further away is not asked for: no scan reaches there.
+_MEASURED_M: Final = 20.0
 #: Neighbours on each side that make a line of the grid.
 _AROUND: Final = 3
 _LINE_LEAST: Final = 4
@@ -76,6 +78,8 @@ class KnownLines:
         """
         if self._middle is None or math.dist(self._middle, pose[:2]) > _AGAIN_M:
             self._middle, self._field = pose[:2].copy(), None
+            if self._frames:
+                self._known.measure_near(self._middle, _MEASURED_M)
             points, normals = self._of_graph(self._middle)
             if len(points) < _FEW:
                 points, normals = self._of_grid(self._middle)

@@ -53,14 +53,15 @@ class KnownMap:
     """
     Where surfaces are on a map that stays as it is.
 
-    Building it takes 10 ms for a flat, seconds for a hall: :meth:`build` does it in pieces.
+    Its distances are measured in pieces: all by :meth:`build`, which takes 10 ms for a flat and
+    seconds for a hall, or where the robot is by :meth:`measure_near`.
 
     :param grid: of any resolution; cells below 4 cm are joined.
     :ivar cell_m: edge of the cells that are used.
     :ivar free: shape (rows, columns): where a robot may be.
     :ivar surface: shape (rows, columns): what is occupied and borders on what is free.
     :ivar distances: shape (rows, columns): from the middle of each cell to the nearest surface,
-        in steps of ``STEP_M``.
+        in steps of ``STEP_M``, at most 255 of them, and 255 where nothing was measured yet.
     :raises ConfigError: nothing in it is free, or nothing occupied.
     """
 
@@ -78,6 +79,8 @@ class KnownMap:
             raise ConfigError([f'{grid.path or "the map"}: nothing in it is {missing}, so that no '
                                'robot can find itself in it'])
         self.distances: Bytes = np.full(self.surface.shape, 255, np.uint8)
+        rows, columns = self.surface.shape
+        self._measured: Mask = np.zeros((-(-rows // _TILE), -(-columns // _TILE)), np.bool_)
 
     def inside(self, poses: Floats) -> Floats:
         """Return poses of the map's frame in the grid's own."""
@@ -95,19 +98,46 @@ class KnownMap:
 
     def build(self) -> Iterator[None]:
         """Measure all distances; each step takes some milliseconds."""
-        from scipy.ndimage import distance_transform_edt
-        rows, columns = self.surface.shape
-        margin = math.ceil(FAR_M / self.cell_m) + 1
-        for low in range(0, rows, _TILE):
-            for left in range(0, columns, _TILE):
-                bottom, start = max(0, low - margin), max(0, left - margin)
-                part = self.surface[bottom:low + _TILE + margin, start:left + _TILE + margin]
-                if not part.any():
-                    continue
-                away = distance_transform_edt(~part) * (self.cell_m / STEP_M)
-                away = away[low - bottom:, left - start:][:_TILE, :_TILE]
-                self.distances[low:low + _TILE, left:left + _TILE] = np.minimum(away, 255.0)
+        for tile in self._tiles(0, 0, *self.surface.shape):
+            if self._measure(tile):
                 yield
+
+    def measure_near(self, middle: Floats, reach_m: float) -> None:
+        """
+        Measure the distances that are missing around a point, so that :meth:`away` knows them.
+
+        :param middle: shape (2,) or more, in the grid's own frame.
+        :param reach_m: to each side.
+        """
+        left, low = np.floor((middle[:2] - reach_m) / self.cell_m).astype(np.int64).tolist()
+        right, high = np.ceil((middle[:2] + reach_m) / self.cell_m).astype(np.int64).tolist()
+        for tile in self._tiles(low, left, high, right):
+            self._measure(tile)
+
+    def _tiles(self, low: int, left: int, high: int, right: int) -> list[tuple[int, int]]:
+        """Return the tiles of some rows and columns that are not measured yet."""
+        first_up, first_across = max(0, low // _TILE), max(0, left // _TILE)
+        part = self._measured[first_up:max(0, -(-high // _TILE)),
+                              first_across:max(0, -(-right // _TILE))]
+        return [(up + first_up, across + first_across)
+                for up, across in np.argwhere(~part).tolist()]
+
+    def _measure(self, tile: tuple[int, int]) -> bool:
+        """Measure the distances in a tile; return whether that took any time."""
+        from scipy.ndimage import distance_transform_edt
+        if self._measured[tile]:
+            return False
+        self._measured[tile] = True
+        low, left = tile[0] * _TILE, tile[1] * _TILE
+        margin = math.ceil(FAR_M / self.cell_m) + 1
+        bottom, start = max(0, low - margin), max(0, left - margin)
+        part = self.surface[bottom:low + _TILE + margin, start:left + _TILE + margin]
+        if not part.any():
+            return False
+        away = distance_transform_edt(~part) * (self.cell_m / STEP_M)
+        away = away[low - bottom:, left - start:][:_TILE, :_TILE]
+        self.distances[low:low + _TILE, left:left + _TILE] = np.minimum(away, 255.0)
+        return True
 
     def cells_at(self, x: Floats, y: Floats) -> tuple[Indices, Mask]:
         """Return the flat indices of the cells at points, and which are on the map."""
@@ -156,7 +186,13 @@ def _joined(mask: Mask, count: int) -> Mask:
         return mask
     rows, columns = mask.shape
     padded = np.pad(mask, ((0, -rows % count), (0, -columns % count)))
-    return np.asarray(padded.reshape(-(-rows // count), count, -1, count).any((1, 3)))
+    across = padded[:, ::count].copy()
+    for at in range(1, count):
+        across |= padded[:, at::count]
+    found = across[::count].copy()
+    for at in range(1, count):
+        found |= across[at::count]
+    return found
 
 
 def _grown(mask: Mask) -> Mask:

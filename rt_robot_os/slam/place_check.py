@@ -31,16 +31,21 @@ from rt_robot_os.slam.known_map import KnownMap
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.transforms import wrapped
 
-#: Beams that are looked at.
+#: Beams that are looked at; of places that are looked at closely, more.
 _BEAMS: Final = 72
+_BEAMS_CLOSELY: Final = 360
 _STEPS: Final = 8
 _SOFT_M: Final = 0.1
 #: A refined place may be so far from where it began.
 _NEAR_M: Final = 0.35
 _NEAR_RAD: Final = 0.12
-#: Standard deviation of a beam's end on its surface, besides a part of a cell.
-_SIGMA_M: Final = 0.05
-_SIGMA_CELLS: Final = 0.5
+#: A surface lies somewhere in its cells. Besides that, the standard deviation of a beam's end on
+#: it; it grows with the cells.
+_SURFACE_CELLS: Final = 0.5
+_SIGMA_M: Final = 0.02
+_SIGMA_CELLS: Final = 0.4
+#: A beam that ends so far behind its surface did not end on it, though another one may be there.
+_BEHIND_M: Final = 0.1
 #: A beam this near to its surface ended on it.
 _ON_M: Final = 0.13
 #: One that went so much further than all around it may went through.
@@ -69,11 +74,16 @@ class Check:
     through: Floats
 
 
-def some_of(points: Floats) -> Floats:
-    """Return as many points of a scan as are looked at, spread evenly."""
-    if len(points) <= _BEAMS:
+def some_of(points: Floats, closely: bool = False) -> Floats:
+    """
+    Return as many points of a scan as are looked at, spread evenly.
+
+    :param closely: what only a few beams tell apart is looked for: a corner, the edge of a shelf.
+    """
+    most = _BEAMS_CLOSELY if closely else _BEAMS
+    if len(points) <= most:
         return points
-    return points[np.linspace(0, len(points) - 1, _BEAMS).astype(np.int64)]
+    return points[np.linspace(0, len(points) - 1, most).astype(np.int64)]
 
 
 def refined(known: KnownMap, places: Floats, points: Floats) -> Floats:
@@ -128,15 +138,22 @@ def checked(known: KnownMap, places: Floats, points: Floats) -> Check:
     x, y = (np.broadcast_to(each[:, None], headings.shape) for each in places[:, :2].T)
     most = float(ranges.max()) + 1.0
     reach = known.cast(x, y, headings, most)
-    furthest = np.maximum(reach, np.maximum(known.cast(x, y, headings - _GRAZING_RAD, most),
-                                            known.cast(x, y, headings + _GRAZING_RAD, most)))
+    aside = [known.cast(x, y, headings + turn, most) for turn in (-_GRAZING_RAD, _GRAZING_RAD)]
+    furthest = np.maximum(reach, np.maximum(*aside))
+    nearest = np.minimum(reach, np.minimum(*aside))
     end_x, end_y = x + ranges * np.cos(headings), y + ranges * np.sin(headings)
+    away = known.away(end_x, end_y)
     through = ranges > furthest + _THROUGH_M
-    short = ~through & (ranges < reach)
-    error = np.minimum(np.abs(ranges - reach), known.away(end_x, end_y))
-    sigma = np.hypot(_SIGMA_M, _SIGMA_CELLS * known.cell_m)
-    floor = np.where(through, _PASSED, np.where(short, _SHORT, _UNKNOWN))
-    fit = np.where(through, 0.0, np.exp(-0.5 * (error / sigma) ** 2))
-    likelihood = np.log(floor + (1.0 - floor) * fit)
+    error = np.minimum(np.abs(ranges - reach), away)
     explained = ~through & (error < max(_ON_M, 1.2 * known.cell_m))
+    # What is right within the cell, and between the neighbours of a beam, is no error.
+    spare = _SURFACE_CELLS * known.cell_m
+    behind, before = (np.maximum(each - spare, 0.0)
+                      for each in (ranges - furthest, nearest - ranges))
+    off = np.minimum(behind + before, np.maximum(away - spare, 0.0))
+    sigma = max(_SIGMA_M, _SIGMA_CELLS * known.cell_m)
+    floor = np.where(behind > max(_BEHIND_M, 2.0 * known.cell_m), _PASSED,
+                     np.where(before > 0.0, _SHORT, _UNKNOWN))
+    fit = np.where(through, 0.0, np.exp(-0.5 * (off / sigma) ** 2))
+    likelihood = np.log(floor + (1.0 - floor) * fit)
     return Check(likelihood.mean(1), explained.mean(1), through.mean(1))

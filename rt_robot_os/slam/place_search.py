@@ -39,25 +39,31 @@ _CELL_M: Final = 0.1
 _SIGMA_M: Final = 0.12
 _BEAMS: Final = 60
 _HEADINGS: Final = 180
-#: Squares at the top are so many cells wide, as a power of two.
-_LEVELS: Final = 4
-_LEVELS_MOST: Final = 6
-_AT_TOP_MOST: Final = 400_000
-#: Values that are looked up in one piece of work: some 10 ms.
+#: Squares at the top are 2 ** levels cells wide; all of them are looked at.
+_LEVELS: Final = 2
+_WIDE: Final = 1 << _LEVELS
+#: Values that are looked up, and those that are added up, in one piece of work: some 10 ms.
 _PIECE: Final = 500_000
+_SUMS: Final = 30_000_000
+#: Squares that are added up at once, for they fit into a cache; a call takes as long as so many.
+_AT_ONCE: Final = 65_536
+_CALL: Final = 4_000
+#: Squares that are looked into, at most: the best ones.
+_SQUARES_MOST: Final = 400_000
 #: Rows that are filled in one piece.
 _STRIP: Final = 256
 _TOP_CHUNK: Final = 400
-#: A place must give so much of what a perfect one does, and no less than that below the best.
+#: A place must give so much of what a perfect one does, and no less than that below the best; more
+#: where a map has more such places than can be kept.
 _LEAST: Final = 0.35
 _BELOW_BEST: Final = 0.25
 #: One place of each so large square and each so large angle is kept, and so many in all.
 _APART_M: Final = 0.3
 _APART_HEADINGS: Final = 4
 _PLACES_MOST: Final = 1200
-_LEAVES_MOST: Final = 200_000
+_LEAVES_MOST: Final = 100_000
 
-Numbers = npt.NDArray[np.int64]
+Numbers = npt.NDArray[Any]
 
 
 class Pyramid:
@@ -66,7 +72,10 @@ class Pyramid:
 
     :param reach_m: beams that are looked up are no longer.
     :ivar cell_m: edge of the smallest squares.
-    :ivar levels: the largest squares are of 2 ** levels cells.
+    :ivar free: where a robot may be, for squares of 1, 2 and 4 cells.
+    :ivar values: the best value in squares of 1 and 2 cells, at each cell.
+    :ivar top: the same of the largest squares, by the remainders of row and column, so that what
+        beams of neighbouring squares look up lies in a row.
     """
 
     def __init__(self, known: KnownMap, reach_m: float) -> None:
@@ -74,17 +83,14 @@ class Pyramid:
         factor = max(1, round(_CELL_M / known.cell_m))
         self._factor, self.cell_m = factor, known.cell_m * factor
         free = _least_of(~known.free, factor) == 0
-        self.levels = _LEVELS
-        while (self.levels < _LEVELS_MOST and _HEADINGS * free.size >> 2 * self.levels
-               > _AT_TOP_MOST):
-            self.levels += 1
-        wide = 1 << self.levels
         rows, columns = free.shape
-        free = np.pad(free, ((0, -rows % wide), (0, -columns % wide)))
+        free = np.pad(free, ((0, -rows % _WIDE), (0, -columns % _WIDE)))
         self.free = [free]
-        self.pad = math.ceil(reach_m / self.cell_m) + 1
-        beyond = 2 * self.pad + wide
+        self.pad = (math.ceil(reach_m / self.cell_m) // _WIDE + 1) * _WIDE
+        beyond = 2 * self.pad + _WIDE
         self.columns = free.shape[1] + beyond
+        self.top = np.zeros((_WIDE, _WIDE, (free.shape[0] + beyond) // _WIDE,
+                             self.columns // _WIDE), np.uint16)
         self.values = [np.zeros((free.shape[0] + beyond, self.columns), np.uint8)]
 
     def build(self) -> Iterator[None]:
@@ -98,7 +104,7 @@ class Pyramid:
             row = self.pad + low // self._factor
             self.values[0][row:row + len(part), self.pad:self.pad + part.shape[1]] = part
             yield
-        for level in range(self.levels):
+        for level in range(_LEVELS):
             shift, below = 1 << level, self.values[-1]
             above = np.zeros_like(below)
             for low in range(0, len(below), _STRIP):
@@ -111,6 +117,11 @@ class Pyramid:
                 yield
             self.values.append(above)
             self.free.append(_least_of(~self.free[-1], 2) == 0)
+        highest = self.values.pop()
+        for row in range(_WIDE):
+            for column in range(_WIDE):
+                self.top[row, column] = highest[row::_WIDE, column::_WIDE]
+                yield
 
 
 class PlaceSearch:
@@ -136,26 +147,23 @@ class PlaceSearch:
         x, y = some.T / self._cell
         across = np.floor(cosine * x - sine * y + 0.5).astype(np.int64)
         up = np.floor(sine * x + cosine * y + 0.5).astype(np.int64)
+        self._shifts = np.stack((up, across), -1)
         self._offsets = up * pyramid.columns + across
+        self._least = _LEAST * 255.0  # what a place must give
 
     def work(self) -> Iterator[None]:
         """Search; each step takes some 10 ms."""
         parts: list[Numbers] = []
-        bounds: list[Any] = []
-        levels = self._pyramid.levels
-        nodes = self._top()
-        yield
-        for part in np.array_split(nodes, max(1, math.ceil(len(nodes) * self._beams / _PIECE))):
-            bounds.append(self._values(part, levels))
-            yield
-        bound = np.concatenate(bounds)
+        fits: list[Any] = []
+        yield from self._look_at_squares(parts, fits)
+        nodes, bound = np.concatenate(parts), np.concatenate(fits)
         # Sixteen bits are sorted in a tenth of the time.
         order = np.argsort((65535.0 - 256.0 * bound).astype(np.uint16), kind='stable')
         nodes, bound = nodes[order], bound[order]
-        fits: list[Any] = []
+        parts, fits = [], []
         chunk = max(_TOP_CHUNK, len(nodes) // 200)
         for low in range(0, len(nodes), chunk):
-            self.done = 0.1 + 0.9 * low / len(nodes)
+            self.done = 0.5 + 0.5 * low / len(nodes)
             if bound[low] < self._threshold - 1.0:
                 break
             part = nodes[low:low + chunk]
@@ -166,15 +174,44 @@ class PlaceSearch:
 
     @property
     def _threshold(self) -> float:
-        return max(_LEAST, self._best - _BELOW_BEST) * 255.0
+        return max(self._least, (self._best - _BELOW_BEST) * 255.0)
 
-    def _top(self) -> Numbers:
-        """Return the nodes of the highest level: heading, row and column in cells."""
-        levels = self._pyramid.levels
-        up, across = np.nonzero(self._pyramid.free[levels])
-        headings = np.arange(_HEADINGS)
-        return np.stack((np.repeat(headings, len(up)), np.tile(up, _HEADINGS) << levels,
-                         np.tile(across, _HEADINGS) << levels), -1)
+    def _look_at_squares(self, parts: list[Numbers], fits: list[Any]) -> Iterator[None]:
+        """
+        Look at all squares of the highest level, and fill in those that may hold a place.
+
+        Beam by beam for all squares at once: that is many times faster than one by one.
+        """
+        free = self._pyramid.free[_LEVELS]
+        rows, columns = free.shape
+        strip, added, floor, count = max(1, _AT_ONCE // columns), 0, self._least, 0
+        for heading in range(_HEADINGS):
+            self.done = 0.5 * heading / _HEADINGS
+            for low in range(0, rows, strip):
+                here = free[low:low + strip]
+                if here.any():
+                    sums = self._summed(heading, low, *here.shape)
+                    up, across = np.nonzero((sums >= floor * self._beams) & here)
+                    parts.append(np.stack((np.full(len(up), heading), (low + up) * _WIDE,
+                                           across * _WIDE), -1).astype(np.int32))
+                    fits.append((sums[up, across] / self._beams).astype(np.float32))
+                    added += self._beams * max(here.size, _CALL)
+                    count += len(up)
+                if count > 2 * _SQUARES_MOST:
+                    floor, count = _best_only(parts, fits, _SQUARES_MOST)
+                if added > _SUMS:
+                    added = 0
+                    yield
+
+    def _summed(self, heading: int, low: int, rows: int, columns: int) -> Any:
+        """Return what beams give at most in each square of some rows, added up."""
+        sums, top = np.zeros((rows, columns), np.uint16), self._pyramid.top
+        up, across = (self._shifts[heading] + self._pyramid.pad).T
+        for row, column, first, left in zip((up % _WIDE).tolist(), (across % _WIDE).tolist(),
+                                            (up // _WIDE + low).tolist(),
+                                            (across // _WIDE).tolist()):
+            sums += top[row, column, first:first + rows, left:left + columns]
+        return sums
 
     def _values(self, nodes: Numbers, level: int) -> Any:
         """Return the mean value under the beams, 0 to 255; of squares no place gives more."""
@@ -185,7 +222,7 @@ class PlaceSearch:
 
     def _descend(self, nodes: Numbers, leaves: list[Numbers], fits: list[Any]) -> Iterator[None]:
         """Look into squares, down to the places in them that fit."""
-        for level in range(self._pyramid.levels - 1, -1, -1):
+        for level in range(_LEVELS - 1, -1, -1):
             step = 1 << level
             four = np.array(((0, 0, 0), (0, 0, step), (0, step, 0), (0, step, step)))
             children = (nodes[:, None] + four).reshape(-1, 3)
@@ -207,10 +244,7 @@ class PlaceSearch:
         leaves.append(nodes)
         fits.append(np.concatenate(values))
         if sum(map(len, leaves)) > _LEAVES_MOST:
-            every = np.concatenate(fits)
-            good = every >= max(self._threshold, np.partition(every, len(every) // 2)[
-                len(every) // 2])
-            leaves[:], fits[:] = [np.concatenate(leaves)[good]], [every[good]]
+            self._least, _ = _best_only(leaves, fits, _LEAVES_MOST // 2)
 
     def _kept(self, leaves: list[Numbers], fits: list[Any]) -> Floats:
         if not leaves:
@@ -221,12 +255,20 @@ class PlaceSearch:
         order = np.argsort(-values, kind='stable')
         nodes = nodes[order]
         apart = max(1, round(_APART_M / self._cell))
-        rooms = nodes // (_APART_HEADINGS, apart, apart)
+        rooms = nodes.astype(np.int64) // (_APART_HEADINGS, apart, apart)
         key = (rooms[:, 0] * 1_000_000 + rooms[:, 1]) * 1_000_000 + rooms[:, 2]
         _, first = np.unique(key, return_index=True)
         nodes = nodes[np.sort(first)][:_PLACES_MOST]
         return np.stack(((nodes[:, 2] + 0.5) * self._cell, (nodes[:, 1] + 0.5) * self._cell,
                          nodes[:, 0] * (2.0 * np.pi / _HEADINGS)), -1)
+
+
+def _best_only(parts: list[Numbers], fits: list[Any], count: int) -> tuple[float, int]:
+    """Keep so many of the best; return the least value of them, and their number."""
+    nodes, values = np.concatenate(parts), np.concatenate(fits)
+    good = np.argpartition(values, len(values) - count)[len(values) - count:]
+    parts[:], fits[:] = [nodes[good]], [values[good]]
+    return float(fits[0].min()), count
 
 
 def _least_of(values: Any, factor: int) -> Any:

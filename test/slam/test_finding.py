@@ -27,9 +27,11 @@ pytest.importorskip('scipy', reason='scipy is not installed')
 from rt_robot_os.errors import ConfigError  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
+from rt_robot_os.slam import place_search  # noqa: E402
 from rt_robot_os.slam.finding import Finder  # noqa: E402
 from rt_robot_os.slam.finding import Found  # noqa: E402
 from rt_robot_os.slam.following import Follower  # noqa: E402
+from rt_robot_os.slam.known_map import KnownMap  # noqa: E402
 from rt_robot_os.slam.scan import Scan  # noqa: E402
 from rt_robot_os.slam.transforms import between  # noqa: E402
 from rt_robot_os.slam.transforms import composed  # noqa: E402
@@ -147,6 +149,39 @@ def test_maps_of_other_resolutions_and_origins_do(cell_m: float, origin: Any) ->
     found = search(Finder(grid), walls, pose)
     assert found is not None
     assert off(found.pose, pose)[0] < max(0.1, cell_m) and off(found.pose, pose)[1] < 3.0
+
+
+def test_one_that_stands_is_found_where_a_few_beams_tell_two_rooms_apart() -> None:
+    house = shipped_map('house')
+    walls, finder = Walls.of(house), Finder(house)
+    # The bath and the workshop are of the same shape; one is 10 cm wider than the other.
+    for place in ((16.32, 10.08, -1.68), (17.48, 10.68, 0.86), (15.92, 10.68, 1.08)):
+        pose = np.array(place)
+        finder.begin()
+        found = search(finder, walls, pose)
+        assert found is not None, finder.state
+        assert off(found.pose, pose)[0] < 0.1 and off(found.pose, pose)[1] < 2.0
+
+
+def test_a_search_of_too_many_places_keeps_the_best(
+        flat: GridMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(place_search, '_SQUARES_MOST', 500)
+    monkeypatch.setattr(place_search, '_LEAVES_MOST', 300)
+    pose = np.array((3.44, 1.0, 2.0))
+    found = search(Finder(flat), Walls.of(flat), pose)
+    assert found is not None and off(found.pose, pose)[0] < 0.1
+
+
+def test_who_is_followed_on_a_large_map_measures_only_what_is_near(flat: GridMap) -> None:
+    cells = np.full((3000, 3000), -1, np.int8)
+    cells[:flat.rows, :flat.columns] = flat.cells
+    cells[2000:2000 + flat.rows, 2000:2000 + flat.columns] = flat.cells
+    large = GridMap(cells, flat.resolution_m, flat.origin)
+    known, pose = KnownMap(large), np.array((3.44, 1.0, 2.0))
+    follower = Follower(large, None, pose, known=known)
+    assert off(follower.add(seen(Walls.of(flat), pose, 0)).pose, pose)[0] < 0.1
+    assert (known.distances[:flat.rows, :flat.columns] < 255).any()
+    assert (known.distances[2000:, 2000:] == 255).all()
 
 
 def test_a_map_in_which_nobody_can_be_says_so() -> None:
