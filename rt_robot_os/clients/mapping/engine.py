@@ -45,6 +45,7 @@ from rt_robot_os.slam.finding import Finder
 from rt_robot_os.slam.following import Follower
 from rt_robot_os.slam.graph import Graph
 from rt_robot_os.slam.growing_grid import GrowingGrid
+from rt_robot_os.slam.known_map import KnownMap
 from rt_robot_os.slam.located import Located
 from rt_robot_os.slam.mapper import Mapper
 from rt_robot_os.slam.transforms import between
@@ -219,9 +220,9 @@ class Engine:
             self._mapper = Mapper(self._tuning, start=laser)
         return self._mapper
 
-    def _settle(self, sighting: Sighting, laser: Floats, covariance: Floats | None
-                ) -> Mapper | Follower | None:
-        """Go on from a place of the map."""
+    def _settle(self, sighting: Sighting, laser: Floats, covariance: Floats | None,
+                searched: KnownMap | None = None) -> Mapper | Follower | None:
+        """Go on from a place of the map, which was searched if the robot has found itself."""
         self._fits_nowhere = self._doubted = self._proofs = 0
         odometry = sighting.scan.odometry
         if self.mode == LOCALIZATION or not self._is_proven:
@@ -230,7 +231,8 @@ class Engine:
             if grid is None:
                 return None
             try:
-                self._follower = Follower(grid, graph, laser, covariance, self._tuning, odometry)
+                self._follower = Follower(grid, graph, laser, covariance, self._tuning, odometry,
+                                          searched)
             except ConfigError as error:
                 self._problem = f'lost: {error.problems[0]}'
             return self._follower
@@ -293,8 +295,9 @@ class Engine:
         if found is None:
             return None
         self.found += 1
+        searched = self._finder.known
         self._is_sought, self._finder, self._is_proven = False, None, True
-        self._settle(sighting, found.pose, found.covariance)
+        self._settle(sighting, found.pose, found.covariance, searched)
         self._here = Here(sighting, found.pose, found.covariance)
         place = place_of(sighting, Located(found.pose, found.covariance, found.share))
         return replace(place, is_found=True)
@@ -375,6 +378,16 @@ class Engine:
         if known is None:
             return None
         return composed(known[0], between(known[1].base, sighting.base))
+
+    @property
+    def is_looking(self) -> bool:
+        """Return whether it looks for the robot on the whole map."""
+        return self._is_sought and not self.is_paused
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Return whether it does, and places look alike: then the robot has to move."""
+        return self.is_looking and self._finder is not None and self._finder.is_ambiguous
 
     @property
     def state(self) -> str:

@@ -72,6 +72,11 @@ class Exploring:
             patience_s=settings.explore_patience_s, goes_back=settings.explore_goes_back))
         self.state = self._explorer.state
 
+    @property
+    def is_on(self) -> bool:
+        """Return whether it has been told to drive, and is not done."""
+        return self._explorer is not None
+
     def stop(self) -> bool:
         """Explore no more, and stand; return whether there was something to stop."""
         was = self._explorer is not None

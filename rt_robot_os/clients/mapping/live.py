@@ -35,6 +35,7 @@ from rt_robot_os.clients.mapping.exploring import Exploring
 from rt_robot_os.clients.mapping.intake import Intake
 from rt_robot_os.clients.mapping.intake import Sighting
 from rt_robot_os.clients.mapping.keeper import Keeper
+from rt_robot_os.clients.mapping.looking_round import LookingRound
 from rt_robot_os.clients.mapping.outputs import Outputs
 from rt_robot_os.clients.mapping.outputs import TOPICS
 from rt_robot_os.clients.mapping.places import Hint
@@ -89,8 +90,10 @@ class LiveMapping:
         self.link = CoreLink(path, (settings.scan_topic, settings.odom_topic), self._reads(),
                              (*TOPICS, *filter(None, (
                                  settings.initial_pose_topic, settings.goal_topic,
-                                 settings.cancel_topic))), self._meet, tell)
+                                 settings.cancel_topic, settings.find_topic))), self._meet,
+                             tell)
         self.exploring = Exploring(settings, self.engine, self.link.publish, self.link.has)
+        self.looking_round = LookingRound(settings, self.engine, self.link.publish, self.link.has)
         self.outputs = Outputs(self.link, round(settings.map_period_s * NS_PER_S))
         map_file = Path(settings.map_file).expanduser() if settings.map_file else folder / 'map'
         self.commands = Commands(settings, self.engine, self.keeper, map_file, self._hint,
@@ -213,7 +216,9 @@ class LiveMapping:
             self._take(sighting)
         is_busy = self.engine.work()
         self.commands.finish()
-        self.exploring.step(time.monotonic_ns())
+        now_ns = time.monotonic_ns()
+        self.exploring.step(now_ns)
+        self.looking_round.step(now_ns, self.exploring.is_on)
         if now_s - self._kept_s >= self._settings.state_period_s:
             self._kept_s = now_s
             self._keep()
@@ -277,6 +282,8 @@ class LiveMapping:
         state = engine.state
         if state == MAPPING and self.exploring.state:
             state = self.exploring.state
+        if self.looking_round.state:
+            state = f'{state}; {self.looking_round.state}'
         outputs.state(state)
         if outputs.is_status_due(now_ns):
             problem = self._problem()

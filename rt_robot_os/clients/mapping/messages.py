@@ -37,6 +37,7 @@ _FRAME: Final = MAP_FRAME.encode() + b'\0'
 _HEAD: Final = struct.Struct(f'<iiI{len(_FRAME)}s')
 _POSE: Final = struct.Struct('<7d36d')
 _GOAL: Final = struct.Struct('<7d')
+_TWIST: Final = struct.Struct('<6d')
 _GRID: Final = struct.Struct('<iifII4x7dI')
 _COUNTS: Final = struct.Struct('<III')
 _PLANE: Final = (0, 1, 5)  # x, y and the turn about z among the six of a covariance
@@ -144,6 +145,11 @@ def _in_space(pose: Sequence[float] | Floats) -> tuple[float, ...]:
 def goal_message(pose: Floats) -> bytes:
     """Write a ``geometry_msgs/msg/PoseStamped`` on the map."""
     return LITTLE_ENDIAN + _HEAD.pack(0, 0, len(_FRAME), _FRAME) + _GOAL.pack(*_in_space(pose))
+
+
+def turn_message(rate_rad_s: float) -> bytes:
+    """Write a ``geometry_msgs/msg/Twist`` of a robot that turns on the spot."""
+    return LITTLE_ENDIAN + _TWIST.pack(0.0, 0.0, 0.0, 0.0, 0.0, rate_rad_s)
 
 
 def bool_message(value: bool) -> bytes:

@@ -106,6 +106,12 @@ class MappingSettings:
     explore_patience_s: float = setting(30.0, 'A goal is given up after so long without progress',
                                         's', 1.0, 600.0)
     explore_goes_back: bool = setting(True, 'At last it drives back to where it began')
+    find_turns: bool = setting(False, 'It may turn the robot on the spot, unasked, while it looks '
+                               'for itself and places look alike. While it explores it may in '
+                               'any case')
+    find_turn_rad_s: float = setting(0.4, 'How fast it turns then', 'rad/s', 0.05, 2.0)
+    find_topic: str = setting('cmd_vel', 'Where those turns go: geometry_msgs/msg/Twist, to '
+                              'velocity_mux; empty: it never turns')
     nice: int = setting(5, 'How much it gives way to other programs', '', 0, 19)
     avoid_cpus: tuple[int, ...] = setting((), 'CPUs that it leaves to the core')
 
