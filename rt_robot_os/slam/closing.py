@@ -20,13 +20,14 @@ The keyframes are where they were until all of them agree; then they are moved a
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Generator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from rt_robot_os.slam.graph import Graph
-from rt_robot_os.slam.loops import close
+from rt_robot_os.slam.loops import closing
 from rt_robot_os.slam.loops import is_far
 from rt_robot_os.slam.loops import Place
 from rt_robot_os.slam.loops import places_near
@@ -66,6 +67,8 @@ class Closing:
         self._graph, self._tuning, self._counts = graph, tuning, counts
         self._waiting: deque[Place] = deque()
         self._doubted: deque[Edge] = deque(maxlen=_DOUBTED_MOST)  # nobody else says so yet
+        self._matching: Generator[None, None, Edge | None] | None = None
+        self._place: Place | None = None  # that is looked at in pieces
         self._poses: Floats | None = None  # as they are while they are being moved
         self._steps = 0
         self._is_new = False  # edges came since the keyframes agreed
@@ -74,7 +77,7 @@ class Closing:
     @property
     def is_busy(self) -> bool:
         """Return whether there is work."""
-        return bool(self._waiting) or self._is_new
+        return bool(self._waiting) or self._matching is not None or self._is_new
 
     def look(self, index: int) -> None:
         """Notice where a keyframe that was kept may be as well."""
@@ -90,6 +93,9 @@ class Closing:
 
     def removed(self, index: int) -> None:
         """Follow a keyframe that is taken out of the list."""
+        if self._place is not None:
+            self._waiting.appendleft(self._place)  # begin anew
+            self._place = self._matching = None
         kept = [place for place in self._waiting if index not in (place.keyframe, place.nearest)]
         self._counts['skipped'] += len(self._waiting) - len(kept)
         self._waiting = deque(replace(
@@ -104,14 +110,29 @@ class Closing:
         if self._poses is not None:
             self._poses = None  # begin anew
 
-    def work(self) -> bool:
-        """Do a piece; return whether the keyframes were moved."""
-        if self._waiting:
-            edge = close(self._graph.keyframes, self._waiting.popleft(), self._tuning)
-            if edge is not None:
-                self._take(edge)
+    def work(self, whole: bool = False) -> bool:
+        """
+        Do a piece; return whether the keyframes were moved.
+
+        :param whole: look at a whole place at once.
+        """
+        if self._waiting or self._matching is not None:
+            self._look_closer(whole)
             return False
         return self._is_new and self._step()
+
+    def _look_closer(self, whole: bool) -> None:
+        if self._matching is None:
+            self._place = self._waiting.popleft()
+            self._matching = closing(self._graph.keyframes, self._place, self._tuning)
+        try:
+            next(self._matching)
+            while whole:
+                next(self._matching)
+        except StopIteration as end:
+            self._place = self._matching = None
+            if end.value is not None:
+                self._take(end.value)
 
     def _take(self, edge: Edge) -> None:
         """Take a loop, and those that waited for somebody to say the same."""

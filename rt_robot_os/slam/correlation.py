@@ -21,9 +21,11 @@ give, so that most of the window is never looked at closely.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 from typing import Final
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,10 +34,14 @@ from rt_robot_os.slam.likelihood import LikelihoodField
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.transforms import wrapped
 
+Result = TypeVar('Result')
+
 _COARSE: Final = 4
 #: Coarse places that are looked at closely, at most, and how many at once.
 _CLOSER_MOST: Final = 400
 _AT_ONCE: Final = 8
+#: Values that are added up in one piece.
+_PIECE: Final = 3_000_000
 #: Points of a scan that are looked at, spread evenly: more say the same.
 _POINTS_MOST: Final = 120
 
@@ -70,17 +76,39 @@ def best_fit(field: LikelihoodField, points: Floats, window: Window) -> tuple[Fl
 
     :param points: shape (n, 2), in the frame of the pose, n > 0.
     """
+    return finished(fitting(field, points, window))
+
+
+def finished(work: Generator[None, None, Result]) -> Result:
+    """Do all pieces of some work, and return what comes of it."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+
+
+def fitting(field: LikelihoodField, points: Floats, window: Window
+            ) -> Generator[None, None, tuple[Floats, float]]:
+    """Do as :func:`best_fit`, in pieces of some milliseconds."""
     points = points[::-(-len(points) // _POINTS_MOST)]
     reach_turn = _steps(window.reach_rad, window.step_rad)
     turns = np.linspace(-reach_turn, reach_turn, 2 * reach_turn + 1) * window.step_rad
     reach = _steps(window.reach_m, field.cell_m * _COARSE)
     shifts = np.arange(-reach, reach + 1) * _COARSE
     cells = field.cells_of(_turned(points, window.centre, turns))
-    bounds = field.coarse_means(cells, reach, _COARSE)
+    parts, some = [], max(1, _PIECE // (len(points) * (2 * reach + 1) ** 2))
+    for begin in range(0, len(cells), some):
+        parts.append(field.coarse_means(cells[begin:begin + some], reach, _COARSE))
+        yield
+    bounds = np.concatenate(parts)
     bounds -= _cost(window, np.maximum(np.abs(shifts) - _COARSE, 0) * field.cell_m, turns)
+    yield
     best, found = -np.inf, (0, 0, 0)
     fine = np.arange(_COARSE)
     order = _best_first(bounds)
+    yield
     for begin in range(0, len(order), _AT_ONCE):
         places = order[begin:begin + _AT_ONCE]
         if bounds.flat[places[0]] <= best:

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
@@ -26,7 +27,8 @@ import numpy.typing as npt
 
 from rt_robot_os.slam.alignment import Aligned
 from rt_robot_os.slam.alignment import Lines
-from rt_robot_os.slam.correlation import best_fit
+from rt_robot_os.slam.correlation import finished
+from rt_robot_os.slam.correlation import fitting
 from rt_robot_os.slam.correlation import Window
 from rt_robot_os.slam.likelihood import LikelihoodField
 from rt_robot_os.slam.pose_graph import Edge
@@ -112,7 +114,15 @@ class LocalMap:
 
     def search(self, surface: Surface, window: Window, prior_information: Floats | None) -> Match:
         """Look for a scan in a whole window, then align it exactly."""
-        pose, score = best_fit(self.field, surface.points, window)
+        return finished(self.searching(surface, window, prior_information))
+
+    def searching(self, surface: Surface, window: Window, prior_information: Floats | None
+                  ) -> Generator[None, None, Match]:
+        """Do as :meth:`search`, in pieces of some milliseconds."""
+        field = self.field
+        yield
+        pose, score = yield from fitting(field, surface.points, window)
+        yield
         prior = None if prior_information is None else window.centre
         aligned = self.lines.align(surface.points, pose, prior, prior_information,
                                    normals=surface.normals)

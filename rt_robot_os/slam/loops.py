@@ -21,6 +21,7 @@ through the graph between them. That is how far around is looked, and in how lar
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -104,8 +105,13 @@ def is_far(pose: Floats, other: Floats) -> bool:
     return bool(np.hypot(*(other - pose)[:2]) > _FAR_M)
 
 
-def close(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning) -> Edge | None:
-    """Return the edge from a place to the keyframe, or None: it is another place."""
+def closing(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning
+            ) -> Generator[None, None, Edge | None]:
+    """
+    Look whether a keyframe is at a place, in pieces of some milliseconds.
+
+    :return: the edge from the place to the keyframe, or None: it is another place.
+    """
     local = LocalMap([keyframes[index] for index in place.members])
     last = keyframes[place.keyframe]
     if local.is_empty or not len(last.surface):
@@ -113,7 +119,7 @@ def close(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning) -> Edge |
     window = Window(
         last.pose, min(_WINDOW_MOST_M, 0.3 + 2.0 * place.sigma_m),
         min(_WINDOW_MOST_RAD, float(np.radians(3.0)) + 2.0 * place.sigma_rad))
-    match = local.search(last.surface, window, None)
+    match = yield from local.searching(last.surface, window, None)
     if match.aligned.share < tuning.loop_share or match.score < tuning.loop_score:
         return None
     if is_far(last.pose, match.aligned.pose) and (

@@ -171,6 +171,7 @@ class Mapper:
         self._pose = pose
         self._correction = None
         self._unseen_m = 0.0  # movements of the map that did not make another version
+        self._has_help = False  # somebody works between scans
 
     def add(self, scan: Scan) -> Located:
         """
@@ -217,7 +218,7 @@ class Mapper:
         self._passed(scan)
         self._work(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
         correction, self._correction = self._correction, None
-        return Located(self._pose, self._certainty.covariance,
+        return Located(self._pose, self._certainty.on_map(self._pose, self.keyframes[0].pose),
                        0.0 if match is None else match.aligned.share, match is None, is_kept,
                        correction)
 
@@ -225,7 +226,7 @@ class Mapper:
         self._odometry = scan.odometry
         self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface, 0.0))
         self._passed(scan)
-        return Located(self._pose, self._certainty.covariance, is_kept=True)
+        return Located(self._pose, self._certainty.on_map(self._pose, self._pose), is_kept=True)
 
     def _found(self, scan: Scan, found: Found) -> Located:
         """Go on from where the robot was found."""
@@ -344,17 +345,23 @@ class Mapper:
         """
         Do one piece of what waits, of some 10 ms: look at a place, or move the keyframes.
 
+        Who calls it between scans has short pieces only; else :meth:`add` looks at whole places.
+
         :return: whether there is more.
         """
+        self._has_help = True
+        return self._think(False)
+
+    def _think(self, whole: bool) -> bool:
         if self._closing.is_busy:
-            if self._closing.work():
+            if self._closing.work(whole):
                 self._moved()
             return self._closing.is_busy
         return self._elsewhere.work()
 
     def _work(self, pieces: int | None) -> None:
         while self._closing.is_busy and (pieces is None or pieces > 0):
-            self.think()
+            self._think(pieces is None or not self._has_help)
             pieces = None if pieces is None else pieces - 1
 
     def _moved(self) -> None:

@@ -62,8 +62,10 @@ _TOGETHER_M: Final = 1.0
 _TOGETHER_RAD: Final = 1.0
 _PER_M_RAD: Final = 0.02
 _ARM_M: Final = 3.0
-#: The keyframes are in place to that, seen from each other.
-_MAP: Final = np.diag((0.01 ** 2, 0.01 ** 2, 0.003 ** 2))
+#: The keyframes are in place to that, seen from each other,
+_MAP: Final = np.diag((0.015 ** 2, 0.015 ** 2, 0.003 ** 2))
+#: and the map as a whole is bent and stretched: so much for each metre from where it begins.
+_BENT: Final = 0.001
 
 
 @dataclass
@@ -234,7 +236,16 @@ class Certainty:
         variance = np.minimum(1.0 / np.maximum(values, 1e-9), said)
         self._covariance = (vectors * variance) @ vectors.T
 
-    @property
-    def covariance(self) -> Floats:
-        """Return it with what the map itself may be wrong by; shape (3, 3)."""
-        return self._covariance + _MAP
+    def on_map(self, pose: Floats, begin: Floats) -> Floats:
+        """
+        Return the covariance of a pose with what the map itself may be wrong by; shape (3, 3).
+
+        :param pose: shape (3,): where the robot is.
+        :param begin: shape (3,): where the map begins.
+        """
+        x, y = (pose - begin)[:2].tolist()
+        # Bent moves it across the way from there, stretched along it: alike in all directions.
+        far = np.diag((x * x + y * y, x * x + y * y, 1.0)) * _BENT ** 2
+        far[0, 2] = far[2, 0] = -y * _BENT ** 2
+        far[1, 2] = far[2, 1] = x * _BENT ** 2
+        return self._covariance + _MAP + far

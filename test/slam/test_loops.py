@@ -70,7 +70,8 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
     graph, counts = along(40), {'loops': 0, 'refused': 0, 'skipped': 0}
     doing = Closing(graph, Tuning(), counts)
 
-    def found(keyframes: Any, place: Place, tuning: Tuning) -> Edge | None:
+    def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
+        yield
         off = (3.0, 0.0, 0.0) if place.keyframe < 39 else second
         if off is None:
             return None
@@ -78,7 +79,7 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
         return Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
                     np.eye(3) * 100.0, True)
 
-    monkeypatch.setattr(closing, 'close', found)
+    monkeypatch.setattr(closing, 'closing', found)
     for keyframe in (37, 38, 38, 39):
         assert not counts['loops']
         doing._waiting.append(Place(keyframe, 0, (0,), 3.0, 0.1))
@@ -92,19 +93,25 @@ def test_a_doubted_loop_follows_keyframes_that_are_taken_out(
         monkeypatch: pytest.MonkeyPatch) -> None:
     graph, counts = along(40), {'loops': 0, 'refused': 0, 'skipped': 0}
     doing = Closing(graph, Tuning(), counts)
-    monkeypatch.setattr(closing, 'close', lambda keyframes, place, tuning: Edge(
-        place.nearest, place.keyframe, between(
-            keyframes[place.nearest].pose, keyframes[place.keyframe].pose + (3.0, 0.0, 0.0)),
-        np.eye(3) * 100.0, True))
+
+    def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
+        yield
+        there = keyframes[place.keyframe].pose + (3.0, 0.0, 0.0)
+        return Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
+                    np.eye(3) * 100.0, True)
+
+    monkeypatch.setattr(closing, 'closing', found)
     for keyframe in (37, 38):
         doing._waiting.append(Place(keyframe, 2, (2,), 3.0, 0.1))
-        doing.work()
+        doing.work(whole=True)
+    doing._waiting.append(Place(39, 2, (2,), 3.0, 0.1))
+    doing.work()  # the first piece of it; then a keyframe goes
     del graph.keyframes[0]
     graph.edges = [Edge(each.first - 1, each.second - 1, each.relative, each.information)
                    for each in graph.edges[1:]]
     doing.removed(0)
-    doing._waiting.append(Place(38, 1, (1,), 3.0, 0.1))
-    doing.work()
+    assert doing.is_busy
+    doing.work(whole=True)
     assert [(each.first, each.second) for each in graph.edges if each.is_loop] == [
         (1, 38), (1, 36), (1, 37)]
 
