@@ -34,16 +34,9 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.schema import declared
 from rt_robot_os.schema import made
 from rt_robot_os.schema import setting
-from rt_robot_os.settings.files import read_files
-from rt_robot_os.settings.files import read_overrides
-from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.sections import read_section
-from rt_robot_os.settings.sections import ROS_OWN
-from rt_robot_os.settings.tree import COMMAND_LINE
-from rt_robot_os.settings.tree import merge
+from rt_robot_os.settings.beside import read_values
 
 PLAIN_PORT: Final = 8080
 TLS_PORT: Final = 8443
@@ -108,11 +101,7 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], options: Mapping[s
     :param home: where the folder is when none is given.
     :raises ConfigError: with one line for each problem.
     """
-    problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
-    tree = merge(read_files(list(paths), namespace, node, problems),
-                 read_overrides({**overrides, **options}, problems))
-    values = read_section(tree, '', declared(MonitorSettings), problems, ROS_OWN).values
-    problems.raise_any()
+    values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace)
     folder = Path(values['folder']).expanduser() if values['folder'] else home / 'monitor'
     found: MonitorSettings = made(MonitorSettings, values, where=folder)
     return found

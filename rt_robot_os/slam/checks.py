@@ -94,6 +94,7 @@ class ScanChecks:
         self._last: Scan | None = None
         self._votes = {'against': 0, 'still': 0, 'carried': 0}
         self._blind = self._same = 0
+        self._repeats = False
         self._same_base = np.zeros(3)
         self._stamps: list[int] = []
         self._scans: list[int] = []
@@ -111,12 +112,10 @@ class ScanChecks:
         self._length(scan)
         self._sight(scan)
         self._freeze(scan, base)
-        ranges, step = self._thinned(scan)
-        reference = self._reference
-        if reference is None or len(reference.ranges) != len(ranges):
-            self._reference = _Reference(scan.stamp_ns, base, ranges, step)
-        elif self._compare(reference, scan.stamp_ns, base, ranges):
-            self._reference = _Reference(scan.stamp_ns, base, ranges, step)
+        if self._blind:
+            self._reference = None  # nothing in it shows a movement
+        else:
+            self._compare(scan, base)
         self.spoils = self._spoils()
         self._last = scan
 
@@ -191,8 +190,9 @@ class ScanChecks:
         last = self._last
         if (last is None or not np.isfinite(scan.ranges).any()
                 or not np.array_equal(last.ranges, scan.ranges, equal_nan=True)):
-            self._same, self._same_base = 0, base
+            self._same, self._same_base, self._repeats = 0, base, False
             return
+        self._repeats = True
         moved = between(self._same_base, base)
         if math.hypot(moved[0], moved[1]) > _FROZEN_M or abs(moved[2]) > _FROZEN_M:
             self._same += 1
@@ -206,15 +206,25 @@ class ScanChecks:
         ranges = np.asarray(scan.ranges[::step], dtype=np.float64)
         return np.minimum(ranges, self._range_max_m), step * scan.angle_increment
 
-    def _compare(self, reference: _Reference, stamp_ns: int, base: Floats, ranges: Floats) -> bool:
-        """Compare with a scan of before; return whether it has served."""
+    def _compare(self, scan: Scan, base: Floats) -> None:
+        """Compare with a scan of before, if there is one that can be."""
+        ranges, step = self._thinned(scan)
+        reference = self._reference
+        if (reference is None or len(reference.ranges) != len(ranges)
+                or self._has_served(reference, scan.stamp_ns, base, ranges)):
+            self._reference = _Reference(scan.stamp_ns, base, ranges, step)
+
+    def _has_served(self, reference: _Reference, stamp_ns: int, base: Floats, ranges: Floats
+                    ) -> bool:
+        """Judge by a scan of before, if the robot moved so that one can; else wait or leave it."""
         moved = between(reference.base, base)
         way, turn = math.hypot(moved[0], moved[1]), float(moved[2])
         age_ns = stamp_ns - reference.stamp_ns
         if way > _WAY_MOST_M or abs(turn) > _TURN_MOST_RAD or not 0 < age_ns < _AGE_MOST_NS:
             return True
         if abs(turn) >= _TURN_LEAST_RAD:
-            self._judge_turn(reference, ranges, turn)
+            if not self._repeats:  # of a laser that hangs a turn shows nothing more
+                self._judge_turn(reference, ranges, turn)
             return True
         if way < _STANDS_M and abs(turn) < _STANDS_RAD and age_ns >= _STANDS_NS:
             self._judge_standing(reference, ranges)

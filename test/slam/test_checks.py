@@ -105,6 +105,32 @@ def test_one_that_hangs_is_told_when_the_robot_moves() -> None:
     assert 'very same scan' in checks.spoils
 
 
+@pytest.mark.parametrize('value', [math.inf, math.nan, 0.0])
+def test_a_cover_that_is_taken_off_does_not_look_like_a_robot_that_was_carried(value: float
+                                                                               ) -> None:
+    checks = driven(STANDS, STANDS)
+    for number in range(30, 60):
+        checks.look(Scan(number * PERIOD_NS, np.zeros(3), np.full(400, value), -2.0,
+                         ANGLES[1] - ANGLES[0]), np.zeros(3))
+    for number in range(60, 90):
+        checks.look(Scan(number * PERIOD_NS, np.zeros(3), seen(np.zeros(3), number), -2.0,
+                         ANGLES[1] - ANGLES[0]), np.zeros(3))
+        assert not checks.spoils
+    assert checks.counts['wheels_stand'] == 0
+
+
+def test_one_that_hung_while_the_robot_turned_is_right_again_at_its_next_scan() -> None:
+    checks = ScanChecks(20.0)
+    turned = [np.array((0.0, 0.0, 0.06 * min(number, 40))) for number in range(60)]
+    for number, base in enumerate(turned):
+        hangs = number < 40
+        checks.look(Scan(number * PERIOD_NS, base,
+                         seen(np.zeros(3) if hangs else base, 0 if hangs else number), -2.0,
+                         ANGLES[1] - ANGLES[0]), base)
+        assert not checks.spoils or ('very same scan' in checks.spoils and hangs)
+    assert checks.counts['frozen'] == 1 and checks.counts['laser_stands'] == 0
+
+
 def test_scans_of_changing_length_and_a_rate_that_drops_are_told() -> None:
     checks = driven(STANDS, STANDS)
     scan = Scan(31 * PERIOD_NS, np.zeros(3), np.ones(200), -2.0, 0.02)

@@ -35,18 +35,12 @@ from typing import Any
 from typing import Final
 from urllib.parse import urlsplit
 
-from rt_robot_os.schema import declared
 from rt_robot_os.schema import made
 from rt_robot_os.schema import setting
 from rt_robot_os.schema import STAR
-from rt_robot_os.settings.files import read_files
-from rt_robot_os.settings.files import read_overrides
+from rt_robot_os.settings.beside import read_values
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.sections import read_section
-from rt_robot_os.settings.sections import ROS_OWN
 from rt_robot_os.settings.sections import Section
-from rt_robot_os.settings.tree import COMMAND_LINE
-from rt_robot_os.settings.tree import merge
 
 LOOPBACK: Final = ('localhost', '127.0.0.1', '::1')
 _RATE: Final = re.compile(r'(\S+)\s+(\d+(?:\.\d+)?)')
@@ -137,15 +131,8 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], node: str = 'gatew
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
-    problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
-    tree = merge(read_files(list(paths), namespace, node, problems),
-                 read_overrides(overrides, problems))
-    section = read_section(tree, '', declared(GatewaySettings), problems, ROS_OWN)
-    _check(section, problems)
-    problems.raise_any()
-    values = {key: tuple(value) if isinstance(value, list) else value
-              for key, value in section.values.items()}
-    settings: GatewaySettings = made(GatewaySettings, values)
+    settings: GatewaySettings = made(GatewaySettings, read_values(
+        GatewaySettings, paths, overrides, node, namespace, _check))
     return settings
 
 

@@ -33,17 +33,11 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.schema import declared
 from rt_robot_os.schema import made
 from rt_robot_os.schema import setting
-from rt_robot_os.settings.files import read_files
-from rt_robot_os.settings.files import read_overrides
+from rt_robot_os.settings.beside import read_values
 from rt_robot_os.settings.problems import Problems
-from rt_robot_os.settings.sections import read_section
-from rt_robot_os.settings.sections import ROS_OWN
 from rt_robot_os.settings.sections import Section
-from rt_robot_os.settings.tree import COMMAND_LINE
-from rt_robot_os.settings.tree import merge
 from rt_robot_os.slam.tuning import Tuning
 
 MAPPING: Final = 'mapping'
@@ -138,15 +132,8 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], node: str = 'mappi
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
-    problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
-    tree = merge(read_files(list(paths), namespace, node, problems),
-                 read_overrides(overrides, problems))
-    section = read_section(tree, '', declared(MappingSettings), problems, ROS_OWN)
-    _check(section, problems)
-    problems.raise_any()
-    values = {key: tuple(value) if isinstance(value, list) else value
-              for key, value in section.values.items()}
-    settings: MappingSettings = made(MappingSettings, values)
+    settings: MappingSettings = made(MappingSettings, read_values(
+        MappingSettings, paths, overrides, node, namespace, _check))
     return settings
 
 

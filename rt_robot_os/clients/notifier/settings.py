@@ -42,16 +42,13 @@ from rt_robot_os.clients.notifier.local import File
 from rt_robot_os.clients.notifier.mail import Mail
 from rt_robot_os.clients.notifier.webhook import Webhook
 from rt_robot_os.schema import Field
-from rt_robot_os.settings.files import read_files
-from rt_robot_os.settings.files import read_overrides
+from rt_robot_os.settings.beside import read_parameters
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import ROS_OWN
 from rt_robot_os.settings.tree import Branch
-from rt_robot_os.settings.tree import COMMAND_LINE
 from rt_robot_os.settings.tree import flatten
 from rt_robot_os.settings.tree import Leaf
-from rt_robot_os.settings.tree import merge
 
 Kind = Callable[[Mapping[str, Any], Mapping[str, str]], Channel]
 KINDS: Final[Mapping[str, Any]] = {
@@ -110,9 +107,7 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], environ: Mapping[s
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
-    problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
-    tree = merge(read_files(list(paths), namespace, node, problems),
-                 read_overrides(overrides, problems))
+    tree, problems = read_parameters(paths, overrides, node, namespace)
     top = read_section(tree, '', TOP, problems, set(tree.children) | ROS_OWN).values
     names = top.get('channels', ())
     # What is secret to one channel is not for the programs of another.
