@@ -51,6 +51,8 @@ _VOTES: Final = 3
 _STANDS_M: Final = 0.005
 _STANDS_RAD: Final = 0.005
 _STANDS_NS: Final = NS_PER_S // 2
+#: Who drives slowly changes it in so long.
+_CREEPS_NS: Final = 2 * NS_PER_S
 #: The scan of a robot that stands changes by less, in m of the mean beam.
 _CHANGED_M: Final = 0.25
 #: Beams that measure something, at least; scans in a row without them.
@@ -227,8 +229,7 @@ class ScanChecks:
                 self._judge_turn(reference, ranges, turn)
             return True
         if way < _STANDS_M and abs(turn) < _STANDS_RAD and age_ns >= _STANDS_NS:
-            self._judge_standing(reference, ranges)
-            return True
+            return self._judge_standing(reference, ranges, age_ns)
         return False
 
     def _judge_turn(self, reference: _Reference, ranges: Floats, turn: float) -> None:
@@ -241,9 +242,13 @@ class ScanChecks:
         for what in ('still', 'against'):
             self._vote(what, what == best)
 
-    def _judge_standing(self, reference: _Reference, ranges: Floats) -> None:
+    def _judge_standing(self, reference: _Reference, ranges: Floats, age_ns: int) -> bool:
         # Who walks by changes some beams; who carries the robot all of them.
-        self._vote('carried', self._cost(reference.ranges, ranges, 0) > _CHANGED_M)
+        has_changed = self._cost(reference.ranges, ranges, 0) > _CHANGED_M
+        if not has_changed and age_ns < _CREEPS_NS:
+            return False
+        self._vote('carried', has_changed)
+        return True
 
     def _vote(self, what: str, is_so: bool) -> None:
         self._votes[what] = min(self._votes[what] + 1, _VOTES) if is_so else 0

@@ -59,6 +59,7 @@ def driven(odometry: list[Floats], laser: list[Floats], turned: float = 1.0,
 STANDS = [np.zeros(3)] * 30
 TURNS = [np.array((0.0, 0.0, 0.06 * step)) for step in range(30)]
 GOES = [np.array((0.03 * step, 0.0, 0.0)) for step in range(30)]
+SLOWLY = [np.array((0.02 * step, -0.02 * step, 0.0)) for step in range(90)]
 
 
 @pytest.mark.parametrize('way', [STANDS, TURNS, GOES])
@@ -69,7 +70,8 @@ def test_what_agrees_is_not_told(way: list[Floats]) -> None:
 
 @pytest.mark.parametrize('odometry, laser, turned, told', [
     (TURNS, TURNS, -1.0, 'upside down'), (TURNS, STANDS, 1.0, 'stand still while odometry turns'),
-    (STANDS, TURNS, 1.0, 'while odometry stands still')])
+    (STANDS, TURNS, 1.0, 'while odometry stands still'),
+    (3 * STANDS, SLOWLY, 1.0, 'while odometry stands still')])
 def test_what_contradicts_is_told_and_over_when_it_is(
         odometry: list[Floats], laser: list[Floats], turned: float, told: str) -> None:
     checks = driven(odometry, laser, turned)
