@@ -22,6 +22,7 @@ and a checksum: whatever happens, one of both is whole, and the newer one of tho
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -81,6 +82,8 @@ class StateFile:
             aside.replace(path)
             sync_folder(self.folder)
         except OSError as error:
+            with suppress(OSError):
+                aside.unlink(missing_ok=True)  # on a full disk others need that room
             raise ConfigError([f'{path}: the state of mapping cannot be written: '
                                f'{error.strerror}: make room or give another folder; the state '
                                'of before is as it was']) from error
@@ -116,9 +119,9 @@ class StateFile:
         """Return those that are whole, the newest first."""
         found, problems = [], []
         for path in (self.folder / name for name in _NAMES):
-            if not os.path.lexists(path):
-                continue
             try:
+                if not _is_there(path):
+                    continue
                 arrays = unpack(bytes_of(path))
                 found.append((_number(arrays), path, arrays))
             except ConfigError as error:
@@ -127,6 +130,18 @@ class StateFile:
                 problems.append(f'{path}: {error}')
         self.problems = tuple(problems)
         return sorted(found, key=lambda each: each[0], reverse=True)
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether there is something of that name; nobody knows of what he may not enter."""
+    try:
+        os.lstat(path)
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise ConfigError([f'{path}: cannot be read: {error.strerror}: give its folder to the '
+                           'user of mapping, or give another folder']) from error
+    return True
 
 
 def _number(arrays: Arrays) -> int:

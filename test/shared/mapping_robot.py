@@ -61,6 +61,7 @@ class Beside:
         self.heard: dict[str, list[tuple[int, bytes]]] = {}
         self.process: subprocess.Popen[bytes] | None = None
         self.client: Any = None
+        self.newest_ns = 0
 
     def start(self) -> None:
         self.process = start_core(self.folder)

@@ -26,6 +26,7 @@ from urllib.parse import unquote
 from rt_robot_os.clients.mapping.engine import Engine
 from rt_robot_os.clients.mapping.exploring import Exploring
 from rt_robot_os.clients.mapping.keeper import Keeper
+from rt_robot_os.clients.mapping.keeper import told
 from rt_robot_os.clients.mapping.places import Hint
 from rt_robot_os.clients.mapping.places import Known
 from rt_robot_os.clients.mapping.settings import LOCALIZATION
@@ -86,14 +87,14 @@ class Commands:
                                    f'{safe_line(rest)!r}'])
             said = does(rest, text)
         except ConfigError as error:
-            self._refuse(text, error)
+            self._refuse(text, told(error))
             return
         if said is not None:
             self._answer(text, True, said)
 
-    def _refuse(self, text: str, error: ConfigError) -> None:
+    def _refuse(self, text: str, why: str) -> None:
         self.counts['refused'] += 1
-        self._answer(text, False, '; '.join(error.problems))
+        self._answer(text, False, why)
 
     def finish(self) -> None:
         """Answer what the disk has done since."""
@@ -102,17 +103,15 @@ class Commands:
             text, future = each
             try:
                 self._answer(text, True, f'saved as {future.result()}')
-            except ConfigError as error:
-                self._refuse(text, error)
             except Exception as error:  # whatever a disk may say
-                self._refuse(text, ConfigError([f'{type(error).__name__}: {error}']))
+                self._refuse(text, told(error))
 
     # ---- each of them ------------------------------------------------------------------------
 
     def _save(self, rest: str, text: str) -> str | None:
         engine = self._engine
         engine.finish_drawing()
-        if not engine.version:
+        if not engine.drawing.version:
             raise ConfigError(['there is no map yet: nothing is saved'])
         if len(self._saving) >= _SAVES_MOST:
             raise ConfigError(['others are being saved: ask again'])

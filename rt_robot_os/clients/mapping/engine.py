@@ -25,8 +25,7 @@ from dataclasses import replace
 from typing import Any
 from typing import Final
 
-import numpy as np
-
+from rt_robot_os.clients.mapping.drawing import Drawing
 from rt_robot_os.clients.mapping.intake import Sighting
 from rt_robot_os.clients.mapping.places import Here
 from rt_robot_os.clients.mapping.places import Hint
@@ -39,12 +38,10 @@ from rt_robot_os.clients.mapping.settings import MAPPING
 from rt_robot_os.clients.mapping.settings import MappingSettings
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.grid_map import UNKNOWN
 from rt_robot_os.slam.checks import ScanChecks
 from rt_robot_os.slam.finding import Finder
 from rt_robot_os.slam.following import Follower
 from rt_robot_os.slam.graph import Graph
-from rt_robot_os.slam.growing_grid import GrowingGrid
 from rt_robot_os.slam.known_map import KnownMap
 from rt_robot_os.slam.located import Located
 from rt_robot_os.slam.mapper import Mapper
@@ -70,7 +67,7 @@ class Engine:
     :ivar mode: ``mapping`` or ``localization``.
     :ivar is_paused: scans are left out.
     :ivar last_ns: stamp of the newest scan that was looked at.
-    :ivar drawn_ns: stamp of the newest scan that the grid shows.
+    :ivar drawing: the map as cells.
     :ivar found: how often it found itself.
     :ivar spoilt: scans that were left out, for :attr:`checks` say why.
     """
@@ -78,14 +75,13 @@ class Engine:
     def __init__(self, settings: MappingSettings, start_at: Hint) -> None:
         self.mode = settings.mode
         self.is_paused = False
-        self.drawn_ns = self.last_ns = 0
+        self.last_ns = 0
         self.found = self.spoilt = 0
         self.checks = ScanChecks(settings.range_max_m)
         self._settings = settings
         self._tuning = settings.tuning()
         self._start_at = start_at
-        self._version = 0
-        self._grid = GridMap(np.full((1, 1), UNKNOWN, np.int8), settings.cell_m)
+        self.drawing = Drawing(settings.cell_m)
         self._begin(None, start_at)
 
     def _begin(self, known: Known | None, hint: Hint | None) -> None:
@@ -95,18 +91,16 @@ class Engine:
         self._follower: Follower | None = None
         self._finder: Finder | None = None
         self._is_sought = False
-        self._growing = GrowingGrid(self._settings.cell_m)
-        self._is_drawn = True
-        self._drawn_of = -1
+        self.drawing.begin()
         self._here: Here | None = None
         self._is_proven = known is None
         self._fits_nowhere = self._doubted = self._proofs = 0
         self._share = 0.0
         self._problem = ''
         if known is not None and known.grid is not None:
-            self._show(known.grid)
+            self.drawing.show(known.grid, 0)
         elif known is not None:
-            self._is_drawn = False
+            self.drawing.is_done = False
 
     # ---- which map ---------------------------------------------------------------------------
 
@@ -144,7 +138,7 @@ class Engine:
             raise ConfigError(['there is no map yet: drive, or load one'])
         if self.mode == MAPPING:
             self.finish_drawing()
-        known, here = Known(graph, self._grid), self._here
+        known, here = Known(graph, self.grid), self._here
         self.mode = mode
         self._begin(known, None)
         self._is_proven = True
@@ -178,6 +172,8 @@ class Engine:
         :return: None when it does not say where the robot is.
         """
         self.last_ns = sighting.scan.stamp_ns
+        if sighting.is_cut:
+            self._doubt()
         if self.is_paused or self._is_spoilt(sighting):
             return None
         if self._is_sought:
@@ -198,12 +194,14 @@ class Engine:
 
     def _doubt(self) -> None:
         """Go on where odometry says, if that proves right: nobody saw where the robot went."""
-        here = self.here
-        if here is None or self.graph is None:
+        self._finder = None  # what it has seen so far may have been seen from elsewhere
+        here, known = self.here, self._known
+        if self.mode == MAPPING and self.graph is not None:
+            known = Known(self.graph, self.grid if self.drawing.is_done else None)
+        if here is None or known is None:
             return
         base, before = here
-        self._begin(Known(self.graph), lambda sighting: composed(
-            base, between(before.base, sighting.base)))
+        self._begin(known, lambda sighting: composed(base, between(before.base, sighting.base)))
 
     def _first(self, sighting: Sighting) -> Mapper | Follower | None:
         """Take the first scan: where is the robot; None: that is not known yet."""
@@ -240,7 +238,7 @@ class Engine:
         if self._mapper is None:
             graph = self._known.graph if self._known is not None else None
             self._mapper = Mapper.of_graph(graph or Graph(), self._tuning)
-            self._is_drawn = False
+            self.drawing.is_done = False
         self._mapper.relocated(laser, odometry)
         return self._mapper
 
@@ -249,13 +247,13 @@ class Engine:
         known = self._known or Known(self.graph)
         if known.grid is None and known.graph is not None and known.graph.keyframes:
             self.finish_drawing()
-            known = replace(known, grid=self._grid)
+            known = replace(known, grid=self.grid)
         return known
 
     def _note(self, sighting: Sighting, located: Located) -> Place:
         """Note how a scan fitted; a robot that is nowhere looks for itself."""
         if self._mapper is not None:
-            self._is_drawn &= self._drawn_of == self._mapper.version
+            self.drawing.follow(self._mapper.version)
         self._share = located.share
         self._here = Here(sighting, located.pose, located.covariance)
         self._fits_nowhere = self._fits_nowhere + 1 if located.is_lost else 0
@@ -306,7 +304,7 @@ class Engine:
 
     def work(self) -> bool:
         """Do a piece of what can wait, of some 10 ms; True while there is more."""
-        if not self._is_drawn:
+        if not self.drawing.is_done:
             self._draw()
             return True
         if self._is_sought and self._finder is None:
@@ -316,26 +314,17 @@ class Engine:
         return self._mapper is not None and self._mapper.think()
 
     def _draw(self) -> None:
-        graph = self.graph
-        if self._mapper is not None:
-            self._drawn_of = self._mapper.version
-        self._is_drawn = graph is None or self._growing.update(graph.keyframes)
-        if self._is_drawn and self._growing.grid() is not self._grid:
-            self._show(self._growing.grid())
-
-    def _show(self, grid: GridMap) -> None:
-        self._grid = grid
-        self._version += 1
-        self.drawn_ns = 0 if self._here is None else self._here.sighting.scan.stamp_ns
+        self.drawing.draw(self.graph, -1 if self._mapper is None else self._mapper.version,
+                          0 if self._here is None else self._here.sighting.scan.stamp_ns)
 
     def finish_drawing(self) -> None:
         """Draw all that is to be drawn."""
-        while not self._is_drawn:
+        while not self.drawing.is_done:
             self._draw()
 
     def _make_finder(self) -> None:
         try:
-            self._finder = Finder(self._grid, self.graph, self._tuning)
+            self._finder = Finder(self.grid, self.graph, self._tuning)
         except ConfigError as error:
             self._is_sought = False
             self._problem = f'lost: {error.problems[0]}'
@@ -357,12 +346,7 @@ class Engine:
     @property
     def grid(self) -> GridMap:
         """Return the map as cells, as it was drawn last."""
-        return self._grid
-
-    @property
-    def version(self) -> int:
-        """Return a number that is another one when the grid is; 0 before the first."""
-        return self._version
+        return self.drawing.grid
 
     @property
     def here(self) -> tuple[Floats, Sighting] | None:
@@ -418,9 +402,9 @@ class Engine:
             'mode': self.mode, 'share': round(self._share, 3), 'found': self.found,
             'scans_spoilt': self.spoilt,
             'map_keyframes': len(graph.keyframes), 'map_edges': len(graph.edges),
-            'map_cells': self._grid.cells.size}
+            'map_cells': self.grid.cells.size}
         for name, part in (('mapper', self._mapper), ('follower', self._follower),
-                           ('finder', self._finder), ('grid', self._growing),
+                           ('finder', self._finder), ('grid', self.drawing),
                            ('check', self.checks)):
             if part is not None:
                 found.update({f'{name}_{key}': value for key, value in part.counts.items()})

@@ -28,12 +28,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 import threading
-import time
 from typing import Any
 from typing import Final
 
 import numpy as np
 
+from rt_robot_os.clients.mapping.complaints import Complaints
+from rt_robot_os.clients.mapping.complaints import SILENT_NS
 from rt_robot_os.clients.mapping.messages import odometry_in
 from rt_robot_os.clients.mapping.messages import pose_in
 from rt_robot_os.clients.mapping.messages import PoseMessage
@@ -65,15 +66,6 @@ _JUMP_RAD: Final = 0.2
 _REACH_SLACK_M: Final = 1e-3
 #: A plane that is tilted by more shows floor and ceiling.
 _TILT_MOST_RAD: Final = math.radians(15.0)
-#: Silence that is told, and for how long it is told what happened.
-_SILENT_NS: Final = 2 * NS_PER_S
-_TOLD_NS: Final = 10 * NS_PER_S
-_EVENTS: Final = {
-    'scans_backwards': 'stamps of scans went back or stood still: scans were left out',
-    'odometry_backwards': 'stamps of odometry went back or stood still: samples were left out',
-    'odometry_jumps': 'odometry jumped: the robot is taken to have stood',
-    'scans_without_odometry': 'scans without odometry at their time were left out',
-}
 
 
 @dataclass(frozen=True)
@@ -83,12 +75,14 @@ class Sighting:
 
     :ivar base: shape (3,): ``base_link`` in the frame of odometry, at its stamp.
     :ivar left_out: scans that came since the one before and were not taken.
+    :ivar is_cut: what odometry says of the way since the one before is not sure.
     """
 
     scan: Scan
     base: Floats
     mount: LaserMount
     left_out: int = 0
+    is_cut: bool = False
 
 
 class Intake:
@@ -105,7 +99,7 @@ class Intake:
         self.counts: dict[str, int] = dict.fromkeys((
             'scans', 'scans_missed', 'scans_skipped', 'scans_overflowed', 'scans_without_odometry',
             'scans_backwards', 'scans_unusable', 'malformed', 'odometry', 'odometry_missed',
-            'odometry_backwards', 'odometry_jumps', 'odometry_restarts'), 0)
+            'odometry_backwards', 'odometry_gaps', 'odometry_jumps', 'odometry_restarts'), 0)
         self.problem = ''
         self.track = OdometryTrack()
         self.new = threading.Event()
@@ -118,10 +112,9 @@ class Intake:
         self._offset: Floats | None = None
         self._raw: tuple[float, float, float] | None = None
         self._begin_anew = False
+        self._cut_ns: int | None = None  # from there on odometry is of another piece
         self._missed = {'scans': 0, 'odometry': 0}
-        self._heard_scan_ns = self._heard_odometry_ns = time.monotonic_ns()
-        self._seen = dict.fromkeys(_EVENTS, 0)
-        self._event_ns = dict.fromkeys(_EVENTS, -_TOLD_NS)
+        self._complaints = Complaints(self.counts)
         self._poses: dict[str, tuple[int, PoseMessage]] = {}
 
     # ---- by the thread that reads ------------------------------------------------------------
@@ -137,21 +130,21 @@ class Intake:
     def take_odometry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Take a ``nav_msgs/msg/Odometry``."""
         with self._lock:
-            self._count('odometry', missed)
-            self._heard_odometry_ns = time.monotonic_ns()
+            was_lost = self._count('odometry', missed) > 0
+            self._complaints.heard('odometry')
             try:
                 raw = odometry_in(bytes(cdr))
             except ValueError as error:
                 self._malformed(f'odometry: {error}')
                 return
-            self._add(stamp_ns, raw)
+            self._add(stamp_ns, raw, was_lost)
         self.new.set()
 
     def take_scan(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Take a ``sensor_msgs/msg/LaserScan``."""
         with self._lock:
             self._count('scans', missed)
-            self._heard_scan_ns = time.monotonic_ns()
+            self._complaints.heard('scans')
             try:
                 message = scan_in(bytes(cdr))
                 mount = self._usable_mount(message)
@@ -183,10 +176,13 @@ class Intake:
         with self._lock:
             self._poses[topic] = stamp_ns, pose
 
-    def _count(self, what: str, missed: int) -> None:
+    def _count(self, what: str, missed: int) -> int:
+        """Count a sample; return how many were lost on the way since the one before."""
+        lost = max(0, missed - self._missed[what])
         self.counts[what] += 1
-        self.counts[f'{what}_missed'] += max(0, missed - self._missed[what])
+        self.counts[f'{what}_missed'] += lost
         self._missed[what] = missed
+        return lost
 
     def _malformed(self, text: str) -> None:
         self.counts['malformed'] += 1
@@ -221,8 +217,12 @@ class Intake:
                               message.angle_increment, len(ranges)) if self._deskew else 0.0
         return Sweep(stamp_ns, ranges, message.angle_min, message.angle_increment, beam_s)
 
-    def _add(self, stamp_ns: int, raw: tuple[float, float, float]) -> None:
-        """Add odometry to the track, in one frame however often it began anew."""
+    def _add(self, stamp_ns: int, raw: tuple[float, float, float], was_lost: bool) -> None:
+        """
+        Add odometry to the track, in one frame however often it began anew.
+
+        :param was_lost: samples before it were lost on the way: it was not silent.
+        """
         track = self.track
         dt_s = (stamp_ns - track.last_ns) / NS_PER_S
         if len(track) and dt_s <= 0.0:
@@ -231,7 +231,11 @@ class Intake:
                 return
             track.clear()
             self._begin_anew = True
+        if len(track) and dt_s * NS_PER_S > SILENT_NS and not was_lost:
+            self.counts['odometry_gaps'] += 1
+            self._cut_ns = stamp_ns
         if self._raw is not None and (self._begin_anew or self._jumped(raw, dt_s)):
+            self._cut_ns = stamp_ns
             self.counts['odometry_restarts' if self._begin_anew else 'odometry_jumps'] += 1
             before = self._placed(self._raw)
             # From there on odometry says the same, whatever it calls that place now.
@@ -269,7 +273,10 @@ class Intake:
             self._waiting.popleft()
             base = self.track.at(np.array([sweep.stamp_ns]))[0]
             left_out, self._left_out = self._left_out, 0
-            return Sighting(scan_of(sweep, self.track, mount), base, mount, left_out)
+            is_cut = self._cut_ns is not None and sweep.stamp_ns >= self._cut_ns
+            if is_cut:
+                self._cut_ns = None
+            return Sighting(scan_of(sweep, self.track, mount), base, mount, left_out, is_cut)
 
     def _ready(self) -> list[tuple[Sweep, LaserMount]]:
         """Return the scans that are covered; those that never will be are dropped."""
@@ -327,20 +334,17 @@ class Intake:
         """Return the stamp of the newest scan; 0 before the first."""
         return self._last_scan_ns
 
-    def warning(self) -> str:
-        """Say what is wrong with what comes; empty when nothing is."""
-        now_ns, found = time.monotonic_ns(), [self.problem]
+    @property
+    def hindrance(self) -> str:
+        """Say in a few words why nothing can be mapped now; empty when nothing hinders it."""
         with self._lock:
-            heard = {'scans': self._heard_scan_ns, 'odometry': self._heard_odometry_ns}
-            for what, then_ns in heard.items():
-                if now_ns - then_ns > _SILENT_NS:
-                    found.append(f'no {what} for {(now_ns - then_ns) / NS_PER_S:.0f} s')
-            for key, text in _EVENTS.items():
-                if self.counts[key] > self._seen[key]:
-                    self._seen[key], self._event_ns[key] = self.counts[key], now_ns
-                if now_ns - self._event_ns[key] < _TOLD_NS:
-                    found.append(text)
-        return '; '.join(filter(None, found))
+            return self.problem or ' and '.join(
+                f'no {what}' for what in self._complaints.silent())
+
+    def warning(self) -> str:
+        """Say what is wrong with what comes; empty when nothing is. Once a second is enough."""
+        with self._lock:
+            return '; '.join(filter(None, (self.problem, *self._complaints.lines())))
 
     def statistics(self) -> Mapping[str, Any]:
         """Return the counters, and how many scans wait."""

@@ -49,6 +49,7 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.slam.deskew import LaserMount
+from rt_robot_os.slam.graph import Graph
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.units import NS_PER_S
 
@@ -80,6 +81,8 @@ class LiveMapping:
         self._first_ns = 0
         self._kept_s = time.monotonic()
         self._told_problem = ''
+        # Of a state that was read: until the robot has been placed, that says better where it is.
+        self._left_as: tuple[Graph | None, str] | None = None
         self._given: deque[str] = deque(maxlen=_COMMANDS_MOST)
         self._published: Floats | None = None
         self._relocated_ns = self._begun_ns
@@ -145,6 +148,7 @@ class LiveMapping:
         self.engine.mode = found.mode
         self.commands.loaded = found.loaded
         self.engine.adopt(found.known, functools.partial(self._left_at, found))
+        self._left_as = found.known.graph, found.loaded
         self._tell(f'going on with {found.text}')
         return True
 
@@ -198,7 +202,7 @@ class LiveMapping:
             while not stopping():
                 self.step()
         finally:
-            self._keep()
+            self._keep(is_last=True)
             self.keeper.close()
             self.link.stop()
 
@@ -265,25 +269,25 @@ class LiveMapping:
         except ValueError as error:
             self.intake.problem = f'{self._settings.fix_topic}: {error}'
 
-    def _keep(self) -> None:
+    def _keep(self, is_last: bool = False) -> None:
         """Keep the state for who goes on from it."""
-        engine = self.engine
-        if engine.version:
-            here = engine.here
+        engine, loaded = self.engine, self.commands.loaded
+        here = engine.here
+        left = self._left_as
+        if left is not None and (here is not None or engine.graph is not left[0]
+                                 or loaded != left[1]):
+            self._left_as = left = None
+        if engine.drawing.version and left is None:
             self.keeper.keep(engine.graph, Resumption.extra(
-                self._settings, engine.mode, self.commands.loaded, self.link.run_id,
+                self._settings, engine.mode, loaded, self.link.run_id,
                 None if here is None else here[0],
-                None if here is None else self.intake.raw(here[1].base)))
+                None if here is None else self.intake.raw(here[1].base)), is_last)
 
     def _publish(self, now_ns: int) -> None:
         outputs, engine = self.outputs, self.engine
-        outputs.grid(now_ns, engine.version, engine.grid, engine.drawn_ns)
-        outputs.graph(now_ns, engine.version, engine.way, engine.graph)
-        state = engine.state
-        if state == MAPPING and self.exploring.state:
-            state = self.exploring.state
-        if self.looking_round.state:
-            state = f'{state}; {self.looking_round.state}'
+        outputs.grid(now_ns, engine.drawing.version, engine.grid, engine.drawing.drawn_ns)
+        outputs.graph(now_ns, engine.drawing.version, engine.way, engine.graph)
+        state = self._state()
         outputs.state(state)
         if outputs.is_status_due(now_ns):
             problem = self._problem()
@@ -293,6 +297,14 @@ class LiveMapping:
             if problem and words != self._told_problem:
                 self._tell(problem)
             self._told_problem = words
+
+    def _state(self) -> str:
+        """Say in one line what goes on."""
+        engine, hindrance = self.engine, self.intake.hindrance
+        if hindrance and not engine.is_paused:
+            return f'lost: {hindrance}'
+        state = (self.exploring.state if engine.state == MAPPING else '') or engine.state
+        return f'{state}; {self.looking_round.state}' if self.looking_round.state else state
 
     def _problem(self) -> str:
         """Say what is wrong, the worst first; empty when nothing is."""

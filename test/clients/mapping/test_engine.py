@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mapping_robot import sightings_of
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from rt_robot_os.clients.mapping.settings import LOCALIZATION
 from rt_robot_os.clients.mapping.settings import MAPPING
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.slam.transforms import between
+from rt_robot_os.slam.transforms import composed
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.tools.bench.slam_drives import Drive
 
@@ -130,6 +133,38 @@ def test_one_that_is_covered_is_told_and_it_goes_on_when_it_sees_again(
     assert last is not None and last.is_sure and off_m(last, flat.truth[-1]) < 0.1
 
 
+@pytest.mark.parametrize('mode', [MAPPING, LOCALIZATION])
+def test_odometry_that_was_cut_is_not_believed_before_scans_say_so(
+        engine: Engine, flat: Drive, sightings: list[Sighting], mode: str) -> None:
+    """Its driver was started again in a silence: where it was is 0 now, 2.5 m away."""
+    fed(engine, sightings[:60])
+    engine.switch(mode)
+    graph = engine.graph
+    assert graph is not None
+    keyframes = len(graph.keyframes)
+    off = np.array((2.0, -1.5, 0.4))
+    moved = [replace(each, base=composed(off, each.base), is_cut=number == 0,
+                     scan=replace(each.scan, odometry=composed(off, each.scan.odometry)))
+             for number, each in enumerate(sightings[60:110])]
+    places = fed(engine, moved[:5])
+    assert not any(each is not None and each.is_sure for each in places)
+    assert len(graph.keyframes) == keyframes
+    places = fed(engine, moved[5:])
+    sure = [(place, truth) for place, truth in zip(places, flat.truth[65:])
+            if place is not None and place.is_sure]
+    assert len(sure) > 20 and max(off_m(place, truth) for place, truth in sure) < 0.2
+    assert engine.mode == mode
+
+
+def test_odometry_that_was_cut_and_is_right_is_believed_soon(
+        engine: Engine, flat: Drive, sightings: list[Sighting]) -> None:
+    fed(engine, sightings[:60])
+    places = fed(engine, [replace(sightings[60], is_cut=True), *sightings[61:66]])
+    assert engine.found == 0 and engine.state == MAPPING
+    assert places[-1] is not None and places[-1].is_sure
+    assert off_m(places[-1], flat.truth[65]) < 0.05
+
+
 def test_a_grid_alone_cannot_grow(engine: Engine, mapped: Engine) -> None:
     engine.adopt(Known(None, mapped.grid), None)
     assert engine.mode == LOCALIZATION
@@ -140,4 +175,4 @@ def test_a_grid_alone_cannot_grow(engine: Engine, mapped: Engine) -> None:
 def test_paused_it_says_nothing(engine: Engine, sightings: list[Sighting]) -> None:
     engine.is_paused = True
     assert fed(engine, sightings[:3]) == [None] * 3
-    assert engine.state == 'paused' and not engine.version
+    assert engine.state == 'paused' and not engine.drawing.version

@@ -82,6 +82,18 @@ def test_who_is_late_goes_on_with_the_newest(intake: Intake) -> None:
     assert intake.counts['scans_skipped'] == LATE_SCANS - 1
 
 
+def test_a_machine_that_skips_scans_says_so(intake: Intake) -> None:
+    assert intake.warning() == ''
+    for stamp in range(1000, 1000 + 100 * LATE_SCANS, 100):
+        intake.take_scan(*scan_at(stamp))
+    for stamp in range(990, 2000, 50):
+        intake.take_odometry(*odom_at(stamp, 0.0))
+    intake.next()
+    share = (LATE_SCANS - 1) / LATE_SCANS
+    assert f'overloaded: {share:.0%} of the scans were skipped' in intake.warning()
+    assert intake.hindrance == ''
+
+
 def test_what_waits_is_bounded(intake: Intake) -> None:
     for stamp in range(SCANS_MOST + 5):
         intake.take_scan(*scan_at(1000 + stamp))
@@ -100,6 +112,29 @@ def test_odometry_that_jumps_or_begins_anew_goes_on_from_where_it_was(intake: In
         (5.0 + 0.1 * math.cos(1.0), 1.0 + 0.1 * math.sin(1.0), 1.0))
     assert intake.counts['odometry_jumps'] == intake.counts['odometry_restarts'] == 1
     assert intake.raw(np.array(intake.track.last)).tolist() == pytest.approx([0.1, 0.0, 0.0])
+
+
+def test_after_silence_odometry_may_say_anything(intake: Intake) -> None:
+    for stamp in (1000, 1050):
+        intake.take_odometry(*odom_at(stamp, 2.5))
+    intake.take_scan(*scan_at(1020))
+    found = intake.next()
+    assert found is not None and not found.is_cut
+    for stamp in (4000, 4050, 4200):  # its driver was started again: no faster than a robot may be
+        intake.take_odometry(*odom_at(stamp, 0.0))
+    cut = []
+    for stamp in (4010, 4110):
+        intake.take_scan(*scan_at(stamp))
+        found = intake.next()
+        assert found is not None
+        cut.append(found.is_cut)
+    assert cut == [True, False] and intake.counts['odometry_gaps'] == 1
+    assert 'odometry was silent' in intake.warning()
+    for stamp, missed in ((7000, 140), (7050, 140)):  # this machine was late: it was not silent
+        intake.take_odometry(stamp * MS, missed, odom_at(stamp, 0.1)[2])
+    intake.take_scan(*scan_at(7010))
+    found = intake.next()
+    assert found is not None and not found.is_cut
 
 
 @pytest.mark.parametrize('scan, told', [
