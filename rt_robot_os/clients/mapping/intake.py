@@ -53,8 +53,8 @@ from rt_robot_os.units import NS_PER_S
 
 #: Scans that wait; of more the oldest are left out.
 SCANS_MOST: Final = 16
-#: From so many that could be mapped on, the newest goes first.
-LATE_SCANS: Final = 4
+#: From so many that could be mapped on, the newest goes first: those left out lie evenly then.
+LATE_SCANS: Final = 2
 #: How long a scan waits for odometry, by the stamps of what comes.
 WAIT_NS: Final = NS_PER_S // 2
 #: What is faster is no movement: odometry was set anew.
