@@ -78,7 +78,7 @@ def run(argv: Sequence[str]) -> int:
         options = {key: value for key, value in vars(arguments).items()
                    if key not in ('demo', 'with_gateway') and value is not None}
         settings = load(ros.params_files, ros.overrides, options, ros_home(), ros.node_name,
-                        ros.namespace)
+                        ros.namespace, is_needed=not arguments.with_gateway)
     except ConfigError as error:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE

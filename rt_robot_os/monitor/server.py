@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
+import signal
 import socket
 import sys
+from types import FrameType
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.monitor.app import create_app
@@ -76,6 +78,12 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
     services = make_services(settings)
     server = make_server(services)
     listening = listen(settings)
+
+    def end(number: int, frame: FrameType | None) -> None:
+        server.should_exit = True
+    # Also of before it serves, and of after: it raises what has ended it once more.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
     print(f'monitor: {address(settings, listening)}', file=sys.stderr, flush=True)
     link = services.accounts.setup_link(address(settings, listening))
     if link is not None:

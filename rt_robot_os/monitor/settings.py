@@ -92,16 +92,19 @@ class MonitorSettings:
 
 
 def load(paths: Sequence[Path], overrides: Mapping[str, Any], options: Mapping[str, Any],
-         home: Path, node: str = 'monitor', namespace: str = '/') -> MonitorSettings:
+         home: Path, node: str = 'monitor', namespace: str = '/', *, is_needed: bool = True
+         ) -> MonitorSettings:
     """
     Read the parameter files; opens nothing.
 
     :param overrides: of ``--ros-args -p``; they win over the files.
     :param options: of the command line; they win over both.
     :param home: where the folder is when none is given.
+    :param is_needed: False for files of the robot, which may say nothing of the monitor.
     :raises ConfigError: with one line for each problem.
     """
-    values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace)
+    values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace,
+                         is_needed=is_needed)
     folder = Path(values['folder']).expanduser() if values['folder'] else home / 'monitor'
     found: MonitorSettings = made(MonitorSettings, values, where=folder)
     return found

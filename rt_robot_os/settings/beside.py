@@ -35,31 +35,34 @@ from rt_robot_os.settings.tree import merge
 
 
 def read_parameters(paths: Sequence[Path], overrides: Mapping[str, Any], node: str,
-                    namespace: str) -> tuple[Branch, Problems]:
+                    namespace: str, *, is_needed: bool = True) -> tuple[Branch, Problems]:
     """
     Read what parameter files say to a node; opens nothing else.
 
     :param overrides: by dotted name; they win over the files.
+    :param is_needed: False for files of the robot, which may say nothing to the node.
     :return: that, and the problems so far.
     """
     problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
-    return merge(read_files(list(paths), namespace, node, problems),
+    return merge(read_files(list(paths), namespace, node, problems, is_needed=is_needed),
                  read_overrides(overrides, problems)), problems
 
 
 def read_values(model: type, paths: Sequence[Path], overrides: Mapping[str, Any], node: str,
-                namespace: str, check: Callable[[Section, Problems], None] | None = None
-                ) -> dict[str, Any]:
+                namespace: str, check: Callable[[Section, Problems], None] | None = None,
+                *, is_needed: bool = True) -> dict[str, Any]:
     """
     Read the settings of a node that has no sections.
 
     :param model: the dataclass that declares them.
     :param overrides: by dotted name; they win over the files.
     :param check: what the declarations do not say; it reports.
+    :param is_needed: False for files of the robot, which may say nothing to the node.
     :return: all of them by name, for :func:`rt_robot_os.schema.made`; lists as tuples.
     :raises ConfigError: with one line for each problem.
     """
-    tree, problems = read_parameters(paths, overrides, node, namespace)
+    tree, problems = read_parameters(paths, overrides, node, namespace,
+                                     is_needed=is_needed)
     section = read_section(tree, '', declared(model), problems, ROS_OWN)
     if check is not None:
         check(section, problems)

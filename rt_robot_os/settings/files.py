@@ -101,11 +101,13 @@ def _folders() -> Iterator[Path]:
 
 
 def read_files(
-    paths: Sequence[Path], namespace: str, node: str, problems: Problems,
+    paths: Sequence[Path], namespace: str, node: str, problems: Problems, *,
+    is_needed: bool = True,
 ) -> Branch:
     """
     Merge the node's parameters of several files; later ones win.
 
+    :param is_needed: False for files that are another node's, and may say nothing to this one.
     :raises ConfigError: a file cannot be read or is not YAML; what it would have said is missing,
         so nothing else can be judged.
     """
@@ -127,7 +129,7 @@ def read_files(
             read.append((path, NodeParameters(Branch(Origin(str(path))), False, ())))
     if broken:
         problems.raise_any()
-    _check_matched(read, namespace, node, problems)
+    _check_matched(read, namespace, node, problems, is_needed)
     tree = Branch(Origin(str(paths[-1]), 1) if paths else Origin(COMMAND_LINE))
     for _, parameters in read:
         tree = merge(tree, parameters.tree)
@@ -136,10 +138,11 @@ def read_files(
 
 def _check_matched(
     read: Sequence[tuple[Path, NodeParameters]], namespace: str, node: str, problems: Problems,
+    is_needed: bool,
 ) -> None:
     """Find files that say nothing to this node, though they were meant to."""
     name = full_name(namespace, node)
-    nobody = not any(parameters.matched for _, parameters in read)
+    nobody = is_needed and not any(parameters.matched for _, parameters in read)
     for path, parameters in read:
         guess = _misspelt(node, parameters.others)
         if parameters.matched or not (nobody or guess):
