@@ -31,6 +31,7 @@ import socket
 import struct
 import time
 from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client_rooms import ClientRoom
@@ -50,6 +51,9 @@ from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.safe_text import safe_line
 from rt_robot_os.topics import Bus
+
+#: Ends what is said of a core that does not answer, to who does not wait for it.
+ASKS: Final = '; is the robot running?'
 
 
 @dataclass(frozen=True)
@@ -143,8 +147,8 @@ class LinkClient(Reader):
             self.close()
             if isinstance(error, LinkError):
                 raise
-            raise LinkError(f'no core answers at {path}: {error.strerror or error}; '
-                            'is the robot running?') from error
+            raise LinkError(f'no core answers at {path}: {error.strerror or error}'
+                            f'{ASKS}') from error
         try:
             self.topics = {t['name']: TopicInfo(**t) for t in self.core.pop('topics')}
         except (AttributeError, KeyError, TypeError) as error:

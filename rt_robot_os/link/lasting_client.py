@@ -22,6 +22,7 @@ import time
 from typing import Final
 
 from rt_robot_os.errors import LinkError
+from rt_robot_os.link.client import ASKS
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 
@@ -72,7 +73,7 @@ class LastingClient:
             self.close()
             if str(error) != self._told:
                 self._told = str(error)
-                self._tell(f'{error}; waiting for it')
+                self._tell(f'{str(error).removesuffix(ASKS)}; waiting for it')
             time.sleep(min(_RETRY_S, timeout_s))
             return False
 

@@ -63,9 +63,13 @@ class Complaints:
         return {what: (now_ns - then_ns) / NS_PER_S for what, then_ns in self._heard_ns.items()
                 if now_ns - then_ns > SILENT_NS}
 
-    def lines(self) -> Iterator[str]:
-        """Say what is wrong, a line each; it is asked about once a second."""
-        for what, for_s in self.silent().items():
+    def lines(self, is_connected: bool) -> Iterator[str]:
+        """
+        Say what is wrong, a line each; it is asked about once a second.
+
+        :param is_connected: whether there is somebody who could send something.
+        """
+        for what, for_s in self.silent().items() if is_connected else ():
             yield f'no {what} for {for_s:.0f} s'
         now_ns = time.monotonic_ns()
         share = self._skipped(now_ns)

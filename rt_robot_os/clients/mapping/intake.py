@@ -97,8 +97,8 @@ class Intake:
 
     def __init__(self, mount_of: Callable[[str], LaserMount | None], deskew: bool = True) -> None:
         self.counts: dict[str, int] = dict.fromkeys((
-            'scans', 'scans_missed', 'scans_skipped', 'scans_overflowed', 'scans_without_odometry',
-            'scans_backwards', 'scans_unusable', 'malformed', 'odometry', 'odometry_missed',
+            'scans', 'scans_missed', 'scans_skipped', 'scans_overflowed', 'scans_too_early',
+            'scans_without_odometry', 'scans_backwards', 'scans_unusable', 'malformed', 'odometry', 'odometry_missed',
             'odometry_backwards', 'odometry_gaps', 'odometry_jumps', 'odometry_restarts'), 0)
         self.problem = ''
         self.track = OdometryTrack()
@@ -118,6 +118,12 @@ class Intake:
         self._poses: dict[str, tuple[int, PoseMessage]] = {}
 
     # ---- by the thread that reads ------------------------------------------------------------
+
+    def connected(self) -> None:
+        """Begin to wait for scans and odometry: there is somebody who has them."""
+        with self._lock:
+            for what in self._missed:
+                self._complaints.heard(what)
 
     def core_restarted(self) -> None:
         """Have odometry begin anew: the robot is taken to stand where it stood."""
@@ -282,8 +288,10 @@ class Intake:
         """Return the scans that are covered; those that never will be are dropped."""
         waiting, track = self._waiting, self.track
         while waiting and self._is_hopeless(waiting[0][0]):
-            waiting.popleft()
-            self.counts['scans_without_odometry'] += 1
+            sweep, _ = waiting.popleft()
+            # Who comes to a robot that runs hears scans of before the first odometry.
+            is_early = not len(track) or sweep.span_ns[0] < track.first_ns
+            self.counts['scans_too_early' if is_early else 'scans_without_odometry'] += 1
             self._left_out += 1
         found = []
         for each in waiting:
@@ -341,10 +349,15 @@ class Intake:
             return self.problem or ' and '.join(
                 f'no {what}' for what in self._complaints.silent())
 
-    def warning(self) -> str:
-        """Say what is wrong with what comes; empty when nothing is. Once a second is enough."""
+    def warning(self, is_connected: bool = True) -> str:
+        """
+        Say what is wrong with what comes; empty when nothing is. Once a second is enough.
+
+        :param is_connected: whether there is somebody who could send something.
+        """
         with self._lock:
-            return '; '.join(filter(None, (self.problem, *self._complaints.lines())))
+            lines = self._complaints.lines(is_connected)
+            return '; '.join(filter(None, (self.problem, *lines)))
 
     def statistics(self) -> Mapping[str, Any]:
         """Return the counters, and how many scans wait."""

@@ -308,8 +308,8 @@ class LiveMapping:
 
     def _problem(self) -> str:
         """Say what is wrong, the worst first; empty when nothing is."""
-        found = [self.intake.warning(), *self.engine.checks.warnings(self.intake.newest_ns),
-                 self.keeper.problem]
+        found = [self.intake.warning(self.link.is_connected),
+                 *self.engine.checks.warnings(self.intake.newest_ns), self.keeper.problem]
         return '; '.join(filter(None, found))
 
     def statistics(self) -> dict[str, Any]:
@@ -321,6 +321,7 @@ class LiveMapping:
 
     def _meet(self, is_new: bool) -> None:
         """Take a new connection."""
+        self.intake.connected()
         if is_new:
             self.intake.core_restarted()
             self._is_new_core = True

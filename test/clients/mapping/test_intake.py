@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+import time
 from typing import Any
 
 from mapping_robot import odometry_message
@@ -68,8 +69,31 @@ def test_one_that_odometry_will_never_cover_is_counted(intake: Intake) -> None:
     for stamp in range(1100, 1900, 100):
         intake.take_scan(*scan_at(stamp))
     assert intake.next() is None
-    assert intake.statistics()['scans_without_odometry'] == 1 + 2
+    assert intake.statistics()['scans_without_odometry'] == 2
     assert 'without odometry' in intake.warning()
+
+
+def test_scans_of_before_the_first_odometry_are_no_fault(intake: Intake) -> None:
+    # Who joins a robot that runs hears of both from some moment on.
+    for stamp in 900, 950, 990:
+        intake.take_scan(*scan_at(stamp))
+    intake.take_odometry(*odom_at(995, 0.0))
+    intake.take_scan(*scan_at(1010))
+    intake.take_odometry(*odom_at(1020, 0.1))
+    found = intake.next()
+    assert found is not None and found.scan.stamp_ns == 1010 * MS
+    assert intake.statistics()['scans_too_early'] == 3
+    assert not intake.statistics()['scans_without_odometry'] and not intake.warning()
+
+
+def test_silence_is_told_of_a_core_that_is_there(intake: Intake,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = time.monotonic_ns()
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 10_000 * MS)
+    assert not intake.warning(is_connected=False)
+    assert intake.warning() == 'no scans for 10 s; no odometry for 10 s'
+    intake.connected()
+    assert not intake.warning()
 
 
 def test_who_is_late_goes_on_with_the_newest(intake: Intake) -> None:
