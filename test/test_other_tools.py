@@ -158,7 +158,8 @@ def test_the_launch_file_of_a_whole_robot_takes_the_same(name: str) -> None:
     launch = ElementTree.fromstring(text)
     ours = ElementTree.parse(ROOT / 'launch' / 'robot.launch.xml').getroot()
     taken = [each.get('name') for each in ours.findall('arg')]
-    more = {'assisted_living': {'monitor'}, 'service_robot': {'mapping'}}.get(name, set())
+    more = {'assisted_living': {'mapping', 'monitor'}, 'service_robot': {'mapping'}}.get(
+        name, set())
     given = [str(each.get('name')) for each in launch.findall('arg')]
     assert [each for each in given if each not in more] == taken
     assert set(given) == set(taken) | more
@@ -193,6 +194,45 @@ def test_the_robot_that_maps_is_the_service_robot_with_another_file_over_it() ->
     for found in settings, alone:
         declared = {each.topic for each in found.topics}
         assert set(TOPICS) <= declared and {'mapping/command', 'initialpose'} <= declared
+
+
+def test_the_robot_of_assisted_living_works_on_the_map_that_is_made() -> None:
+    path = CONFIG / 'assisted_living.yaml'
+    settings = load([path])
+    modules = {each.name: each.settings for each in settings.modules}
+    for name in 'planner', 'agent':
+        # The file is for where nobody has been yet.
+        assert modules[name]['map_topic'] == 'map' and modules[name]['map']
+    for name in 'anna_seen', 'bob_seen':
+        # Whoever lies there would be on the other one, and so be nobody.
+        assert not modules[name]['map_topic'] and modules[name]['map']
+    assert modules['localization']['second_fix_topic'] == 'slam/pose'
+    assert set(TOPICS) <= {each.topic for each in settings.topics}
+    # Marks keep the map in its place, and with it all that the robot knows of it.
+    assert mapping_settings([path], {}).fix_topic == 'stargazer/pose'
+    beside, like = (
+        {each.name: each for each in load([CONFIG / name]).services if 'mapping/' in each.service}
+        for name in ('assisted_living.yaml', 'service_robot.yaml'))
+    assert beside == like and like
+
+
+def test_the_monitor_beside_a_robot_takes_the_file_of_the_robot(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    launch = ElementTree.parse(ROOT / 'launch' / 'assisted_living.launch.xml').getroot()
+    node, = (each for each in launch.iter('node') if each.get('exec') == 'monitor')
+    path = str(CONFIG / 'assisted_living.yaml')
+    given = node.get('args', '').replace('$(var namespace)/$(var name)', '/robot').replace(
+        '$(var params_file)', path)
+    assert path in given
+    server = pytest.importorskip('rt_robot_os.monitor.server', reason='no libraries of monitor')
+    from rt_robot_os.monitor.command import run
+    served: list[Any] = []
+    monkeypatch.setattr(server, 'serve', lambda *each: served.append(each))
+    assert run(given.split()) == 0
+    (settings, beside), = served
+    assert settings.host == '127.0.0.1' and beside.node == '/robot'
+    # By itself it says that the file has nothing for it.
+    assert run(['--ros-args', '--params-file', path]) == 2
 
 
 def test_a_map_that_came_before_a_viewer_is_there_for_it() -> None:

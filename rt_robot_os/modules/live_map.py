@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-The map that a module works with: of a file, of a topic, or of the file until the first one comes.
+The map that a module works with: of a file, of a topic, or of both.
 
 A map on a topic grows while somebody makes it. What comes is checked and copied in pieces; one
-that is none is refused, which is told, and the last good one is kept.
+that is none is refused, which is told, and the last good one is kept. With a file as well, what
+nobody has seen yet is as it is there.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from typing import Any
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.logger import Logger
 from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.map_below import MapBelow
 from rt_robot_os.motion.map_message import grid_of
 from rt_robot_os.topics.subscription import Subscription
 
@@ -38,7 +40,7 @@ class LiveMap:
     """
     The newest good map.
 
-    :param path: of the YAML file to begin with; empty: none.
+    :param path: of the YAML file with what is not on the topic's maps yet; empty: none.
     :param source: where maps come, with the newest only; None: the file is all there is.
     :param frame_id: of what is placed on the map.
     :param owner: name of the module, for errors.
@@ -58,6 +60,7 @@ class LiveMap:
                 f'{owner}: {source.topic.name} is in the frame {source.msg.header.frame_id!r}, '
                 f'but what is placed on it in {frame_id!r}: declare both in the frame of the map'])
         self.grid = GridMap.load(path) if path else None
+        self._below = MapBelow(self.grid) if self.grid is not None else None
         self.stamp_ns, self.seq = 0, -1
         self.count = self.refused = 0
         self.why = ''
@@ -88,13 +91,16 @@ class LiveMap:
         yield
         try:
             grid = yield from grid_of(source.msg)
+            stamp_ns, seq = source.stamp_ns, source.seq
+            if self._below is not None:
+                grid = yield from self._below.filled(grid)
         except ConfigError as error:
             self.refused += 1
             self.why = '; '.join(error.problems)
             self._log.warn('a map on %s was refused, the one before is kept: %s',
                            source.topic.name, self.why, throttle_s=10.0)
             return None
-        self.grid, self.stamp_ns, self.seq, self.why = grid, source.stamp_ns, source.seq, ''
+        self.grid, self.stamp_ns, self.seq, self.why = grid, stamp_ns, seq, ''
         self.count += 1
         return grid
 

@@ -46,7 +46,7 @@ SETTINGS: Final = (
     Field('map', str, '', 'The map by which it chooses where to stand: a YAML file as map_saver '
           'writes it; empty, as map_topic: it knows no walls', is_file=True),
     Field('map_topic', str, '', 'Maps that grow while they are made, each a '
-          'nav_msgs/msg/OccupancyGrid; map is for the time before the first one'),
+          'nav_msgs/msg/OccupancyGrid; map is for what nobody has seen there yet'),
     Field('robot_radius_m', float, 0.22, 'What must stay free round base_link where it stands',
           'm', 0.0, 10.0),
     Field('clearance_m', float, 0.2, 'What must stay free besides', 'm', 0.0, 5.0),

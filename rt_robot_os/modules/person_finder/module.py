@@ -82,8 +82,8 @@ class PersonFinder(Module):
               'nobody', is_file=True),
         Field('map_topic', str, '', 'Maps that grow while they are made, each a '
               'nav_msgs/msg/OccupancyGrid: the newest is taken when it begins to look, and kept '
-              'until it has ended, for who lies still is soon on the map; map is for the time '
-              'before the first one'),
+              'until it has ended, for who lies still is soon on the map; map is for what '
+              'nobody has seen there yet'),
         Field('scan_topics', list, ['scan'], 'Laser scanners, each a sensor_msgs/msg/LaserScan; '
               'one that is 0.25 m above the floor sees who lies there'),
         Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '

@@ -22,7 +22,7 @@ from rt_robot_os.schema import Field
 
 SETTINGS: Final = (
     Field('map', str, '', 'The map: a YAML file as map_saver writes it, beside the file that '
-          'names it or in config/; with map_topic: until the first map comes there',
+          'names it or in config/; with map_topic: for what nobody has seen there yet',
           is_file=True),
     Field('map_topic', str, '', 'Maps that grow while they are made, each a '
           'nav_msgs/msg/OccupancyGrid; empty: the file is all there is'),
