@@ -48,6 +48,8 @@ def goals(world: World) -> list[Goal]:
 def test_whom_an_operator_wants_first_comes_first_and_is_left_for_nothing_worse() -> None:
     world = World()
     world.alarm('raised', '1')
+    world.alarm('raised', '0', subject='zoe', x=5.0, y=5.0)
+    world.run(0.1)
     world.alarm('raised', '2', subject='bob', x=1.0, y=5.0)
     world.agent.command('go 2', world.t_ns)
     world.alarm('raised', '3', 'critical', 'eve', x=5.0, y=1.0)
