@@ -126,7 +126,7 @@ def test_pictures_come_while_somebody_looks_and_files_come_once(
         robot.order(order='picture', alarm='a1', subject='anna')
         robot.order(order='clip', alarm='a1', subject='anna', before_s=1.0, after_s=0.2)
         wait_until(lambda: running.gateway.statistics()['files_sent'] == 2, 'the answers')
-        assert running.gateway.statistics()['files_waiting'] == 0
+        wait_until(lambda: running.gateway.statistics()['files_waiting'] == 0, 'the tidying')
         assert services.media.files.counts().files == 2
     # What is observed while there is no gateway is found by the next, and nothing twice.
     robot.order(order='picture', alarm='a2', subject='anna')
