@@ -102,12 +102,15 @@ def test_two_robots_with_one_folder_are_told_apart(rig: Callable[..., Rig]) -> N
     first.keep(1)
     first.until_stored(1)  # it could be written, not only read
     with pytest.raises(DeviceError, match='give each robot a folder of its own'):
-        second.begin()
+        second.begin()  # it gives back what is there,
+        second.until(lambda: False)  # and then says that it cannot write
     first.device.close()
     deadline = time.monotonic() + 60
     while True:  # the first process needs a moment to end
         try:
             assert second.begin() == ['1']
+            second.keep(2)
+            second.until_stored(2)
             break
         except DeviceError:
             assert time.monotonic() < deadline

@@ -181,7 +181,7 @@ class World:
 
     def leftovers(self) -> list[str]:
         """List processes of ours and files of theirs that are still there."""
-        # os.walk passes over a folder that is removed meanwhile; Path.rglob does not in Python 3.11.
+        # os.walk passes over a folder that is removed meanwhile; Path.rglob of Python 3.11 fails.
         found = [os.path.relpath(Path(folder) / name, self.folder)
                  for folder, folders, files in os.walk(self.folder) for name in folders + files
                  if not name.endswith('.yaml')]

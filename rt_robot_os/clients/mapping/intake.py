@@ -98,8 +98,9 @@ class Intake:
     def __init__(self, mount_of: Callable[[str], LaserMount | None], deskew: bool = True) -> None:
         self.counts: dict[str, int] = dict.fromkeys((
             'scans', 'scans_missed', 'scans_skipped', 'scans_overflowed', 'scans_too_early',
-            'scans_without_odometry', 'scans_backwards', 'scans_unusable', 'malformed', 'odometry', 'odometry_missed',
-            'odometry_backwards', 'odometry_gaps', 'odometry_jumps', 'odometry_restarts'), 0)
+            'scans_without_odometry', 'scans_backwards', 'scans_unusable', 'malformed',
+            'odometry', 'odometry_missed', 'odometry_backwards', 'odometry_gaps',
+            'odometry_jumps', 'odometry_restarts'), 0)
         self.problem = ''
         self.track = OdometryTrack()
         self.new = threading.Event()
