@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 PASSWORD = 'seven wet umbrellas'
+# What a page may take on a machine that is busy with other tests; it says nothing of the page.
+_PATIENCE_MS = 30_000
 #: Of an account that the command line made; the others are made in the database.
 MARY = 'mary'
 _BROWSERS = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
@@ -131,6 +133,7 @@ def launched() -> Iterator[tuple[Browser, asyncio.AbstractEventLoop]]:
     """Start the one browser of a run, and the loop that its library has in this thread."""
     sync_api = pytest.importorskip('playwright.sync_api')
     path = _chromium()
+    sync_api.expect.set_options(timeout=_PATIENCE_MS)
     playwright = sync_api.sync_playwright().start()
     loop = asyncio.get_running_loop()
     browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
@@ -170,7 +173,7 @@ class Opened:
         """Open a page at nothing yet; ``cookie`` is of a session."""
         context = self._browser.new_context(**{
             'locale': 'en-GB', 'viewport': {'width': 1280, 'height': 800}, **options})
-        context.set_default_timeout(10_000)
+        context.set_default_timeout(_PATIENCE_MS)
         self._contexts.append(context)
         if cookie:
             context.add_cookies([{'name': 'session', 'value': cookie, 'url': self._server.url}])

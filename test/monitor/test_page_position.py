@@ -145,21 +145,23 @@ def test_a_click_on_the_map_sends_the_robot_there(
     canvas = page.locator('.position-canvas')
     # What is drawn at a place is what the map has there.
     wall = page.evaluate(SCREEN, world_of(WALL[0] + 0.5, WALL[1] + 0.5))
-    beside = page.evaluate(SCREEN, world_of(WALL[0] - 1.2, WALL[1] - 1.3))
-    assert not wall['isFloor'] and beside['isFloor']
+    assert not wall['isFloor']
     canvas.click(position={'x': wall['px'], 'y': wall['py']})
     goal = page.locator('.position-goal')
     expect(goal).to_contain_text('Send robot there?')
     expect(goal).to_contain_text('There is a wall')
     assert robot.commands == []
-    # Another place, turned by its arrow.
+    # Another place, so far away that the ring of the goal is not grabbed, turned by its arrow.
+    there = world_of(WALL[0] - 5.2, WALL[1] - 5.3)
+    beside = page.evaluate(SCREEN, there)
+    assert beside['isFloor']
     canvas.click(position={'x': beside['px'], 'y': beside['py']})
     expect(goal).to_contain_text('Drag the arrow')
     page.get_by_label('Heading in °').fill('90')
     page.get_by_role('button', name='Go there').click()
     wait_until(lambda: robot.commands, 'the command')
     command, = robot.commands
-    x, y = world_of(WALL[0] - 1.2, WALL[1] - 1.3)
+    x, y = there
     assert command['do'] == 'goal'
     assert command['args'] == pytest.approx({'x': x, 'y': y, 'yaw': math.pi / 2}, abs=0.02)
     robot.live(planner__state='planned: 2.00 m', plan={'points': [[-1.0, 2.5], [x, y]]})

@@ -116,7 +116,7 @@ class FakeRobot:
         self._answer = answer or (lambda command: (True, 'done'))
         self._url = url
         self._token = token or token_of(self.script.robot)
-        self._options = options
+        self._options = {'open_timeout': 60.0, **options}  # other tests keep the machine busy
         self._came = threading.Condition()
         self._thread: threading.Thread | None = None
 
