@@ -89,5 +89,7 @@ class Complaints:
                       counts['scans_skipped'] + counts['scans_overflowed']))
         while now_ns - scans[0][0] > _TOLD_NS:
             scans.popleft()
-        (_, came, skipped), (_, comes, skips) = scans[0], scans[-1]
+        (then_ns, came, skipped), (_, comes, skips) = scans[0], scans[-1]
+        if now_ns - then_ns < _TOLD_NS // 2:
+            return 0.0  # too few to say so: while libraries are loaded some are skipped anyway
         return (skips - skipped) / max(1, comes - came)

@@ -106,13 +106,19 @@ def test_who_is_late_goes_on_with_the_newest(intake: Intake) -> None:
     assert intake.counts['scans_skipped'] == LATE_SCANS - 1
 
 
-def test_a_machine_that_skips_scans_says_so(intake: Intake) -> None:
+def test_a_machine_that_skips_scans_says_so(intake: Intake,
+                                            monkeypatch: pytest.MonkeyPatch) -> None:
+    began_ns = time.monotonic_ns()
     assert intake.warning() == ''
     for stamp in range(1000, 1000 + 100 * LATE_SCANS, 100):
         intake.take_scan(*scan_at(stamp))
     for stamp in range(990, 2000, 50):
         intake.take_odometry(*odom_at(stamp, 0.0))
     intake.next()
+    # Not of the first ones, while libraries are loaded.
+    assert intake.warning(is_connected=False) == ''
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: began_ns + 6000 * MS)
+    intake.connected()
     share = (LATE_SCANS - 1) / LATE_SCANS
     assert f'overloaded: {share:.0%} of the scans were skipped' in intake.warning()
     assert intake.hindrance == ''
