@@ -31,6 +31,7 @@ from rt_robot_os.tools.rehearse.director import Record
 from rt_robot_os.tools.rehearse.noticed import emergencies_of
 from rt_robot_os.tools.rehearse.story import Carer
 from rt_robot_os.tools.rehearse.story import draw
+from rt_robot_os.tools.rehearse.story import quiet
 from rt_robot_os.tools.rehearse.story import Scene
 from rt_robot_os.tools.rehearse.story import Story
 from rt_robot_os.tools.rehearse.verdict import judge
@@ -188,6 +189,13 @@ def test_the_command_says_how_many_became_alarms(capsys):
     found = json.loads(capsys.readouterr().out)
     assert found['stories'] == 1 and found['problems'] == []
     assert found['emergencies'] == found['noticed'] + found['hidden'] == 2
+
+
+def test_nobody_rests_so_long_in_quiet_hours_that_a_rule_is_right_to_ask():
+    for seed in range(30):
+        rests = [each.for_s for each in quiet(seed, 24.0, ['anna'], ['wrist']).scenes
+                 if each.what in ('sit', 'sleep')]
+        assert rests and max(rests) < 7200.0  # still_s of assisted_living.yaml
 
 
 def test_quiet_minutes_alarm_nobody(capsys):

@@ -46,6 +46,8 @@ ANSWERS: Final = ('fine', 'help', 'silent')
 # It takes so long until the last scene has been noticed; illness has to last to be believed.
 _SETTLE_S: Final = 60.0
 _ILL_S: Final = 240.0
+# They rest where they are, in any room: who lies in the study for hours needs help.
+_REST_S: Final = 5400.0
 
 
 class Scene(NamedTuple):
@@ -165,7 +167,7 @@ def quiet(number: int, hours: float, people: Sequence[str], nodes: Sequence[str]
         at_s = random.uniform(60.0, 1800.0)
         while at_s < last_s:
             what = random.choice(('sit', 'sit', 'sleep'))
-            lasts_s = random.uniform(60.0, 5400.0 if what == 'sit' else 14_400.0)
+            lasts_s = random.uniform(60.0, _REST_S)
             scenes.append(Scene(at_s, what, person, lasts_s))
             at_s += lasts_s + random.uniform(30.0, 2400.0)
     for what, each_s in (('node_dies', 2400.0), ('node_reboots', 3600.0), ('sink_silent', 7200.0),
