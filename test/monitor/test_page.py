@@ -118,22 +118,47 @@ def test_people_who_are_not_granted_are_not_named(robot: FakeRobot, signed_in: S
     assert 'anna' not in page.content()
 
 
+def tab_to(page: Any, wanted: Any) -> None:
+    """Go by keys to something that is to be seen."""
+    expect(wanted).to_be_visible()
+    for _ in range(40):
+        page.keyboard.press('Tab')
+        if wanted.evaluate('each => each === document.activeElement'):
+            return
+    pytest.fail(f'no Tab leads to {wanted}')
+
+
 def test_alarms_are_acknowledged_and_the_robot_stopped_by_keys(
         robot: FakeRobot, signed_in: SignedIn) -> None:
     robot.raise_alarm('a5')
     page = signed_in('carer')
     page.keyboard.press('F9')
     expect(page.get_by_role('heading', level=1)).to_have_text('Alarms')
-    for _ in range(30):
-        page.keyboard.press('Tab')
-        if page.evaluate('document.activeElement.textContent') == 'Acknowledge':
-            break
+    tab_to(page, page.locator('.view-alarms').get_by_role('button', name='Acknowledge'))
     page.keyboard.press('Enter')
     expect(page.locator('#toasts')).to_contain_text('Acknowledged')
     page.keyboard.press('F8')
     expect(page.locator('#toasts')).to_contain_text('robot has been stopped')
     expect(page.locator('#say-now')).to_contain_text('has been stopped')
     assert [each['do'] for each in robot.commands] == ['alarm', 'stop']
+
+
+LEAVE = """() => new Promise((done) => {
+  addEventListener('hashchange', () => {
+    document.querySelector('.view-overview a').focus();
+    done();
+  }, {once: true});
+  location.hash = '#/network';
+})"""
+
+
+def test_the_keys_are_at_the_beginning_of_a_view_that_comes_while_they_are_in_the_last_one(
+        robot: FakeRobot, signed_in: SignedIn) -> None:
+    page = signed_in('viewer')
+    page.locator('.view-overview a').first.wait_for()
+    page.evaluate(LEAVE)
+    expect(page.locator('.view-network')).to_be_visible()
+    expect(page.locator('main')).to_be_focused()
 
 
 def test_what_the_robot_refuses_is_said(robot: FakeRobot, signed_in: SignedIn) -> None:

@@ -83,14 +83,20 @@ export function add(element, children) {
 export function replace(element, ...children) {
   const focused = element.contains(document.activeElement) && element !== document.activeElement
     ? document.activeElement : null;
+  const name = focused && nameOf(focused);
   element.replaceChildren();
   add(element, children);
-  if (focused && focused.matches('a, button')) {
-    // Who goes by keys stays where they were: on the button that says the same.
-    [...element.querySelectorAll(focused.tagName)].find(
-      (each) => each.textContent === focused.textContent)?.focus({preventScroll: true});
+  if (name) {
+    // Who goes by keys stays where they were: on what is called the same.
+    [...element.querySelectorAll(focused.tagName)].find((each) => nameOf(each) === name)
+      ?.focus({preventScroll: true});
   }
   return element;
+}
+
+/** What a link, a button or a field is called. */
+function nameOf(element) {
+  return element.getAttribute('aria-label') || (element.labels?.[0] || element).textContent;
 }
 
 /** Set the text of an element if it differs: nothing is drawn, or read out, for nothing. */

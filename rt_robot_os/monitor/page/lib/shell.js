@@ -119,13 +119,13 @@ export class Shell {
     const mine = this.shown;
     this.end();
     this.mark(view);
-    const timer = setTimeout(() => mine === this.shown && replace(this.main,
+    const timer = setTimeout(() => mine === this.shown && this.put(
       notice('loading', this.context.t('shell.loading'))), PATIENCE_MS);
     try {
       const {view: found} = await load(view, this.context);
       if (mine === this.shown) {
         const body = h(`div.view.view-${view.name}`);
-        replace(this.main, body);
+        this.put(body);
         this.endView = found.open(body, this.context, arg) || null;
       }
     } catch (error) {
@@ -135,6 +135,15 @@ export class Shell {
       }
     } finally {
       clearTimeout(timer);
+    }
+  }
+
+  /** Show this; who went by keys in what was there before is at its beginning. */
+  put(shown) {
+    const wasThere = this.main.contains(document.activeElement);
+    replace(this.main, shown);
+    if (wasThere && !this.main.contains(document.activeElement)) {
+      this.main.focus({preventScroll: true});
     }
   }
 
@@ -178,7 +187,7 @@ export class Shell {
 
   failed(error) {
     const {t} = this.context;
-    replace(this.main, h('div.view', notice('error', t('shell.view_failed'), error.message,
+    this.put(h('div.view', notice('error', t('shell.view_failed'), error.message,
       button(t('shell.again'), () => this.route(), {kind: 'primary'}))));
   }
 
