@@ -42,7 +42,7 @@ def test_somebody_is_invited_and_chooses_a_password_once(
     guest.goto(link)
     guest.get_by_label('New password').fill(PASSWORD)
     guest.get_by_label('Once more').fill(OTHER)
-    assert guest.get_by_text('The two differ.').is_visible()
+    guest.get_by_text('The two differ.').wait_for()
     guest.get_by_label('Once more').fill(PASSWORD)
     # Whoever goes back, or looks at the address, does not find the link.
     assert guest.evaluate('location.hash') == '#/setup'
