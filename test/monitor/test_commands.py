@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import json
+from pathlib import Path
 import threading
 from typing import Any
 from urllib.error import HTTPError
@@ -37,7 +38,7 @@ from rt_robot_os.monitor.services import Services
 
 @pytest.fixture(scope='module')
 def services(tmp_path_factory: pytest.TempPathFactory) -> Services:
-    return quick_services(tmp_path_factory.mktemp('monitor'), command_s=0.5)
+    return quick_services(tmp_path_factory.mktemp('monitor'), command_s=60.0)
 
 
 @pytest.fixture(scope='module')
@@ -138,20 +139,23 @@ def test_a_command_that_comes_again_is_done_once(
     assert len(robot.commands) == 2
 
 
-def test_what_a_robot_refuses_or_does_not_answer_is_said(
-        address: str, users: dict[str, dict[str, str]], services: Services) -> None:
-    asleep = threading.Event()
-    robot = FakeRobot(f'ws://{address}', answer=lambda each: (False, 'there is a wall')
-                      if each['do'] == 'goal' else (asleep.wait(20), 'late'))
-    robot.connect()
-    assert command(address, users['operator'], 'goal', x=1, y=2) == (
-        200, {'ok': False, 'text': 'there is a wall'})
-    status, said = command(address, users['operator'], 'stop')
-    assert status == 504 and 'has not answered' in said['text']
-    asleep.set()
-    robot.disconnect()
-    status, said = command(address, users['operator'], 'stop')
-    assert status == 409 and 'not connected' in said['text']
+def test_what_a_robot_refuses_is_said(address: str, users: dict[str, dict[str, str]]) -> None:
+    with FakeRobot(f'ws://{address}', answer=lambda each: (False, 'there is a wall')):
+        assert command(address, users['operator'], 'goal', x=1, y=2) == (
+            200, {'ok': False, 'text': 'there is a wall'})
+
+
+def test_that_a_robot_does_not_answer_or_is_away_is_said(tmp_path: Path) -> None:
+    services = quick_services(tmp_path, command_s=0.1)
+    awake = threading.Event()
+    with served(services) as address:
+        operator = logged_in(services, 'otto', Role.OPERATOR)
+        with FakeRobot(f'ws://{address}', answer=lambda each: (awake.wait(60), 'late')):
+            status, said = command(address, operator, 'stop')
+            assert status == 504 and 'has not answered' in said['text']
+            awake.set()
+        status, said = command(address, operator, 'stop')
+        assert status == 409 and 'not connected' in said['text']
 
 
 def test_lists_have_what_one_may_see_and_a_note_stays(

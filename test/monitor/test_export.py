@@ -34,7 +34,8 @@ from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.fhir import bundle
 
 S = 1_000_000_000
-NOW_NS = time.time_ns() // S * S
+#: Of a whole minute: what is a second apart is of the same.
+NOW_NS = time.time_ns() // (60 * S) * 60 * S
 
 
 def observation(seq: int, sign: str, value: float | None, ago_s: float, quality: str = 'good',

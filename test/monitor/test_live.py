@@ -125,18 +125,20 @@ def test_what_cannot_be_stored_is_shown_refused_and_taken_when_it_comes_again(
         raise StoreError('no space left on device')
 
     batch = script.records(script.alarm('a1'))
-    with Page(address, me) as page, FakeRobot(f'ws://{address}', script=script) as robot:
+    # That nothing can be stored is told beside the alarm, before it or after it.
+    with Page(address, me) as page, Page(address, me) as other, FakeRobot(
+            f'ws://{address}', script=script) as robot:
         with monkeypatch.context() as patch:
             patch.setattr(services.writer, 'put', full)
             services.writer.fault = 'no space left on device'
             robot.send(batch)
             assert page.next('alarm', robot=script.robot)['id'] == 'a1'
             assert robot.wait_for('refused', batch=1)['retry_s'] > 0
-            assert page.next('server')['storing'] is False
+            assert other.next('server')['storing'] is False
         services.writer.fault = ''
         robot.send(batch)
         robot.wait_for('stored', batch=1)
-        assert page.next('server')['storing'] is True
+        assert other.next('server')['storing'] is True
 
 
 def test_nonsense_from_a_robot_is_counted_and_ends_nothing(

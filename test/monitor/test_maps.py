@@ -99,6 +99,7 @@ def test_a_robot_sends_its_map_once_and_only_those_who_may_see_it_get_it(tmp_pat
 
 def test_a_map_that_grows_is_kept_and_told_and_no_more_often_than_a_page_needs(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_connection, 'MAP_S', 3600.0)
     services = quick_services(tmp_path)
     script = RobotScript(people=('anna',), map=FLAT['sha256'])
 

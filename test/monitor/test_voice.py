@@ -34,6 +34,7 @@ pytest.importorskip('websockets', reason='websockets is not installed')
 
 from rt_robot_os.clients.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.clients.gateway.settings import GatewaySettings  # noqa: E402
+from rt_robot_os.monitor.api import voice  # noqa: E402
 from rt_robot_os.uplink.messages import encode  # noqa: E402
 
 SDP = 'v=0\r\n'
@@ -59,14 +60,16 @@ def running(address: str, folder: Path, **settings: Any) -> Iterator[Gateway]:
 
 
 def test_a_call_is_set_up_and_the_robot_is_heard(
-        server: Any, signed_in: Callable[..., Any], tmp_path: Path) -> None:
+        server: Any, signed_in: Callable[..., Any], tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip('aiortc', reason='aiortc is not installed: no calls')
     from processes import wait_until
+    monkeypatch.setattr(voice, 'ANSWER_S', 600.0)  # other tests keep the machine busy
     heard = tmp_path / 'heard.wav'
     with running(server.address, tmp_path, microphone='tone', speaker=f'file:{heard}') as gateway:
         page = signed_in('carer', '#/camera')
         page.get_by_role('button', name='Call').click()
-        page.locator('.voice-ok').wait_for(timeout=30_000)
+        page.locator('.voice-ok').wait_for(timeout=120_000)
         assert 'does not hear you' in page.locator('.voice-state').text_content()
         # Everybody who may see the robot sees who talks with it.
         other = signed_in('operator', '#/camera')
@@ -74,7 +77,7 @@ def test_a_call_is_set_up_and_the_robot_is_heard(
         assert other.get_by_role('button', name='Call').is_disabled()
         # The robot's tone is heard here.
         page.wait_for_function(
-            "() => document.querySelectorAll('.voice-meter meter')[1].value > 20", timeout=30_000)
+            "() => document.querySelectorAll('.voice-meter meter')[1].value > 20", timeout=120_000)
         # Open the microphone: the browser's beep is heard there.
         page.get_by_role('button', name='Open').click()
         wait_until(lambda: _loudest(heard) > 1000, 'sound at the robot')
@@ -82,8 +85,12 @@ def test_a_call_is_set_up_and_the_robot_is_heard(
         page.get_by_text('The call is over').first.wait_for()
         other.get_by_text('No call').wait_for()
         wait_until(lambda: not gateway.statistics()['in_call'], 'the end of the call')
-    rows = [row for row in server.services.audit.all_rows() if row['action'].startswith('voice')]
-    assert [row['action'] for row in rows][-2:] == ['voice.ring', 'voice.end']
+
+    def noted() -> list[str]:
+        return [row['action'] for row in server.services.audit.all_rows()
+                if row['action'].startswith('voice')]
+    # It is noted beside it, so that no audit holds up a call.
+    wait_until(lambda: noted()[-2:] == ['voice.ring', 'voice.end'], 'it is in the audit')
 
 
 def _loudest(path: Path) -> int:

@@ -20,6 +20,7 @@ import asyncio
 from collections.abc import Coroutine
 from collections.abc import Mapping
 import logging
+import math
 import time
 from typing import Any
 from typing import Final
@@ -84,7 +85,7 @@ class RobotConnection:
         self._outlet = Outlet(websocket)
         self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
-        self._next_map_s = 0.0
+        self._map_s = -math.inf
         self._map_kept = asyncio.Lock()
         self._next_s = 0.0
         self._tasks: set[asyncio.Task[None]] = set()
@@ -219,11 +220,11 @@ class RobotConnection:
 
     def _take_map(self, message: dict[str, Any]) -> None:
         now = asyncio.get_running_loop().time()
-        if self._services.maps is None or now < self._next_map_s:
+        if self._services.maps is None or now < self._map_s + MAP_S:
             self._robot.count('messages_unknown' if self._services.maps is None
                               else 'maps_too_fast')
             return
-        self._next_map_s = now + MAP_S  # one is asked for; others come as it grows
+        self._map_s = now  # one is asked for; others come as it grows
         self._start(self._keep_map(message))
 
     async def _keep_map(self, message: dict[str, Any]) -> None:

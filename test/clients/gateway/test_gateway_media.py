@@ -32,6 +32,7 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import in_a_folder
 from processes import start_core
+from processes import TIMEOUT_S
 from processes import wait_until
 import pytest
 
@@ -74,7 +75,7 @@ class Robot:
 
     def close(self) -> None:
         self.process.terminate()
-        self.process.wait(20)
+        self.process.wait(TIMEOUT_S)
 
 
 @pytest.fixture(scope='module')
