@@ -67,9 +67,9 @@ class LastingClient:
                 self._beat_s = time.monotonic()
                 client.beat()
             return True
-        except LinkSilent:
-            return True  # busy with what matters more; its reading goes on
         except LinkError as error:
+            if isinstance(error, LinkSilent) and self.client is not None:
+                return True  # busy with what matters more; its reading goes on
             self.close()
             if str(error) != self._told:
                 self._told = str(error)

@@ -32,6 +32,7 @@ from rt_robot_os.clients.gateway.reading import Reads
 from rt_robot_os.clients.gateway.reading import Sample
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client import LinkClient
+from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import TopicInfo
 from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.protocol import Header
@@ -160,6 +161,8 @@ class RobotLink:
             if topic in client.topics:
                 try:
                     channels[topic] = client.advertise(topic)
+                except LinkSilent:
+                    raise  # busy: it is asked for all of it again
                 except LinkError as error:  # a module of the core publishes it
                     self._tell(f'{topic}: {error}')
         self._channels = channels
@@ -176,6 +179,9 @@ class RobotLink:
                 read.asked = asked
                 try:
                     client.mirror(read.info.name, **wanted)
+                except LinkSilent:
+                    read.asked = ()  # busy: it is asked again
+                    return
                 except LinkError as error:
                     self._tell(f'{read.info.name}: {error}')
 

@@ -26,6 +26,7 @@ from typing import Final
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client import LinkClient
+from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.motion.mounting import BASE_FRAME
@@ -126,7 +127,7 @@ class CoreLink:
         """
         Take a new connection.
 
-        :raises LinkError: this robot has nothing to map with.
+        :raises LinkError: this robot has nothing to map with, or does not answer in time.
         """
         for topic in self._needed:
             if topic not in client.topics:
@@ -146,6 +147,8 @@ class CoreLink:
                 continue
             try:
                 channels[topic] = client.advertise(topic)
+            except LinkSilent:
+                raise  # busy: it is asked for all of it again
             except LinkError as error:  # a module of the core publishes it
                 self._tell_once(f'{topic}: {error}')
         self._channels = channels
