@@ -64,6 +64,8 @@ _FROZEN_M: Final = 0.1
 #: The rate is that of so many scans; it has dropped below this share of what it was.
 _RATE_SCANS: Final = 20
 _RATE_SHARE: Final = 0.5
+#: After such a silence it is measured anew.
+_RATE_GAP_NS: Final = 2 * NS_PER_S
 #: What happened once is told for so long.
 _TOLD_NS: Final = 10 * NS_PER_S
 
@@ -148,7 +150,7 @@ class ScanChecks:
                     'mounting_rad: 3.1416), or the wheels are swapped')
         if self._votes['still'] >= _VOTES:
             return ('scans stand still while odometry turns: the laser does not turn with the '
-                    'robot, or the wheels turn in the air')
+                    'robot, the wheels turn in the air, or stamps are wrong')
         if self._votes['carried'] >= _VOTES:
             return ('scans change while odometry stands still: an encoder is not connected, or '
                     'the robot is carried')
@@ -158,9 +160,10 @@ class ScanChecks:
 
     def _rate(self, stamp_ns: int, scans: int) -> None:
         stamps, counts = self._stamps, self._scans
-        if stamps and stamp_ns <= stamps[-1]:
+        if stamps and not 0 < stamp_ns - stamps[-1] < _RATE_GAP_NS:
             stamps.clear()
             counts.clear()
+            self._period_ns = 0.0
         stamps.append(stamp_ns)
         counts.append(scans)
         if len(stamps) > _RATE_SCANS:

@@ -145,6 +145,14 @@ def test_scans_of_changing_length_and_a_rate_that_drops_are_told() -> None:
         'scans come 2.0 times a second, and came 10.0 times',)
 
 
+def test_silence_is_no_rate() -> None:
+    checks = driven(STANDS, STANDS)
+    for stamp in range(30 + 200, 30 + 240):  # unplugged for 20 s
+        checks.look(Scan(stamp * PERIOD_NS, np.zeros(3), seen(np.zeros(3), stamp), -2.0,
+                         ANGLES[1] - ANGLES[0]), np.zeros(3))
+        assert checks.warnings(stamp * PERIOD_NS) == ()
+
+
 def test_scans_that_were_left_out_came_all_the_same() -> None:
     checks = ScanChecks(20.0)
     for number in range(60):

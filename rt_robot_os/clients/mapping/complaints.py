@@ -36,6 +36,9 @@ _EVENTS: Final = {
 }
 #: Of this share of the scans and more that were skipped it is told.
 _SKIPPED_SHARE: Final = 0.2
+#: Stamps of scans and of odometry are further apart than any delay, so many scans in a row.
+_APART_NS: Final = NS_PER_S
+_APART_SCANS: Final = 10
 
 
 class Complaints:
@@ -52,6 +55,11 @@ class Complaints:
         self._event_ns = dict.fromkeys(_EVENTS, -_TOLD_NS)
         # When, and how many scans had come and been skipped.
         self._scans: deque[tuple[int, int, int]] = deque()
+        self._behind_ns: deque[int] = deque(maxlen=_APART_SCANS)
+
+    def stamped(self, scan_ns: int, odometry_ns: int) -> None:
+        """Note the stamp of a scan that comes, and that of the odometry which came last."""
+        self._behind_ns.append(odometry_ns - scan_ns)
 
     def heard(self, what: str) -> None:
         """Note that something came: ``scans`` or ``odometry``."""
@@ -69,8 +77,11 @@ class Complaints:
 
         :param is_connected: whether there is somebody who could send something.
         """
-        for what, for_s in self.silent().items() if is_connected else ():
+        silent = self.silent()
+        for what, for_s in silent.items() if is_connected else ():
             yield f'no {what} for {for_s:.0f} s'
+        if not silent:
+            yield from self._apart()
         now_ns = time.monotonic_ns()
         share = self._skipped(now_ns)
         if share >= _SKIPPED_SHARE:
@@ -81,6 +92,16 @@ class Complaints:
                 self._seen[key], self._event_ns[key] = self._counts[key], now_ns
             if now_ns - self._event_ns[key] < _TOLD_NS:
                 yield text
+
+    def _apart(self) -> Iterator[str]:
+        """Say that two clocks differ; who is late now and then is near once in a while."""
+        if len(self._behind_ns) < _APART_SCANS:
+            return
+        least_ns = min(self._behind_ns, key=abs)
+        if abs(least_ns) > _APART_NS:
+            yield (f'stamps of scans are {abs(least_ns) / NS_PER_S:.1f} s '
+                   f'{"behind" if least_ns > 0 else "ahead of"} those of odometry: one of two '
+                   'clocks is wrong')
 
     def _skipped(self, now_ns: int) -> float:
         """Return the share of the scans of the last seconds that were skipped."""

@@ -165,6 +165,8 @@ class Intake:
                 self._waiting.clear()  # its clock was set back
             self._last_scan_ns = stamp_ns
             self.problem = ''
+            if len(self.track):
+                self._complaints.stamped(stamp_ns, self.track.last_ns)
             if len(self._waiting) >= SCANS_MOST:
                 self._waiting.popleft()
                 self.counts['scans_overflowed'] += 1

@@ -190,6 +190,24 @@ def test_time_that_goes_back_is_left_out_and_told(intake: Intake) -> None:
     assert 'went back' in intake.warning()
 
 
+@pytest.mark.parametrize('scans_by_ms, told', [
+    (-5000, 'scans are 5.0 s behind those of odometry'), (3000, 'ahead of'), (-200, ''), (30, '')])
+def test_two_clocks_are_told_apart(intake: Intake, scans_by_ms: int, told: str) -> None:
+    for stamp in range(10_000, 12_000, 100):
+        intake.take_odometry(*odom_at(stamp, 0.0))
+        intake.take_scan(*scan_at(stamp + scans_by_ms))
+    warning = intake.warning()
+    assert told in warning and ('clocks' in warning) == bool(told)
+
+
+def test_scans_that_came_late_once_are_no_matter_of_clocks(intake: Intake) -> None:
+    for stamp in range(10_000, 12_000, 100):
+        intake.take_odometry(*odom_at(stamp, 0.0))
+    for stamp in range(10_000, 12_000, 100):  # all that waited at once
+        intake.take_scan(*scan_at(stamp))
+    assert 'clocks' not in intake.warning()
+
+
 def test_ranges_out_of_reach_measure_nothing(intake: Intake) -> None:
     ranges = np.array([0.01, 1.0, 30.0, np.inf, np.nan, -1.0, *[2.0] * 174])
     intake.take_odometry(*odom_at(1000, 0.0))
