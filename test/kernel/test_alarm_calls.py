@@ -281,6 +281,7 @@ def test_handlers_of_signals_run_while_it_looks() -> None:
     ended: list[int] = []
 
     def look() -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
         begin_ns = kernel.now_ns()
         before = kernel.lock()
         ended.append(kernel._look(begin_ns + 20 * S, begin_ns) - begin_ns)
@@ -289,7 +290,6 @@ def test_handlers_of_signals_run_while_it_looks() -> None:
     kernel.add_task('look', look, priority=1, rate_hz=1.0)
     old = signal.signal(signal.SIGALRM, lambda *_: kernel.stop('told'))
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.05)
         assert kernel.run(30 * S) == 'told'
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)

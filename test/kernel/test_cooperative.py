@@ -89,11 +89,13 @@ def test_a_job_is_not_preempted_but_the_highest_comes_next(kernel: Kernel) -> No
     log = kernel.trace = TraceLog()
 
     def low_job() -> None:
+        lower.start(50 * MS)
+        high.start(100 * MS)
         kernel.clock.spend(150 * MS)
 
     kernel.add_task('low', low_job, priority=10, rate_hz=0.01)
-    kernel.add_task('lower', kernel.stop, priority=5, rate_hz=0.01, phase_ns=50 * MS)
-    kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=100 * MS)
+    lower = kernel.timer(kernel.add_task('lower', kernel.stop, priority=5))
+    high = kernel.timer(kernel.add_task('high', lambda: None, priority=90))
     kernel.run(60 * S)
     assert log.text() == ('low start\nlow end\nhigh start\nhigh end\nlower start\nlower end\n')
 
@@ -102,6 +104,7 @@ def test_a_long_job_lets_others_through_where_it_says_so(kernel: Kernel) -> None
     log = kernel.trace = TraceLog()
 
     def low_job() -> None:
+        timer.start(MS)
         end_ns = kernel.now_ns() + 60 * S
         while not high.runs:
             kernel.settle()
@@ -109,7 +112,8 @@ def test_a_long_job_lets_others_through_where_it_says_so(kernel: Kernel) -> None
         kernel.stop()
 
     kernel.add_task('low', low_job, priority=10, rate_hz=0.01)
-    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=0.01, phase_ns=100 * MS)
+    high = kernel.add_task('high', lambda: None, priority=90)
+    timer = kernel.timer(high)
     kernel.run(60 * S)
     assert log.text() == 'low start\n  high start\n  high end\nlow end\n'
 
@@ -127,8 +131,13 @@ def test_descriptors_release_tasks_here_too(kernel: Kernel) -> None:
 
 
 def test_budgets_warn_and_abort_is_refused(kernel: Kernel) -> None:
-    task = kernel.add_task('task', lambda: kernel.clock.spend(3 * MS), priority=50,
-                           rate_hz=100.0, budget_ns=2 * MS)
+    def compute() -> None:
+        computed_ns = kernel.clock.computed_ns  # what others computed meanwhile is not charged
+        end_ns = computed_ns() + 3 * MS
+        while computed_ns() < end_ns:
+            pass
+
+    task = kernel.add_task('task', compute, priority=50, rate_hz=100.0, budget_ns=2 * MS)
     kernel.run(35 * MS)
     assert task.budget_exceeded == task.runs > 0
     with pytest.raises(TaskError, match="task 'other': on_budget abort needs a preemptive kernel"):

@@ -225,12 +225,15 @@ def test_ctrl_c_again_ends_a_job_that_does_not_end(clean: Callable[[], None]) ->
     kernel = Kernel(MonotonicClock())
 
     def job() -> None:
-        while True:
-            pass
+        signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)  # pressed now and then, until it ends
+        try:
+            while True:
+                pass
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
 
     task = kernel.add_task('endless', job, priority=50, rate_hz=1000.0)
     before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-    signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
     try:
         with pytest.raises(KeyboardInterrupt):
             kernel.run()

@@ -104,7 +104,7 @@ def storm() -> tuple[Storm, TraceLog]:
 def test_a_job_is_only_interrupted_by_higher_ones_that_end_before_it_goes_on(
         storm: tuple[Storm, TraceLog]) -> None:
     kernel, events = storm[0].kernel, storm[1].events()
-    assert len(events) > 1000
+    assert any(event.depth for event in events), 'nobody was interrupted'
     stack: list[str] = []
     for event in events:
         if event.kind == 'start':
