@@ -145,6 +145,7 @@ def test_a_client_that_is_killed_in_the_middle_harms_nobody(
                               stdout=subprocess.PIPE)
     try:
         assert victim.stdout is not None and victim.stdout.readline()
+        until(lambda: reader.pump(0.05) is not None and seen, 'a sample')
     finally:
         victim.kill()
         victim.communicate()
@@ -154,6 +155,6 @@ def test_a_client_that_is_killed_in_the_middle_harms_nobody(
         return all(each['name'] != 'killed' for each in reader.statistics().clients)
 
     until(gone, 'the end of the client')
-    assert seen and not broken
+    assert not broken
     maps = Path(f'/proc/{core.process.pid}/maps').read_text()
     assert maps.count('memfd:rt_robot_os picture') == 1  # of the viewer's mirror

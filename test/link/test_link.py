@@ -83,6 +83,10 @@ def task_of(watch: LinkClient, name: str) -> TaskStatistics:
     return next(t for t in watch.statistics().tasks if t.name == name)
 
 
+def topic_of(watch: LinkClient, name: str) -> dict[str, Any]:
+    return next(t for t in watch.statistics().topics if t['name'] == name)
+
+
 def test_a_client_is_told_what_there_is(core: Any) -> None:
     client = core.client()
     assert client.core['pid'] == core.process.pid
@@ -128,9 +132,10 @@ def test_a_rate_limit_passes_over_and_counts_it(core: Any, until: Until) -> None
     until(lambda: reader.pump() >= 10, 'ten samples')
     mirror = mirror_of(core.client('watch'), 'reader', 'cmd_vel_safe')
     assert mirror['published'] == sum(mirror[key] for key in PARTS)
-    assert mirror['limited'] >= 5 * (mirror['sent'] - 2)
-    stamps = [h.stamp_ns for h in reader.headers]
-    assert stamps[-1] - stamps[0] > 0.8 * 100_000_000 * (len(stamps) - 1)
+    first, last, count = reader.headers[0], reader.headers[-1], len(reader.headers)
+    # How many were passed over is up to the machine: a busy one has the guard miss releases.
+    assert 0 < last.seq - first.seq + 1 - count <= mirror['limited'] + mirror['lost']
+    assert last.stamp_ns - first.stamp_ns > 0.8 * 100_000_000 * (count - 1)
 
 
 def test_the_policy_can_be_changed_and_the_mirror_ended(core: Any, until: Until) -> None:
@@ -142,8 +147,7 @@ def test_the_policy_can_be_changed_and_the_mirror_ended(core: Any, until: Until)
     assert mirror_of(watch, 'reader', 'cmd_vel_safe')['policy'] == 'latest'
     reader.client.request('unmirror', topic='cmd_vel_safe')
     assert mirror_of(watch, 'reader', 'cmd_vel_safe') == {}
-    subscribers = next(t for t in watch.statistics().topics if t['name'] == 'cmd_vel_safe')
-    assert subscribers['subscribers'] == []
+    assert topic_of(watch, 'cmd_vel_safe')['subscribers'] == []
 
 
 def test_a_late_client_gets_the_last_value_if_it_asks(core: Any, until: Until) -> None:
@@ -151,7 +155,7 @@ def test_a_late_client_gets_the_last_value_if_it_asks(core: Any, until: Until) -
     channel = writer.advertise('cmd_vel')
     for n in range(3):
         writer.publish(channel, twist(n))
-    until(lambda: task_of(writer, 'link/commands').runs, 'the samples taken')
+    until(lambda: topic_of(writer, 'cmd_vel')['published'] == 3, 'the samples taken')
     asks, does_not = Collector(core.client('asks')), Collector(core.client('does not'))
     asks.client.mirror('cmd_vel', initial=True)
     does_not.client.mirror('cmd_vel')
@@ -203,6 +207,7 @@ def test_statistics_are_those_of_the_core(core: Any, until: Until) -> None:
     statistics = client.statistics()
     assert statistics.core['pid'] == core.process.pid
     assert [c['name'] for c in statistics.clients] == ['me']
+    client.request('change', name='guard.rate_hz', value=0.1)  # none comes while it is asked
     client.request('reset_statistics')
     assert task_of(client, 'guard').runs < after.runs
 
@@ -336,8 +341,7 @@ def test_a_client_that_is_killed_is_forgotten(core: Any, until: Until) -> None:
         assert len(watch.statistics().clients) == 2
         victim.kill()
     until(lambda: len(watch.statistics().clients) == 1, 'the victim forgotten')
-    topic = next(t for t in watch.statistics().topics if t['name'] == 'cmd_vel_safe')
-    assert topic['subscribers'] == []
+    assert topic_of(watch, 'cmd_vel_safe')['subscribers'] == []
 
 
 def test_the_core_stops_when_it_is_asked_and_removes_its_socket(core: Any) -> None:
@@ -358,7 +362,7 @@ def test_a_leftover_socket_is_replaced_and_a_client_finds_the_new_core(
 def test_a_second_core_on_the_same_path_is_refused(core: Any) -> None:
     client = core.client()
     second = core.spawn()
-    assert second.wait(30) == 2
+    assert second.wait(60) == 2
     assert client.request('reset_statistics') == {}
 
 
