@@ -57,7 +57,8 @@ def until(condition: Callable[[], Any], what: str) -> Any:
 
 
 def test_exit_ends_the_process_with_its_code(start: Start) -> None:
-    process = start('timeout_s: 0.3, action: exit, exit_code: 71')
+    # Long enough for an end in order: after it the handle ends the process.
+    process = start('timeout_s: 1, action: exit, exit_code: 71')
     errors = process.communicate(timeout=60)[1]
     assert process.returncode == 71
     assert "[FATAL] watchdog: task 'it' has ended no job well for" in errors
@@ -65,7 +66,7 @@ def test_exit_ends_the_process_with_its_code(start: Start) -> None:
 
 
 def test_a_loop_without_end_in_python_ends_by_the_handle(start: Start) -> None:
-    process = start('timeout_s: 0.3, action: exit',
+    process = start('timeout_s: 0.5, action: exit',
                     'Hanging, native: false, priority: 20')
     errors = process.communicate(timeout=60)[1]
     assert process.returncode == -signal.SIGABRT
@@ -75,7 +76,7 @@ def test_a_loop_without_end_in_python_ends_by_the_handle(start: Start) -> None:
 @pytest.mark.parametrize('action', ['log', 'exit'])
 def test_a_native_call_without_end_ends_the_process_whatever_the_action(
         action: str, start: Start) -> None:
-    process = start(f'timeout_s: 0.3, action: {action}', 'Hanging')
+    process = start(f'timeout_s: 0.5, action: {action}', 'Hanging')
     errors = process.communicate(timeout=60)[1]
     assert process.returncode == -signal.SIGABRT
     assert 'Fatal Python error: Aborted' in errors
