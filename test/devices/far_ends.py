@@ -91,9 +91,9 @@ class TcpFar(Far):
     @property
     def socket(self) -> socket.socket:
         if self._socket is None:
-            self.listener.settimeout(10)
+            self.listener.settimeout(60)
             self._socket = self.listener.accept()[0]
-            self._socket.settimeout(10)
+            self._socket.settimeout(60)
         return self._socket
 
     def write(self, data: bytes) -> None:
@@ -120,7 +120,7 @@ class UdpFar(Far):
     def __init__(self, folder: Path) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(('127.0.0.1', 0))
-        self.socket.settimeout(10)
+        self.socket.settimeout(60)
         self.port = f'udp://127.0.0.1:{self.socket.getsockname()[1]}'
         self._driver: Any = None
 

@@ -174,13 +174,13 @@ def answer_of(bus: I2cBus) -> bytes:
     while (answer := bus.answer(0)) is None:
         descriptor = bus.connection.fileno()
         assert descriptor is not None
-        assert select.select([descriptor], [], [], 30)[0], 'no answer'
+        assert select.select([descriptor], [], [], 60)[0], 'no answer'
     return answer
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
     """Look until something holds."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)

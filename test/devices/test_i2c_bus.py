@@ -312,7 +312,7 @@ def served(tmp_path: Path) -> Iterator[I2cPort]:
     thread.start()
     yield port
     server.stop()
-    thread.join(10)
+    thread.join(60)
     assert sorted(os.listdir(tmp_path)) == []
 
 
