@@ -201,6 +201,9 @@ class MonotonicClock(Clock):
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
+        # Its `pop` is the handler: in one of Python code, an alarm that came with the signal would
+        # be served first, and know nothing of the stop.
+        self._no_stop: dict[int, object] = {signal.SIGCONT: None}
         self._previous: dict[int, Any] = {}
         self._wrapped: dict[int, tuple[Any, Any]] = {}
 
@@ -233,7 +236,8 @@ class MonotonicClock(Clock):
             self._timers.append(SignalTimer(TICK_SIGNAL))
             # Not in the gate: it is noted at once, before an alarm that came meanwhile.
             if signal.getsignal(signal.SIGCONT) is signal.SIG_DFL:
-                self._previous[signal.SIGCONT] = signal.signal(signal.SIGCONT, self._on_continue)
+                self._previous[signal.SIGCONT] = signal.signal(
+                    signal.SIGCONT, self._no_stop.pop)
         except BaseException:
             self._close_timers()
             self._restore_handlers()
@@ -262,8 +266,16 @@ class MonotonicClock(Clock):
             gate.admit()
         return max(least_ns, _WAKE_LEAST_NS)
 
-    def _on_continue(self, signum: int, frame: object) -> None:
-        self.was_stopped = True
+    @property
+    def was_stopped(self) -> bool:
+        return signal.SIGCONT not in self._no_stop
+
+    @was_stopped.setter
+    def was_stopped(self, stopped: bool) -> None:
+        if stopped:
+            self._no_stop.pop(signal.SIGCONT, None)
+        else:
+            self._no_stop[signal.SIGCONT] = None
 
     def wrap_handlers(self, run: Callable[..., None]) -> None:
         for signo in signal.valid_signals():

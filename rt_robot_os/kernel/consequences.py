@@ -180,9 +180,10 @@ class Consequences:
         kernel = self._kernel
         taken_ns = 0
         if late_ns > LOOKS_LONG_NS:
-            taken_ns = self._claim(task, at_ns, at_ns - task.start_ns - kernel._stolen_ns)
+            own_ns = at_ns - task.start_ns - kernel._stolen_ns
+            taken_ns = self._claim(task, at_ns, own_ns)
             known = self._ended
-            late_ns -= taken_ns
+            late_ns = min(late_ns, own_ns) - taken_ns
             if known[0] is task and known[1] == task.start_ns:  # found when the job ended
                 late_ns -= known[2]
         if late_ns > task.blocked_maximum_ns:

@@ -71,6 +71,7 @@ class Stolen:
     def keep_fresh(self, now_ns: int) -> None:
         """Read the clocks if that is some time ago; about 1 us then."""
         if now_ns - self._at_ns > _FRESH_NS:
+            self._clock.was_stopped = False
             self.look(now_ns)
 
     def look(self, now_ns: int) -> None:
@@ -87,12 +88,15 @@ class Stolen:
         """
         clock = self._clock
         at_ns, computed_ns, waited_ns = self._at_ns, self._computed_ns, self._waited_ns
-        was_stopped, clock.was_stopped = clock.was_stopped, False
-        self.look(now_ns)
+        self.look(now_ns)  # calls Python, so that a stop that is not noted yet is now
         idle_ns = now_ns - at_ns - (self._computed_ns - computed_ns)  # or waiting, or stopped
         taken_ns = self._waited_ns - waited_ns
-        if was_stopped:  # for as long as it did not compute
-            taken_ns = window_ns - (self._computed_ns - computed_ns)
+        if clock.was_stopped:
+            stopped_ns = min(window_ns - (self._computed_ns - computed_ns), idle_ns)
+            # Else the stop came since then, and belongs to the next that looks long.
+            if stopped_ns > clock.now_ns() - now_ns:
+                clock.was_stopped = False
+                taken_ns = stopped_ns
         taken_ns = min(taken_ns, idle_ns, window_ns)
         if taken_ns < _LEAST_NS:
             return 0

@@ -34,6 +34,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import MARK
+from rt_robot_os.kernel.stolen import Stolen
 
 
 class SharedClock(VirtualClock):
@@ -137,6 +138,33 @@ def test_native_calls_and_waiting_for_a_disk_remain_the_jobs_own(
     assert disk.blocked_maximum_ns == 29500 * US
     assert native.execution.maximum_ns == 20 * MS
     assert kernel.statistics().stolen.count == 0
+
+
+def test_a_stop_after_a_job_has_ended_belongs_to_what_comes_next(clock: SharedClock) -> None:
+    stolen = Stolen(clock)
+    stolen.start(clock.now_ns())
+    clock.spend(2 * MS)
+    ended_ns = clock.now_ns()
+    clock.take(400 * MS, stopped=True)
+    assert stolen.claim(ended_ns, 2 * MS) == 0
+    clock.spend(MS)
+    assert stolen.claim(clock.now_ns(), 401 * MS) == 400 * MS
+    clock.block(30 * MS)  # the stop is not told twice
+    assert stolen.claim(clock.now_ns(), 30 * MS) == 0
+
+
+def test_a_stop_within_the_kernel_is_not_charged_to_the_job_that_it_interrupted(
+        kernel: Kernel, clock: SharedClock) -> None:
+    def traced(now_ns: int, kind: str, name: str) -> None:
+        if kind == 'end' and name == 'fast' and task.busy and task.runs == 3:
+            clock.take(40 * MS, stopped=True)
+
+    kernel.add_task('fast', lambda: None, priority=90, rate_hz=1000.0, phase_ns=500 * US)
+    task = kernel.add_task('imu', lambda: clock.spend(2 * MS), priority=50, rate_hz=100.0)
+    kernel.trace = traced
+    kernel.run(S)
+    assert task.blocked_maximum_ns < 50 * US
+    assert task.execution.maximum_ns == 2 * MS
 
 
 def test_a_budget_is_computing_time(kernel: Kernel, clock: SharedClock) -> None:
