@@ -31,11 +31,11 @@ from rt_robot_os.core.part import Host
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.linux.process import START_PATIENCE_S
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 
-_READY_TIMEOUT_S = 10.0
 _STOP_TIMEOUT_S = 3.0
 _NEWS_BYTES = 4096
 
@@ -79,7 +79,7 @@ class Simulators:
         if self._process.stdout is not None:
             os.set_blocking(self._process.stdout.fileno(), False)
         ports = {name: folder / name for name in devices}
-        deadline = time.monotonic() + _READY_TIMEOUT_S
+        deadline = time.monotonic() + START_PATIENCE_S
         while not all(path.exists() for path in ports.values()):
             if self._process.poll() is not None or time.monotonic() > deadline:
                 self.stop()

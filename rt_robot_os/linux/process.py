@@ -30,6 +30,10 @@ import weakref
 
 from rt_robot_os.linux import _libc
 
+# How long a child may take to be ready, which is a second at most unless the machine has far too
+# much to do. One that ends is noticed at once; only one that hangs is waited for that long.
+START_PATIENCE_S = 60.0
+
 
 def start_child(
     module: str, *arguments: object, given: bytes | None = None, stdin: int = subprocess.DEVNULL,

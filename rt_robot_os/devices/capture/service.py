@@ -27,8 +27,8 @@ from rt_robot_os.devices.service import Service
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.linux.process import START_PATIENCE_S
 
-_READY_TIMEOUT_S = 10.0
 _STOP_TIMEOUT_S = 3.0
 
 
@@ -57,7 +57,7 @@ class CaptureService(Service):
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
         self._process = start_child('rt_robot_os.devices.capture.host', os.getpid(), path,
                                     self.WORKER)
-        deadline = time.monotonic() + _READY_TIMEOUT_S
+        deadline = time.monotonic() + START_PATIENCE_S
         while not path.exists():
             if self._process.poll() is not None or time.monotonic() > deadline:
                 self.stop()

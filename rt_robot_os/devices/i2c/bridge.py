@@ -32,9 +32,9 @@ from typing import Final
 
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.linux.process import START_PATIENCE_S
 
 _BACKLOG: Final = 128
-_READY_S: Final = 10.0
 _STOP_S: Final = 2.0
 
 
@@ -75,7 +75,7 @@ class I2cBridge:
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[listener.fileno()])
         output = self._process.stdout
         if wait and output is not None:
-            select.select([output], [], [], _READY_S)
+            select.select([output], [], [], START_PATIENCE_S)
 
     def stop(self) -> None:
         """End it; may be called twice."""
