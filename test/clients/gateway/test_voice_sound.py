@@ -119,9 +119,10 @@ def test_a_file_is_played_as_a_device_would_and_its_times_are_told(tmp_path: Pat
         speaker = open_speaker(f'file:{tmp_path}/out.wav')
         for _ in range(6):
             speaker.put(await microphone.read())
+        for _ in range(2):  # a single block waits for more, as after a gap in a call
+            speaker.put(np.zeros(BLOCK, np.int16))
         while speaker.playout._count:
             await asyncio.sleep(0.005)
-        await asyncio.sleep(0.02)
         speaker.close()
         return told
 
