@@ -104,6 +104,8 @@ def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
             pass
     except OSError as error:
         with suppress(OSError):
+            _settle(yaml)
+            _waiting(yaml).unlink(missing_ok=True)  # on a full disk it takes the last room
             _clear(yaml)
         raise ConfigError([f'{yaml}: the map cannot be written: {error.strerror}: give another '
                            'file or make room; the map there is that of before, or this one']

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+import errno
+import itertools
 import os
 from pathlib import Path
 import subprocess
@@ -164,6 +166,28 @@ def test_a_map_that_cannot_be_written_says_so_and_leaves_the_old_one(tmp_path: P
     with pytest.raises(ConfigError, match='cannot be written'):
         save(tmp_path / 'm', a_graph(2), a_grid(2))
     assert same(load(tmp_path / 'm').graph, a_graph(1))
+
+
+@pytest.mark.parametrize('written', range(5))
+def test_what_a_full_disk_did_not_take_leaves_its_room(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: int) -> None:
+    save(tmp_path / 'm', a_graph(1), a_grid(1))
+    fsync, calls = os.fsync, itertools.count()
+
+    def full(handle: int) -> None:
+        if next(calls) >= written:
+            raise OSError(errno.ENOSPC, 'No space left on device')
+        fsync(handle)
+
+    monkeypatch.setattr(os, 'fsync', full)
+    with pytest.raises(ConfigError, match='No space left'):
+        save(tmp_path / 'm', a_graph(2), a_grid(2))
+    monkeypatch.undo()
+    assert '.m.graph.npz.new' not in os.listdir(tmp_path)
+    kept = load(tmp_path / 'm')
+    which = 1 if written < 4 else 2
+    assert same(kept.graph, a_graph(which))
+    assert np.array_equal(kept.grid.cells, a_grid(which).cells)
 
 
 @pytest.mark.parametrize('name', ['m.graph.npz', 'm.yaml', 'm.pgm'])

@@ -86,7 +86,7 @@ class Commands:
                 raise ConfigError([f'{word} takes nothing behind it, and found '
                                    f'{safe_line(rest)!r}'])
             said = does(rest, text)
-        except ConfigError as error:
+        except (ConfigError, OSError) as error:  # a path may be one that may not be looked at
             self._refuse(text, told(error))
             return
         if said is not None:
@@ -186,11 +186,14 @@ def read_map(path: Path) -> tuple[str, Known]:
     :raises ConfigError: it cannot be used.
     """
     there = (path, path.with_name(f'{path.name}.yaml'))
-    if path.suffix not in ('.yaml', '.yml') and not any(each.exists() for each in there):
-        raise ConfigError([f'{path}: this map does not exist'])
-    if path.suffix in ('.yaml', '.yml') and not path.exists():
-        raise ConfigError([f'{path}: this file does not exist'])
-    saved = archive.load(path)
+    try:
+        if path.suffix not in ('.yaml', '.yml') and not any(each.exists() for each in there):
+            raise ConfigError([f'{path}: this map does not exist'])
+        if path.suffix in ('.yaml', '.yml') and not path.exists():
+            raise ConfigError([f'{path}: this file does not exist'])
+        saved = archive.load(path)
+    except OSError as error:
+        raise ConfigError([told(error)]) from error
     size = 'a grid alone' if saved.graph is None else f'{len(saved.graph.keyframes)} scans'
     said = f'loaded {path}: {saved.grid.columns} x {saved.grid.rows} cells, {size}'
     return '; '.join([said, *saved.notes]), Known(saved.graph, saved.grid)

@@ -158,4 +158,6 @@ def told(error: Exception) -> str:
     """Return what an error says to a user."""
     if isinstance(error, ConfigError):
         return '; '.join(error.problems)
+    if isinstance(error, OSError) and error.strerror:
+        return f'{error.filename}: {error.strerror}' if error.filename else error.strerror
     return f'{type(error).__name__}: {error}'

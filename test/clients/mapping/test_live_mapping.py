@@ -171,11 +171,12 @@ def test_commands_that_cannot_be_done_say_why_and_keep_the_map(beheld: Beheld, t
             ('load nowhere.yaml', 'does not exist'), (f'load {tmp_path}/torn.yaml', 'origin'),
             (f'save {tmp_path}/none/x', 'folder does not exist'),
             (f'save {tmp_path}', 'is a folder'), (f'save {tmp_path}/file/x', 'does not exist'),
+            (f'save {tmp_path}/{"x" * 300}/x', 'too long'), (f'load {"x" * 300}', 'too long'),
             ('load ~nosuchuser17/x', 'home'), ('explore', 'goal_topic')):
         answer = beheld.command(command)
         assert not answer['ok'] and why in answer['text'], answer
     assert beheld.live.engine.state == 'mapping'
-    assert beheld.live.commands.counts['refused'] == 14
+    assert beheld.live.commands.counts['refused'] == 16
 
 
 def test_it_pauses_begins_anew_and_takes_the_map_for_granted(beheld: Beheld) -> None:
