@@ -84,7 +84,7 @@ class Complaints:
             yield from self._apart()
         now_ns = time.monotonic_ns()
         share = self._skipped(now_ns)
-        if share >= _SKIPPED_SHARE:
+        if share >= _SKIPPED_SHARE and 'scans' not in silent:
             yield (f'this machine is overloaded: {share:.0%} of the scans were skipped, the '
                    'newest were taken')
         for key, text in _EVENTS.items():
@@ -113,4 +113,5 @@ class Complaints:
         (then_ns, came, skipped), (_, comes, skips) = scans[0], scans[-1]
         if now_ns - then_ns < _TOLD_NS // 2:
             return 0.0  # too few to say so: while libraries are loaded some are skipped anyway
-        return (skips - skipped) / max(1, comes - came)
+        # Some of those that were skipped may have come before.
+        return (skips - skipped) / max(1, comes - came, skips - skipped)

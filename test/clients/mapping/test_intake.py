@@ -124,6 +124,21 @@ def test_a_machine_that_skips_scans_says_so(intake: Intake,
     assert intake.hindrance == ''
 
 
+def test_no_more_are_skipped_than_came(intake: Intake, monkeypatch: pytest.MonkeyPatch) -> None:
+    began_ns = time.monotonic_ns()
+    for stamp in range(1000, 2000, 100):
+        intake.take_scan(*scan_at(stamp))
+    assert intake.warning() == ''
+    for stamp in range(990, 2000, 50):
+        intake.take_odometry(*odom_at(stamp, 0.0))
+    intake.next()
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: began_ns + 6000 * MS)
+    assert intake.warning() == 'no scans for 6 s; no odometry for 6 s'
+    intake.take_odometry(*odom_at(2040, 0.0))
+    intake.take_scan(*scan_at(2000))
+    assert 'overloaded: 100% of the scans were skipped' in intake.warning()
+
+
 def test_what_waits_is_bounded(intake: Intake) -> None:
     for stamp in range(SCANS_MOST + 5):
         intake.take_scan(*scan_at(1000 + stamp))
