@@ -19,6 +19,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+import functools
 from pathlib import Path
 import re
 
@@ -119,17 +120,24 @@ class Import:
         return f'{self.importer}:{self.line} imports {self.imported}'
 
 
-def _modules() -> dict[str, ast.Module]:
+# The import statements of a file; whether each is inside a function, and under TYPE_CHECKING.
+Statements = list[tuple[ast.Import | ast.ImportFrom, bool, bool]]
+
+
+# Read by the first test, not by each process that collects; whole trees are too many to be kept.
+@functools.cache
+def _modules() -> dict[str, Statements]:
     found = {}
     for path in sorted((ROOT / PACKAGE).rglob('*.py')):
         parts = list(path.relative_to(ROOT).with_suffix('').parts)
         if parts[-1] == '__init__':
             parts.pop()
-        found['.'.join(parts)] = ast.parse(path.read_text(), filename=str(path))
+        found['.'.join(parts)] = _read(path)
     return found
 
 
-MODULES = _modules()
+def _read(path: Path) -> Statements:
+    return list(_statements(ast.parse(path.read_text(), filename=str(path))))
 
 
 def _statements(
@@ -138,29 +146,31 @@ def _statements(
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.Import, ast.ImportFrom)):
             yield child, lazy, typing
-        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)):
             yield from _statements(child, True, typing)
-        else:
+        elif isinstance(child, (ast.stmt, ast.ExceptHandler, ast.match_case)):
             only_typing = isinstance(child, ast.If) and 'TYPE_CHECKING' in ast.unparse(child.test)
             yield from _statements(child, lazy, typing or only_typing)
 
 
+@functools.cache
 def _imports() -> list[Import]:
     found = []
-    for importer, tree in MODULES.items():
-        for node, lazy, typing in _statements(tree):
+    for importer, statements in _modules().items():
+        for node, lazy, typing in statements:
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             else:
                 base = '.' * node.level + (node.module or '')
-                names = [f'{base}.{alias.name}' if f'{base}.{alias.name}' in MODULES else base
+                names = [f'{base}.{alias.name}' if f'{base}.{alias.name}' in _modules() else base
                          for alias in node.names]
             found += [Import(importer, name, node.lineno, lazy, typing) for name in set(names)]
     return found
 
 
-IMPORTS = _imports()
-OWN = [one for one in IMPORTS if one.imported.split('.')[0] == PACKAGE]
+@functools.cache
+def _own() -> list[Import]:
+    return [one for one in _imports() if one.imported.split('.')[0] == PACKAGE]
 
 
 def _inside(module: str, places: tuple[str, ...]) -> bool:
@@ -191,34 +201,34 @@ def _allowed(one: Import) -> bool:
 
 def test_every_module_belongs_to_a_layer() -> None:
     known = {'', 'sim', 'clients', 'tools', *RANK}
-    assert sorted({_layer(name) for name in MODULES} - known) == []
+    assert sorted({_layer(name) for name in _modules()} - known) == []
 
 
 def test_no_layer_imports_a_higher_one() -> None:
-    assert [str(one) for one in OWN if not _allowed(one)] == []
+    assert [str(one) for one in _own() if not _allowed(one)] == []
 
 
 def test_the_core_knows_no_kind_of_device_or_module() -> None:
     allowed = {f'{PACKAGE}.devices.{name}' for name in CORE_KNOWS_OF_DEVICES} | {
         f'{PACKAGE}.modules', f'{PACKAGE}.modules.registry'}
-    assert [str(one) for one in OWN
+    assert [str(one) for one in _own()
             if _layer(one.importer) == 'core' and _layer(one.imported) in ('devices', 'modules')
             and one.imported not in allowed] == []
 
 
 def test_the_bytes_of_a_device_need_neither_its_driver_nor_its_twin() -> None:
-    folders = {name.rpartition('.')[0] for name in MODULES if name.endswith('.twin')}
+    folders = {name.rpartition('.')[0] for name in _modules() if name.endswith('.twin')}
     assert len(folders) > 10
-    assert [str(one) for one in OWN
+    assert [str(one) for one in _own()
             if WIRE.fullmatch(one.importer.partition('.')[2])
             and not WIRE_MAY_IMPORT.fullmatch(one.imported.partition('.')[2])] == []
-    assert [str(one) for one in OWN if one.importer in folders
+    assert [str(one) for one in _own() if one.importer in folders
             and one.importer != f'{PACKAGE}.devices.capture'
             and one.imported != f'{PACKAGE}.devices.parts'] == []
 
 
 def test_a_library_is_imported_only_where_it_belongs() -> None:
-    assert [str(one) for one in IMPORTS
+    assert [str(one) for one in _imports()
             if (library := one.imported.split('.')[0]) in LIBRARIES
             and not _inside(one.importer, LIBRARIES[library])] == []
 
@@ -230,38 +240,39 @@ def test_every_program_is_the_thin_main_of_its_part() -> None:
         module, _, function = target.partition(':')
         assert PROGRAM.fullmatch(module) and module.endswith('program'), (name, target)
         assert function == 'main', (name, target)
-        tree = MODULES[module]
+        tree = ast.parse((ROOT / f"{module.replace('.', '/')}.py").read_text())
         assert not any(isinstance(node, ast.ClassDef) for node in ast.walk(tree)), target
         assert max(node.lineno for node in ast.walk(tree) if hasattr(node, 'lineno')) < (
             PROGRAM_LINES), target
         # Before Ctrl-C is seen to, it imports nothing that takes long.
         folders = module.split('.')[:-1]
         before = {'.'.join(folders[:count]) for count in range(2, len(folders) + 1)} | {module}
-        early = {one.imported for one in OWN
+        early = {one.imported for one in _own()
                  if one.importer in before and not (one.lazy or one.typing)}
         assert early == {f'{PACKAGE}.programs'}, target
 
 
 def test_an_import_is_of_one_name_and_of_a_module_by_its_package() -> None:
-    files = [path for folder in (PACKAGE, 'test', 'scripts') for path in
-             sorted((ROOT / folder).rglob('*.py'))]
+    files = dict(_modules())
+    for folder in ('test', 'scripts'):
+        for path in sorted((ROOT / folder).rglob('*.py')):
+            files[str(path.relative_to(ROOT))] = _read(path)
     odd = []
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and len(node.names) > 1 or isinstance(
-                    node, ast.Import) and any(name.name.startswith(f'{PACKAGE}.')
-                                              for name in node.names):
-                odd.append(f'{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}')
+    for name, statements in files.items():
+        for node, _, _ in statements:
+            if len(node.names) > 1 if isinstance(node, ast.ImportFrom) else any(
+                    alias.name.startswith(f'{PACKAGE}.') for alias in node.names):
+                odd.append(f'{name}:{node.lineno}: {ast.unparse(node)}')
     assert odd == []
 
 
 def test_imports_are_absolute() -> None:
-    assert [str(one) for one in IMPORTS if one.imported.startswith('.')] == []
+    assert [str(one) for one in _imports() if one.imported.startswith('.')] == []
 
 
 def test_no_import_cycle() -> None:
-    graph: dict[str, set[str]] = {name: set() for name in MODULES}
-    for one in OWN:
+    graph: dict[str, set[str]] = {name: set() for name in _modules()}
+    for one in _own():
         graph[one.importer].add(one.imported)  # for typing only, or in a function, as well
     # Take away what imports nothing that is left; what stays is in a cycle or needs one.
     while free := [name for name, needs in graph.items() if not needs & graph.keys()]:

@@ -21,6 +21,7 @@ from collections.abc import Iterable
 from collections.abc import Iterator
 import configparser
 import fnmatch
+import functools
 import importlib
 import os
 from pathlib import Path
@@ -127,6 +128,7 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert released[0] == version
 
 
+@functools.cache
 def _imported() -> set[str]:
     """Return the libraries that the package imports; also those that it imports by their name."""
     found = set()
