@@ -39,8 +39,11 @@ import background  # noqa: E402, I100
 
 # So many tests take longer than all linters.
 MANY = 2000
-# What is made of the compiled modules, and how it looks from outside. Property tests come on top.
-BOTH_BUILDS = ('core', 'e2e', 'golden', 'kernel', 'link', 'linux', 'topics')
+# What is made of the compiled modules, and how it looks from outside.
+BOTH_BUILDS = tuple(ROOT / 'test' / name for name in (
+    'core', 'e2e', 'golden', 'kernel', 'link', 'linux', 'modules/test_attitude_filters.py',
+    'modules/test_attitude_module.py', 'modules/test_attitude_recordings.py',
+    'motion/test_motion.py', 'settings/test_settings_against_kernel.py', 'topics'))
 # But not of these, which use nothing that is compiled.
 INTERPRETED = ('monitor', 'slam', 'uplink')
 
@@ -86,6 +89,15 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.loadscopereorder = False
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read nothing else for the tests of both builds: it takes each process long."""
+    if config.option.markexpr != 'both_builds' or any(
+            place == collection_path or place in collection_path.parents
+            or collection_path in place.parents for place in BOTH_BUILDS):
+        return None
+    return True
+
+
 def pytest_report_header() -> str:
     """Say which build is tested."""
     return f'{PACKAGE}: {state().text}'
@@ -94,12 +106,11 @@ def pytest_report_header() -> str:
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is tested on both builds, and let what reads the whole package begin."""
-    folders = {ROOT / 'test' / name for name in BOTH_BUILDS}
     interpreted = {ROOT / 'test' / name for name in INTERPRETED}
     for item in items:
         if not interpreted.isdisjoint(item.path.parents):
             item.add_marker('interpreted')
-        if not folders.isdisjoint(item.path.parents):
+        if not {item.path, *item.path.parents}.isdisjoint(BOTH_BUILDS):
             item.add_marker('both_builds')
         if state().compiled and item.get_closest_marker('interpreted'):
             item.add_marker(pytest.mark.skip(
