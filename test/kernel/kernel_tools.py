@@ -77,7 +77,7 @@ def waits(task: Task) -> bool:
     return task.pending
 
 
-def run_program(program: str, *arguments: str, timeout_s: float = 60.0,
+def run_program(program: str, *arguments: str, timeout_s: float = 300.0,
                 **options: object) -> subprocess.CompletedProcess[str]:
     """Run Python code in a process of its own, with this package."""
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(

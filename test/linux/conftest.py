@@ -38,6 +38,6 @@ def run_code() -> Runner:
         environment = {**os.environ, 'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONPATH': os.pathsep.join(
             [str(ROOT), os.environ.get('PYTHONPATH', '')])}
         return subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                              timeout=60, env=environment, cwd='/')
+                              timeout=300, env=environment, cwd='/')
 
     return run
