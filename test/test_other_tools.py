@@ -247,6 +247,14 @@ def test_a_map_that_came_before_a_viewer_is_there_for_it() -> None:
         name.lstrip('/') for name in shown) <= set(mirrors)
 
 
+@pytest.mark.parametrize('name', sorted(path.name for path in CONFIG.glob('*.yaml')))
+def test_ros_reads_each_parameter_file(name: str) -> None:
+    # The parser of rcl takes less than others do, as of what stands in braces.
+    context = pytest.importorskip('rclpy.context').Context()
+    context.init(['--ros-args', '--params-file', str(CONFIG / name)])
+    context.try_shutdown()
+
+
 def test_each_server_of_nav2_has_its_parameters_and_is_managed() -> None:
     launch = ElementTree.parse(ROOT / 'launch' / 'service_robot_nav2.launch.xml').getroot()
     names = [node.get('name', '') for node in launch.iter('node')]
