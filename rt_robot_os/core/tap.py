@@ -43,6 +43,7 @@ from rt_robot_os.core.tap_format import schedule_cdr
 from rt_robot_os.core.tap_format import SCHEDULE_FRONT_BYTES
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.core.tap_format import WENT_ON
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
@@ -63,6 +64,8 @@ RECORDS_A_MESSAGE: Final = 1024
 _SCHEDULE_DEPTH: Final = 64
 _PENDING_MOST: Final = 65_536
 _DURATION_MOST: Final = (1 << 32) - 1
+# Beside the records of the kernel.
+_WENT_ON: Final = -1
 
 
 class DeviceTap:
@@ -144,6 +147,13 @@ class ScheduleTap:
             else:
                 self.dropped += 1
 
+    def went_on(self, task: Task, now_ns: int) -> None:
+        """Note that a coroutine went on; called in its job."""
+        if len(self._pending) < _PENDING_MOST:
+            self._pending.append((_WENT_ON, task, now_ns))
+        else:
+            self.dropped += 1
+
     def drain(self, now_ns: int) -> None:
         """
         Publish what was collected; called by the lowest task, when no other job runs.
@@ -169,6 +179,9 @@ class ScheduleTap:
             _, task, _, start_ns, end_ns, _ = record
             return RECORD.pack(self._tasks[task], A_JOB, min(end_ns - start_ns, _DURATION_MOST),
                                start_ns)
+        if record[0] == _WENT_ON:
+            _, task, at_ns = record
+            return RECORD.pack(self._tasks[task], WENT_ON, 0, at_ns)
         _, task, at_ns, topic, number = record
         return RECORD.pack(self._tasks.get(task, NO_TASK), self._topics[topic],
                            number & 0xFFFFFFFF, at_ns)
@@ -232,7 +245,13 @@ class Taps:
             tail=SCHEDULE_FRONT_BYTES + RECORDS_A_MESSAGE * RECORD.size)
         self._schedule = ScheduleTap(
             self._kernel, self._bus.publisher(SCHEDULE_TOPIC), tasks, topics)
+        for task in tasks:
+            if task is not None and task.coroutine is not None:
+                task.coroutine.on_going_on = self._noting(self._schedule, task)
         self.topics = (SCHEDULE_TOPIC, *names)
+
+    def _noting(self, schedule: ScheduleTap, task: Task) -> Callable[[], None]:
+        return lambda: schedule.went_on(task, self._kernel.now_ns())
 
     @property
     def dropped(self) -> int:

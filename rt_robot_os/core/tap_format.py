@@ -37,7 +37,8 @@ In front of the schedule stands one byte: 1 when it is complete up to the stamp 
 when more messages of the same moment follow. Four more follow it once records were dropped: how
 many since the taps were turned on. The schedule is a row of records of 16 bytes: number of the
 task, number of the topic (or ``A_JOB``), number of the sample (or length of the job in ns), moment
-of the publication (or start of the job).
+of the publication (or start of the job). With ``WENT_ON`` for a topic it is the moment at which a
+coroutine went on with what it had awaited, which may be several times a job.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ from typing import NamedTuple
 MESSAGE: Final = 'std_msgs/msg/UInt8MultiArray'
 SCHEDULE_TOPIC: Final = 'core/schedule'
 A_JOB: Final = 0xFFFF
+WENT_ON: Final = 0xFFFE
 NO_TASK: Final = 0xFFFF
 
 # Encapsulation, no dimensions, data_offset, length of data.
@@ -93,10 +95,10 @@ class DeviceEvent(NamedTuple):
 
 class ScheduleRecord(NamedTuple):
     """
-    A job, or a publication.
+    A job, a publication, or that a coroutine went on.
 
     :ivar task: number of the task, ``NO_TASK`` when there is none.
-    :ivar topic: number of the topic, ``A_JOB`` for a job.
+    :ivar topic: number of the topic, ``A_JOB`` for a job, ``WENT_ON`` for a coroutine that did.
     :ivar number: of the sample; of a job how long it took in ns.
     :ivar at_ns: of the publication; of a job when it started.
     """

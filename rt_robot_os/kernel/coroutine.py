@@ -75,7 +75,7 @@ class Until(Wait):
     def begin(self, body: AsyncBody) -> None:
         """Start the task's timer."""
         self._body = body
-        if not body.by_schedule:
+        if body.by_schedule is None:
             body.timer.start_at(self.time_ns)
 
     def over(self) -> bool:
@@ -196,7 +196,8 @@ class _EventWait(Wait):
         self._event = event
 
     def begin(self, body: AsyncBody) -> None:
-        self._event._waiting.append(body.task)
+        if body.by_schedule is None:
+            self._event._waiting.append(body.task)
 
     def over(self) -> bool:
         return self._event.is_set
@@ -243,7 +244,7 @@ class AsyncBody(TaskCoroutine):
         if self._coroutine is None:
             if not self.finished:
                 self.start()
-        elif wait is not None and wait.over():
+        elif wait is not None and self._goes_on(wait):
             wait.end(self)
             self._wait = None
             self._run(wait.result())
@@ -269,7 +270,7 @@ class AsyncBody(TaskCoroutine):
                     if problem is not None:
                         raise problem
                 awaited.begin(self)
-                if not awaited.over():
+                if not self._goes_on(awaited):
                     self._wait = awaited
                     return
                 awaited.end(self)
@@ -282,6 +283,12 @@ class AsyncBody(TaskCoroutine):
             if coroutine is not None:
                 coroutine.close()
             raise
+
+    def _goes_on(self, wait: Wait) -> bool:
+        over = wait.over() if self.by_schedule is None else self.by_schedule(wait.over)
+        if over and self.on_going_on is not None:
+            self.on_going_on()
+        return over
 
     def _problem(self, awaited: Any) -> TaskError | None:
         if not isinstance(awaited, Wait):

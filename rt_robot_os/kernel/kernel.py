@@ -300,7 +300,7 @@ class Kernel(Scheduler):
         self.running = True
 
     def _begin(self, task: Task, at_ns: int, now_ns: int) -> None:
-        if task.coroutine is not None and not task.coroutine.by_schedule:
+        if task.coroutine is not None and task.coroutine.by_schedule is None:
             self._arrive(task, at_ns)
 
     def _end(self, now_ns: int) -> None:

@@ -57,14 +57,18 @@ class Coroutine(ABC):
     What a task is made of that is written as one: :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
 
     :ivar finished: it returned; the task makes no more jobs.
-    :ivar by_schedule: somebody else releases the task when a point in time that it awaits has
-        come, as a replay does: no timer is started.
+    :ivar on_going_on: called each time that what it awaited is over; None when nobody asks.
+    :ivar by_schedule: None, or what a replay sets, which alone releases the task then: no timer
+        and no sample does. It is asked whether the task goes on, and calls what it is given when
+        the moment is there at which the real one looked.
     """
 
-    __slots__ = ('finished', 'by_schedule')
+    __slots__ = ('finished', 'on_going_on', 'by_schedule')
 
     def __init__(self) -> None:
-        self.finished = self.by_schedule = False
+        self.finished = False
+        self.on_going_on: Callable[[], object] | None = None
+        self.by_schedule: Callable[[Callable[[], bool]], bool] | None = None
 
     @abstractmethod
     def close(self) -> None:

@@ -238,7 +238,8 @@ class _NextSample(Wait):
         self._taken = False
 
     def begin(self, body: AsyncBody) -> None:
-        self._subscription.topic.wake_on_publish(body.task)
+        if body.by_schedule is None:
+            self._subscription.topic.wake_on_publish(body.task)
 
     def over(self) -> bool:
         if not self._taken:

@@ -55,6 +55,8 @@ _QUEUE_BYTES: Final = 64 << 20
 _BEAT_NS: Final = NS_PER_S // 2
 # A sample is on its way for the interval in which the link gathers, and the recorder's own.
 _ON_ITS_WAY_NS: Final = NS_PER_S // 20
+# The core notes ten times a second what its tasks did, when nothing else has to run.
+_SCHEDULE_NS_MOST: Final = 2 * NS_PER_S
 _INPUT_BYTES_MOST: Final = 1 << 16
 _FILLED: Final = 0.9
 
@@ -113,6 +115,8 @@ class Recorder:
         self._queued = self._written = self._dropped = 0
         self._error: Exception | None = None
         self._begin_ns = self._shown_ns = 0
+        self._schedule = -1
+        self._schedule_ns = 0
 
     # ---- receiving ---------------------------------------------------------------------------
 
@@ -172,11 +176,20 @@ class Recorder:
                     client.beat()
                 self._report(True)
                 time.sleep(_BATCH_S)
+            self._await_schedule(client)
             client.pump(0.0)
         except LinkError as error:
             if not self.stopping:
                 self._tell(f'{error}; what it sent is kept')
         finally:
+            self._hand_over()
+
+    def _await_schedule(self, client: LinkClient) -> None:
+        """Take the schedule up to now, so that a replay goes as far as what was recorded."""
+        now_ns = time.monotonic_ns()
+        while (self._error is None and self._schedule >= 0 and self._schedule_ns < now_ns
+               and time.monotonic_ns() < now_ns + _SCHEDULE_NS_MOST):
+            client.pump(_LOOK_S)
             self._hand_over()
 
     def _mirror(self, client: LinkClient, session: Session) -> None:
@@ -194,6 +207,7 @@ class Recorder:
         settings = ''.join(str(part['text']) for part in client.request_all('settings'))
         was_tapped = any(map(is_tap, client.topics))
         taps = client.tap() if self._wanted.replay else ()
+        self._schedule = client.topics[SCHEDULE_TOPIC].channel if SCHEDULE_TOPIC in taps else -1
         chosen = self._asked(client, settings)
         kept = [info for info in client.topics.values() if info.name in taps
                 or (self._wanted.replay and info not in chosen
@@ -248,6 +262,8 @@ class Recorder:
 
     def _take(self, head: Header, cdr: memoryview) -> None:
         self._batch.append((head, bytearray(cdr)))
+        if head.channel == self._schedule:
+            self._schedule_ns = head.stamp_ns
 
     def _hand_over(self) -> None:
         batch, self._batch = self._batch, []

@@ -50,6 +50,7 @@ from rt_robot_os.core.tap_format import NO_TASK
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import ScheduleRecord
 from rt_robot_os.core.tap_format import TapKind
+from rt_robot_os.core.tap_format import WENT_ON
 from rt_robot_os.devices.managed import ManagedDevice
 from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.serial.device import SerialDevice
@@ -201,8 +202,7 @@ class Replay:
                                   'time')
                 continue
             if task.coroutine is not None:
-                # What it awaits has come when its job began then, also a point in time.
-                task.coroutine.by_schedule = True
+                task.coroutine.by_schedule = self._schedule.of_coroutine(task.name)
             if task.name in modules and (task.period_ns or task.coroutine is not None):
                 found[task.name] = task
                 if task.coroutine is None:
@@ -293,6 +293,8 @@ class Replay:
         self._kernel.release(task)
 
     def _add_publication(self, record: ScheduleRecord, events: list[Event]) -> None:
+        if record.topic == WENT_ON:
+            self._schedule.add_going_on(self._task_name(record.task), record.at_ns)
         if record.topic >= len(self._facts.topics):
             return
         topic = self._facts.topics[record.topic]

@@ -22,6 +22,7 @@ between interrupts it again. Numbers and moments come from the schedule that the
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 from typing import Final
 
@@ -56,11 +57,35 @@ class Schedule:
     def __init__(self, clock: ReplayClock) -> None:
         self._clock = clock
         self.jobs: dict[str, deque[tuple[int, int]]] = {}
-        self.moments: dict[str, deque[int]] = {}
+        # By topic and task: several tasks may publish on a topic.
+        self.moments: dict[tuple[str, str], deque[int]] = {}
         self.numbers: dict[tuple[str, int], int] = {}
         self.by_task: dict[str, deque[int]] = {}
         # Tasks that have read something since their job began, or since they published.
         self.fed: set[str] = set()
+        # When coroutines went on, by task.
+        self._went_on: dict[str, deque[int]] = {}
+
+    def of_coroutine(self, task: str) -> Callable[[Callable[[], bool]], bool]:
+        """Take notice of a coroutine; give what says whether it goes on."""
+        self._went_on[task] = deque()
+        return lambda over: self._goes_on(task, over)
+
+    def add_going_on(self, task: str, at_ns: int) -> None:
+        """Take notice of when a coroutine went on; in order of time."""
+        if task in self._went_on:
+            self._went_on[task].append(at_ns)
+
+    def _goes_on(self, task: str, over: Callable[[], bool]) -> bool:
+        """Look at what a coroutine awaits at the moment at which the real one did."""
+        moments, now_ns = self._went_on[task], self._clock.now_ns()
+        while moments and moments[0] < now_ns:
+            moments.popleft()
+        if moments and moments[0] <= self._job_end(task, now_ns):
+            self._clock.pass_until(moments.popleft())
+            return over()
+        # Earlier releases did not note it. A job that published again had gone on before.
+        return over() or self._pass_to_publication(task) and over()
 
     def add_job(self, task: str, start_ns: int, end_ns: int) -> None:
         """Take notice of a job; in order of their starts."""
@@ -68,7 +93,7 @@ class Schedule:
 
     def add_publication(self, task: str, topic: str, number: int, at_ns: int) -> None:
         """Take notice of a publication; in order of time."""
-        self.moments.setdefault(topic, deque()).append(at_ns)
+        self.moments.setdefault((topic, task), deque()).append(at_ns)
         self.by_task.setdefault(task, deque()).append(at_ns)
         self.numbers[topic, at_ns] = number
 
@@ -83,7 +108,7 @@ class Schedule:
         """Advance to the recorded time of this publication."""
         self.fed.discard(task)
         now_ns = self._clock.now_ns()
-        moments = self.moments.get(topic)
+        moments = self.moments.get((topic, task))
         while moments and moments[0] < now_ns:
             moments.popleft()
         if moments and moments[0] <= self._job_end(task, now_ns):
@@ -97,8 +122,16 @@ class Schedule:
 
         :return: whether time has passed.
         """
-        if task in self.fed:
-            return False
+        # What a coroutine awaits it looks at as a whole, in its order, when time has passed.
+        return (task not in self.fed and task not in self._went_on
+                and self._pass_to_publication(task))
+
+    def _pass_to_publication(self, task: str) -> bool:
+        """
+        Advance to the next publication of the recorded job, if it made one more.
+
+        :return: whether it did.
+        """
         now_ns = self._clock.now_ns()
         moments = self.by_task.get(task)
         while moments and moments[0] <= now_ns:

@@ -27,6 +27,8 @@ import tempfile
 import time
 
 import pytest
+from rt_robot_os.errors import LinkError
+from rt_robot_os.link.client import LinkClient
 
 pytest.importorskip('mcap', reason='recordings need mcap')
 
@@ -80,6 +82,20 @@ class Robot:
                  'a core with devices')
         assert program.poll() is None, log.read_text()
         return program
+
+    def connect(self) -> LinkClient:
+        """Connect to the core; its socket is there some time before anybody listens."""
+        found: list[LinkClient] = []
+
+        def answers() -> bool:
+            try:
+                found.append(LinkClient(self.folder / 'robot.sock', 'test'))
+            except LinkError:
+                return False
+            return True
+
+        wait_for(answers, 'a core that answers')
+        return found[0]
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         """Wait until a condition holds."""

@@ -24,7 +24,6 @@ import pytest
 from rt_robot_os.alarms.cause import Cause
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.clients.recording.reading import Recording
-from rt_robot_os.link.client import LinkClient
 from rt_robot_os.topics import Layout
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -67,8 +66,7 @@ def test_an_emergency_is_replayed_with_the_same_transitions_at_the_same_times(
     robot.until(lambda: b'waiting' in log.read_bytes(), 'a waiting recorder')
     core, said = robot.start('rt_robot_os.core.program', '--ros-args', *robot.ORDINARY,
                              '--params-file', str(robot.output / 'robot.yaml'))
-    robot.until(lambda: (robot.folder / 'robot.sock').exists(), 'a core')
-    with LinkClient(robot.folder / 'robot.sock', 'test') as client:
+    with robot.connect() as client:
         pose = client.advertise('pose')
 
         def is_recorded() -> bool:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import shutil
+import time
 from typing import Any
 
 from bag_tools import rewrite
@@ -123,6 +124,17 @@ def test_a_recording_in_the_middle_of_a_run_settles(beside: Any) -> None:
     assert 'attitude/imu: never the same' in text
     assert code == 1
     assert 'first difference' not in text
+
+
+def test_what_was_recorded_up_to_ctrl_c_can_be_replayed(beside: Any) -> None:
+    bag = beside.output / 'bag'
+    recorder, log = beside.record('-o', str(bag))
+    beside.wait_for_messages(log, recorder, 100)
+    stopped_ns = time.monotonic_ns()
+    assert beside.end(recorder) == 0
+    # A replay ends with the last message of the schedule, which the core writes at times.
+    assert max(each.stamp_ns for each in Recording(bag).samples()
+               if each.topic == SCHEDULE_TOPIC) > stopped_ns
 
 
 @pytest.mark.parametrize('change, reason', [
