@@ -90,6 +90,8 @@ class Program:
     def wait_for_line(self, text: str, timeout_s: float = TIMEOUT_S) -> None:
         wait_for(lambda: self.said(text) or self.process.poll() is not None,
                  f'{text!r} in the output', timeout_s)
+        if self.process.poll() is not None:
+            self.join()  # its last lines may still be on their way
         assert self.said(text), f'ended with {self.process.returncode}:\n{self.output}'
 
     def end(self, signo: int = signal.SIGINT, timeout_s: float = TIMEOUT_S) -> int:

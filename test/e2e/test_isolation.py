@@ -174,8 +174,8 @@ def test_a_missing_device_is_reported_with_the_remedy_and_the_other_works(
         return next((s for m in reversed(list(diagnostics)) for s in m.status
                      if s.name == 'robot: device gps'), None)
 
-    gps = until(status, 'diagnostics of the missing device')
-    assert gps.level == b'\x02' and 'does not exist' in gps.message
+    until(lambda: (gps := status()) and gps.level == b'\x02' and 'does not exist' in gps.message,
+          'diagnostics of the missing device')
 
 
 def test_a_client_that_talks_nonsense_is_dropped_and_the_robot_runs_on(

@@ -121,5 +121,6 @@ def test_a_full_disk_is_told_once_and_the_robot_runs_on(
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     until(lambda: sum(m.name == 'robot.talker' for m in list(found)) > 4, 'lines on /rosout')
     until(lambda: lost(diagnostics) > 4, 'lost lines in /diagnostics')
+    robot.wait_for_line('No space left on device')
     assert sum('No space left on device' in line for line in robot.lines) == 1
     assert robot.end() == 0

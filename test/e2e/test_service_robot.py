@@ -67,7 +67,7 @@ class Drive:
         path = world.folder / 'here.yaml'
         path.write_text(HERE.format(x=start[0], y=start[1], person=person))
         self.program = world.robot(None, '--params-file', str(CONFIG), '--params-file', str(path))
-        until(lambda: self.poses, 'a pose')
+        until(lambda: self.poses and self.odometry, 'a pose and a speed')
         for publisher in (self.goals, self.stops, self.releases):
             until(publisher.get_subscription_count, publisher.topic_name)
 
@@ -136,7 +136,7 @@ def test_it_drives_to_a_goal_and_an_e_stop_holds_it_until_it_is_released(
     assert drive.state == 'stopped: e-stop'
     drive.go(3.44, 2.3, math.pi / 2)
     until(lambda: drive.state == 'done', 'the goal')
-    assert drive.distance_to(3.44, 2.3) < 0.06
+    until(lambda: drive.distance_to(3.44, 2.3) < 0.06 and not drive.is_moving, 'a robot there')
     assert drive.program.end() == 0
 
 

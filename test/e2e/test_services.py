@@ -89,5 +89,4 @@ def test_alarms_are_shown_and_acknowledged_over_ros(world: Any, until: Until) ->
     until(lambda: values('robot: mirror alarms/list -> /alarms').get('refused') == '1', 'refusal')
     until(lambda: values('robot: service /robot/unheard').get('unanswered') == '1', 'counters')
     assert values('robot: service /robot/alarms/acknowledge')['done'] == '1'
-    world.node.destroy_client(client)
     assert robot.end() == 0

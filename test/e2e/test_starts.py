@@ -159,6 +159,7 @@ def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[st
     until(lambda: any((status.name, status.level, status.message) ==
                       ('robot: simulated', level, 'simulated: imu, gps')
                       for message in list(diagnostics) for status in message.status), 'the status')
+    robot.wait_for_line('simulated: imu, gps')
     assert 'simulated: imu, gps' in robot.lines[0]
     assert ('WARNING' in robot.lines[0]) == (not arguments)
     top = run('top', '--once', folder=world.folder)

@@ -93,7 +93,7 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = start(world)
     robot.wait_for_line('its link has not come to run')
-    assert robot.said("'planner' runs")
+    robot.wait_for_line("'planner' runs")
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
     until(lambda: 'link has not come to run' in core_of(diagnostics)[1], 'the reason told')
     until(lambda: 'link has not' not in core_of(diagnostics)[1], 'the end of the job')
