@@ -33,6 +33,7 @@ ALARM = {'level': 2, 'name': 'alarm 7: anna', 'hardware_id': 'anna',
          'message': 'raised: fall, help: she fell in the bathroom',
          'values': {'id': '7', 'state': 'raised', 'level': 'critical', 'subject': 'anna',
                     'kinds': 'fall help', 'age_s': '150', 'told': 'operator', 'failed': 'family'}}
+PATIENT = ('--timeout', '60')
 
 
 def answer(command: str) -> dict[str, Any]:
@@ -74,7 +75,7 @@ def test_the_open_alarms_are_a_table_or_json(
 def test_what_is_ordered_is_said_in_plain_words_and_its_answer_printed(
         core: Any, arguments: list[str], command: str, capsys: pytest.CaptureFixture[str]) -> None:
     core.answers = answer
-    assert run(arguments) == 0
+    assert run([*arguments, *PATIENT]) == 0
     assert core.heard['alarms/command'] == [command]
     assert capsys.readouterr().out == '7 (anna) is acknowledged\n'
 
@@ -82,9 +83,9 @@ def test_what_is_ordered_is_said_in_plain_words_and_its_answer_printed(
 def test_a_refusal_is_told_and_is_the_exit_code(
         core: Any, capsys: pytest.CaptureFixture[str]) -> None:
     core.answers = answer
-    assert run(['acknowledge', '8', '--by', 'mary']) == 1
+    assert run(['acknowledge', '8', '--by', 'mary', *PATIENT]) == 1
     assert capsys.readouterr() == ('', "alarms: no open alarm is called '8'\n")
-    assert run(['acknowledge', '8', '--by', 'mary', '--json']) == 1
+    assert run(['acknowledge', '8', '--by', 'mary', '--json', *PATIENT]) == 1
     assert json.loads(capsys.readouterr().out)['ok'] is False
 
 

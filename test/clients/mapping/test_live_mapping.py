@@ -117,7 +117,7 @@ def test_it_maps_saves_and_goes_on_after_it_was_killed(beheld: Beheld, tmp_path:
     beheld.drive(0, 60)
     assert beheld.off().max() < 0.05
     assert beheld.until(lambda: heard['map'], 'a map')
-    assert string_in(heard['mapping/state'][-1][1]) == 'mapping'
+    beheld.until(lambda: string_in(heard['mapping/state'][-1][1]) == 'mapping', 'the state')
     status = json.loads(string_in(beheld.until(lambda: heard['mapping/status'], 'status')[-1][1]))
     assert status['status'][0]['values']['connections'] == 1
 

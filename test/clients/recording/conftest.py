@@ -89,7 +89,7 @@ class Robot:
 
         def answers() -> bool:
             try:
-                found.append(LinkClient(self.folder / 'robot.sock', 'test'))
+                found.append(LinkClient(self.folder / 'robot.sock', 'test', timeout_s=LIMIT_S))
             except LinkError:
                 return False
             return True
@@ -105,15 +105,16 @@ class Robot:
         """Start to record, and wait until something is on the disk."""
         return self.start('rt_robot_os.clients.recording.record_program', *arguments, **options)
 
+    def messages(self, log: Path) -> int:
+        """Give how many messages the recorder said that it has."""
+        words = log.read_text().split()
+        return max((int(words[i - 1]) for i, word in enumerate(words)
+                    if word == 'messages' and words[i - 1].isdigit()), default=0)
+
     def wait_for_messages(self, log: Path, program: subprocess.Popen[bytes], count: int) -> None:
         """Wait until the recorder said that it has so many messages."""
-        def enough() -> bool:
-            words = log.read_text().split()
-            counts = [int(words[i - 1]) for i, word in enumerate(words)
-                      if word == 'messages' and words[i - 1].isdigit()]
-            return bool(counts) and max(counts) >= count or program.poll() is not None
-
-        wait_for(enough, f'{count} recorded messages')
+        wait_for(lambda: self.messages(log) >= count or program.poll() is not None,
+                 f'{count} recorded messages')
 
     def end(self, program: subprocess.Popen[bytes], signo: int = signal.SIGINT) -> int:
         """Send a signal and wait."""

@@ -142,11 +142,9 @@ def test_what_was_published_once_is_in_the_bag_when_it_begins(robot: Any) -> Non
     place_out: {topic: place, direction: out, durability: transient_local}
     often_out: {topic: often, direction: out}
 """)
-    core, log = robot.start('rt_robot_os.core.program', '--ros-args', '--params-file',
-                            str(parameters), *robot.ORDINARY)
-    path = robot.folder / 'robot.sock'
-    robot.until(lambda: path.exists() or core.poll() is not None, 'a core')
-    with LinkClient(path, 'test', timeout_s=TIMEOUT_S) as client:
+    robot.start('rt_robot_os.core.program', '--ros-args', '--params-file', str(parameters),
+                *robot.ORDINARY)
+    with robot.connect() as client:
         place, often = client.advertise('place'), client.advertise('often')
         client.publish(place, Layout.compile('geometry_msgs/msg/PointStamped').from_dict({}))
         client.publish(often, Layout.compile('geometry_msgs/msg/Point').from_dict({}))
@@ -213,7 +211,9 @@ def test_a_core_that_comes_back_is_another_session(robot: Any) -> None:
     robot.wait_for_messages(log, recorder, 50)
     robot.end(core)
     robot.core()
-    robot.wait_for_messages(log, recorder, 150)
+    robot.until(lambda: log.read_text().count('connected to the core') > 1, 'the other session')
+    # However many there were of the first core by its end.
+    robot.wait_for_messages(log, recorder, robot.messages(log) + 50)
     assert robot.end(recorder) == 0
     assert 'the core is gone; waiting' in log.read_text()
     assert [path.name for path in sorted(bag.glob('*.mcap'))] == ['bag_0.mcap', 'bag_1.mcap']
