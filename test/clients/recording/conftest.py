@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 ROOT = Path(__file__).resolve().parents[3]
 CORE = ['-p', 'core.scheduler_priority:=0', '-p', 'core.cpu:=-2', '-p', 'core.lock_memory:=false']
-LIMIT_S = 60.0
+LIMIT_S = 180.0
 
 
 def wait_for(condition: Callable[[], object], what: str) -> None:
