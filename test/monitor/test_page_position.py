@@ -111,6 +111,11 @@ def test_places_are_the_same_there_and_back(server: Any, opened: Any) -> None:
     assert max(worst.values()) < 1e-6, worst
 
 
+FRAMES = """() => new Promise((done) => {
+  requestAnimationFrame(() => requestAnimationFrame(done));
+})"""
+
+
 @pytest.fixture
 def position(server: Any, robot: FakeRobot, signed_in: SignedIn) -> Callable[[str], Any]:
     """Give what opens the view for a role, with the map that the robot has sent."""
@@ -123,6 +128,11 @@ def position(server: Any, robot: FakeRobot, signed_in: SignedIn) -> Callable[[st
     def open_page(role: str, **options: Any) -> Any:
         page = signed_in(role, '#/position', **options)
         page.wait_for_function(f'() => {VIEW}.map && {VIEW}.scene.pose')
+        # Nothing moves any more: neither a note above the map nor a list beside it.
+        expect(page.locator('.position-note')).to_be_empty()
+        for each in ('people', 'nodes'):
+            page.locator(f'.position-{each} .position-item').first.wait_for()
+        page.evaluate(FRAMES)
         return page
     return open_page
 
