@@ -34,6 +34,8 @@ from rcl_interfaces.srv import SetParameters  # noqa: E402
 from sensor_msgs.msg import FluidPressure  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROBOT = """

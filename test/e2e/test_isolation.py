@@ -33,6 +33,8 @@ from rt_robot_os.kernel import TaskStatistics  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROBOT = """

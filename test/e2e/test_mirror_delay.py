@@ -33,6 +33,8 @@ from rcl_interfaces.srv import SetParameters  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.link.client import LinkSilent  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROBOT = """

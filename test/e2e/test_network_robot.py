@@ -32,6 +32,8 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from rt_robot_os.devices.ublox.rtcm import message  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROBOT = """

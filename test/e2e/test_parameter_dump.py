@@ -32,6 +32,8 @@ from rcl_interfaces.srv import SetParameters  # noqa: E402
 from rclpy.parameter import parameter_value_to_python  # noqa: E402
 import yaml  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 

@@ -36,6 +36,8 @@ from rt_robot_os.clients.ros.supervisor import Supervisor  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {'core': 'rt_robot_os.core.program', 'robot': 'rt_robot_os.clients.ros.program',

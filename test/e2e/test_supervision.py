@@ -34,6 +34,8 @@ from geometry_msgs.msg import Twist  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
+pytestmark = pytest.mark.one_build
+
 Until = Callable[..., Any]
 
 ROOT = Path(__file__).resolve().parents[2]
