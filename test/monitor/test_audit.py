@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 import json
 from pathlib import Path
+import threading
 from typing import Any
 
 from hypothesis import given
@@ -70,6 +71,27 @@ def tamper(server: Monitor, change: Callable[[Connection], Any]) -> None:
         for name in ('audit_no_update', 'audit_no_delete'):
             connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS {name}')
         change(connection)
+
+
+def test_what_is_noted_without_waiting_stands_in_the_order_in_which_it_happened(
+        server: Monitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    audit = server.accounts.audit
+    write, is_on_disk = audit._write, threading.Event()
+
+    def slow(row: dict[str, Any]) -> None:
+        if row['action'] == 'drive.take_over':
+            assert is_on_disk.wait(60.0)
+        write(row)
+
+    monkeypatch.setattr(audit, '_write', slow)
+    for action in ('drive.take_over', 'drive.end', 'command.stop'):
+        audit.note_soon(MARY, action, 'robot')
+    assert audit.rows() == []
+    is_on_disk.set()
+    audit.close()
+    assert [row['action'] for row in audit.rows()] == [
+        'drive.take_over', 'drive.end', 'command.stop']
+    assert audit.verify().is_whole
 
 
 def test_rows_come_back_as_they_were_and_in_order(server: Monitor) -> None:

@@ -90,7 +90,6 @@ class Commands:
     def __init__(self, services: Services) -> None:
         self._services = services
         self._answers: OrderedDict[tuple[str, ...], asyncio.Future[Answer]] = OrderedDict()
-        self._noting: set[asyncio.Future[None]] = set()
 
     async def do(self, actor: Actor, robot: str, command: Command) -> Answer:
         """Do a command, or give the answer of the same one that came before."""
@@ -116,21 +115,16 @@ class Commands:
     async def _done(self, actor: Actor, robot: RobotState, do: str, args: dict[str, Any]
                     ) -> Answer:
         # Noted beside it, not before it: no audit holds up a stop.
-        self._note(actor, f'command.{do}', robot.id, **{
+        note = self._services.audit.note_soon
+        note(actor, f'command.{do}', robot.id, **{
             f'arg_{key}': value for key, value in args.items()})
         try:
             found = await self._services.hub.command(robot, do, args, actor.name)
         except AwayError as error:
-            self._note(actor, f'answer.{do}', robot.id, ok=False, text=error.text)
+            note(actor, f'answer.{do}', robot.id, ok=False, text=error.text)
             raise refusal(504 if error.is_late else 409, error.text, error.remedy) from None
-        self._note(actor, f'answer.{do}', robot.id, ok=found['ok'], text=found['text'])
+        note(actor, f'answer.{do}', robot.id, ok=found['ok'], text=found['text'])
         return Answer(**found)
-
-    def _note(self, actor: Actor, action: str, robot: str, **details: Any) -> None:
-        task = asyncio.ensure_future(asyncio.to_thread(
-            self._services.audit.note, actor, action, robot, **details))
-        self._noting.add(task)
-        task.add_done_callback(self._noting.discard)
 
     def _args(self, actor: Actor, robot: RobotState, command: Command) -> dict[str, Any]:
         args = command.args

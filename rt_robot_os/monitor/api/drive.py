@@ -131,7 +131,7 @@ class Driving:
             await self._do(actor, cab, seat, message)
             if seat.driven and loop.time() - touched_s > TOUCH_S:
                 touched_s = loop.time()
-                self._in_thread(self._touch, actor.session)
+                self._touch_soon(actor.session)
 
     @staticmethod
     def _close(seat: Seat, code: int, why: str) -> str:
@@ -161,22 +161,21 @@ class Driving:
         if not is_theirs:
             details = {} if former is None else {'from': former.name, 'commands': former.driven}
             action = 'drive.take_over' if former is not None else 'drive.take'
-            self._in_thread(self._services.audit.note, actor, action, cab.robot, **details)
+            self._services.audit.note_soon(actor, action, cab.robot, **details)
 
     def _note_end(self, actor: Actor, cab: Cab, seat: Seat, had: bool, why: str) -> None:
         """Note in the audit that somebody no longer drives."""
         if had:
-            self._in_thread(self._services.audit.note, actor, 'drive.end', cab.robot, why=why,
-                            commands=seat.driven)
+            self._services.audit.note_soon(actor, 'drive.end', cab.robot, why=why,
+                                           commands=seat.driven)
 
-    def _in_thread(self, work: Any, *arguments: Any, **named: Any) -> None:
-        """Do what waits for the disk, without waiting for it: a stop comes first."""
-        task = asyncio.ensure_future(asyncio.to_thread(work, *arguments, **named))
+    def _touch_soon(self, session: str) -> None:
+        """Note that a session is used, without waiting for the disk: a stop comes first."""
+        task = asyncio.ensure_future(asyncio.to_thread(self._touch, session))
         self._later.add(task)
         task.add_done_callback(self._later.discard)
 
     def _touch(self, session: str) -> None:
-        """Note that a session is used; in a thread."""
         sessions = self._services.accounts.sessions
         for found in sessions.get([session]).values():
             sessions.touch(found)

@@ -102,7 +102,6 @@ class Calls:
         self._services = services
         self._by_robot: dict[str, Caller] = {}
         self._callers: set[Caller] = set()
-        self._later: set[asyncio.Future[Any]] = set()
         services.hub.on_message['voice'] = self._heard
         services.hub.on_robot.append(self._robot_changed)
         services.accounts.on_revoked(self._revoked)
@@ -168,7 +167,7 @@ class Calls:
         caller.began_s = time.monotonic()
         self._by_robot[robot] = caller
         self._show(robot, {'by': actor.name, 'since_ns': time.time_ns()})
-        self._note(actor, 'voice.ring', robot)
+        self._services.audit.note_soon(actor, 'voice.ring', robot)
         asyncio.get_running_loop().call_later(ANSWER_S, self._unanswered, caller, name)
 
     def _unanswered(self, caller: Caller, name: str) -> None:
@@ -219,8 +218,8 @@ class Calls:
         if why:
             caller.tell('ended', why=why)
         self._show(robot, None)
-        self._note(caller.actor, 'voice.end', robot, why=noted,
-                   seconds=round(time.monotonic() - caller.began_s, 1))
+        self._services.audit.note_soon(caller.actor, 'voice.end', robot, why=noted,
+                                       seconds=round(time.monotonic() - caller.began_s, 1))
 
     def _show(self, robot: str, call: dict[str, Any] | None) -> None:
         """Have everybody who may see the robot see who talks with it."""
@@ -228,12 +227,6 @@ class Calls:
         if state is not None:
             state.about = {**state.about, 'call': call}
             self._services.hub.tell_robot(state)
-
-    def _note(self, actor: Actor, action: str, what: str, **details: Any) -> None:
-        future = asyncio.ensure_future(asyncio.to_thread(
-            self._services.audit.note, actor, action, what, **details))
-        self._later.add(future)
-        future.add_done_callback(self._later.discard)
 
 
 def router(services: Services) -> APIRouter:

@@ -210,8 +210,9 @@ class Accounts:
             loop.call_soon_threadsafe(work, *arguments)
 
     def close(self) -> None:
-        """Let go of threads."""
+        """Let go of threads; what they have to write is written."""
         self.passwords.close()
+        self.audit.close()
 
     def _tell(self, revoked: Revoked) -> None:
         with self._lock:

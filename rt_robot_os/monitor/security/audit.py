@@ -27,6 +27,7 @@ from collections import deque
 from collections import OrderedDict
 from collections.abc import Callable
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import hashlib
 import hmac
@@ -130,6 +131,8 @@ class Audit:
         self._lock = threading.Lock()
         self._waiting: deque[dict[str, Any]] = deque()
         self._reads: OrderedDict[tuple[str, str, str], int] = OrderedDict()
+        # One: rows stand in the order in which things happened.
+        self._writer = ThreadPoolExecutor(1, 'audit')
         #: Rows that were lost since the disk took none for too long.
         self.lost = 0
 
@@ -150,6 +153,16 @@ class Audit:
         :param object: what it was done to.
         """
         self._put(_row(self._now_ns(), actor, action, object, details), False)
+
+    def note_soon(self, actor: Subject, action: str, object: str,  # noqa: A002
+                  **details: Any) -> None:
+        """Write a row, as :meth:`note`, without waiting for it; behind those before."""
+        row = _row(self._now_ns(), actor, action, object, details)
+        self._writer.submit(self._put, row, False)
+
+    def close(self) -> None:
+        """Wait until everything that was noted is written."""
+        self._writer.shutdown()
 
     def read(self, actor: Subject, action: str, object: str,  # noqa: A002
              **details: Any) -> None:
