@@ -35,8 +35,8 @@ class Services:
     :ivar writer: ``await writer.put(robot, boot, records)`` returns when they are on the disk.
     :ivar hub: what is live; for the event loop alone.
     :ivar accounts: users, sessions, robots' tokens.
-    :ivar audit: ``audit.note(actor, action, object, **details)``; ``audit.note_soon`` does not wait
-        for the disk.
+    :ivar audit: ``audit.note(actor, action, object, **details)``; ``audit.note_soon`` does not
+        wait for the disk.
     :ivar maps: of robots.
     :ivar connections: all of them; None where something else than our server runs the app.
     :ivar media: pictures and files; None without.
