@@ -25,6 +25,7 @@ import argparse
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 import signal
 import sys
@@ -128,15 +129,17 @@ def run(argv: Sequence[str]) -> int:
     by_hand = arguments.settings is None
     if by_hand and settings.simulated:
         print(f'core: {told_simulated(settings)}', file=sys.stderr)
-    try:
-        return _run(settings, loaded, path, lock, arguments, by_hand)
-    finally:
-        lock.release()
-        remove_dead_lock(path)
+    # Up to the end: its parent's death is told twice, and the signal may come while it tidies up.
+    with ExitStack() as signals:
+        try:
+            return _run(settings, loaded, path, lock, arguments, by_hand, signals)
+        finally:
+            lock.release()
+            remove_dead_lock(path)
 
 
 def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
-         arguments: argparse.Namespace, by_hand: bool) -> int:
+         arguments: argparse.Namespace, by_hand: bool, signals: ExitStack) -> int:
     duration_s: float | None = arguments.duration
     simulators, services = Simulators(), Services()
     writer: BlackBoxWriter | None = None
@@ -144,19 +147,18 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         ports = simulators.start(settings, device_folder(path))
         offered = services.start([DRIVERS.load(device.type) for device in settings.devices
                                   if device.port != SIM_PORT], path)
-        signals = (*END_SIGNALS, DUMP_SIGNAL)
         cooperative = settings.core.dispatcher == 'cooperative'
-        clock = None if cooperative else MonotonicClock(signals)
+        clock = None if cooperative else MonotonicClock((*END_SIGNALS, DUMP_SIGNAL))
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
                     services=offered, parts=installed_parts(),
                     cpu=choose_cpu(settings.core.cpu, lock), life_fd=arguments.life)
         simulators.attach(core.host)
-        with _signals_to(core):
-            core.prepare_process()
-            if by_hand:
-                core.watch.write_reports_to(sys.stderr.fileno())
-            core.run(None if duration_s is None else round(duration_s * NS_PER_S))
+        signals.enter_context(_signals_to(core))
+        core.prepare_process()
+        if by_hand:
+            core.watch.write_reports_to(sys.stderr.fileno())
+        core.run(None if duration_s is None else round(duration_s * NS_PER_S))
         if core.tripped:
             return settings.watchdog.exit_code
         if core.forced:

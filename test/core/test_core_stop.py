@@ -39,6 +39,20 @@ time.sleep(600)
 """
 
 
+# A signal that comes while a core tidies up, as that of a parent that takes long to die.
+TOLD_TWICE = """
+import os, signal, sys
+from rt_robot_os.core.command import run
+from rt_robot_os.core.simulators import Simulators
+stop = Simulators.stop
+def told_again(self):
+    os.kill(os.getpid(), signal.SIGTERM)
+    stop(self)
+Simulators.stop = told_again
+sys.exit(run(sys.argv[1:]))
+"""
+
+
 def computes(process: subprocess.Popen[str], path: Path) -> None:
     until = time.monotonic() + 60
     while not (path.exists() and 'computes' in path.read_text()):
@@ -132,3 +146,14 @@ robot:
         assert time.monotonic() < until, 'the core lives on'
         time.sleep(0.05)
     assert output.read_text().splitlines()[-1] == 'it rests'
+
+
+def test_a_second_signal_leaves_nothing_behind(
+        folder: Path, core_environment: dict[str, str]) -> None:
+    path = folder / 'robot.yaml'
+    path.write_text('robot: {ros__parameters: {core: {cpu: -2, scheduler_priority: 0}}}\n')
+    process = subprocess.run(
+        [sys.executable, '-c', TOLD_TWICE, '--duration', '0.05', '--ros-args', '--params-file',
+         str(path)], cwd='/', stderr=subprocess.PIPE, text=True, env=core_environment)
+    assert process.returncode == 0, process.stderr
+    assert [each.name for each in folder.iterdir() if each != path] == []
