@@ -158,7 +158,10 @@ class Audit:
                   **details: Any) -> None:
         """Write a row, as :meth:`note`, without waiting for it; behind those before."""
         row = _row(self._now_ns(), actor, action, object, details)
-        self._writer.submit(self._put, row, False)
+        try:
+            self._writer.submit(self._put, row, False)
+        except RuntimeError:  # closed: a connection that ends after the server
+            self._put(row, False)
 
     def close(self) -> None:
         """Wait until everything that was noted is written."""
