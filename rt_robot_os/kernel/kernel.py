@@ -345,9 +345,11 @@ class Kernel(Scheduler):
     def _loop(self) -> None:
         clock = self.clock
         end_ns = idled_ns = 0
-        while not self._stopping:
+        while True:
             self.locked = True
             self.pending = False
+            if self._stopping:  # who says so later leaves a note, so that nothing is waited for
+                break
             now_ns = self.now_ns()
             end_ns = end_ns or now_ns
             late_ns = now_ns - self._armed_ns
@@ -370,6 +372,8 @@ class Kernel(Scheduler):
             end_ns = 0
             if self.on_idle is not None:
                 self._idle(self.on_idle, alarm_ns - now_ns)
+                if self._stopping:  # and an alarm that came in it may have taken the note
+                    break
             self.stolen.keep_fresh(now_ns)
             if clock.rest(self):
                 self._interrupted = True

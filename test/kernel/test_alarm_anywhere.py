@@ -33,6 +33,7 @@ from kernel_tools import MS
 from kernel_tools import US
 import pytest
 
+from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel import consequences
 from rt_robot_os.kernel import interrupts
 from rt_robot_os.kernel import Kernel
@@ -120,6 +121,44 @@ def test_an_alarm_at_any_instruction_of_the_kernel_is_served(untraced: None) -> 
             raise AssertionError(f'alarm at step {step}') from error
         step += 1
     assert total > 400
+
+
+def run_with_stop_at(step: int) -> int:
+    """Stop it, as a handler of a signal does, and let alarms come in idle time as well."""
+    clock = RacingClock()
+    kernel = Kernel(clock)
+    kernel.add_task('high', lambda: clock.spend(10 * US), priority=90, rate_hz=1000.0)
+    kernel.add_task('low', lambda: clock.spend(200 * US), priority=10, rate_hz=500.0)
+    kernel.on_idle = lambda slack_ns: clock.spend(slack_ns + 50 * US)
+    files = tuple(str(module.__file__) for module in (kernel_module, releases, scheduler_module))
+    told_ns = []
+
+    def stop() -> None:
+        told_ns.append(clock.now_ns())
+        kernel.stop('told')
+
+    tracer = AtLine(step, stop, of_files(*files), when=lambda: kernel.running)
+    sys.settrace(tracer)
+    try:
+        reason = kernel.run(4 * MS)
+    finally:
+        sys.settrace(None)
+    before_its_end = bool(told_ns) and told_ns[0] < kernel.start_ns + 4 * MS
+    assert reason == 'told' or not before_its_end
+    assert not kernel.failures
+    return tracer.seen
+
+
+@pytest.mark.interpreted
+def test_a_stop_at_any_instruction_of_the_kernel_ends_it(untraced: None) -> None:
+    step, ended = 1, False
+    while not ended:
+        try:
+            ended = run_with_stop_at(step) < step
+        except (AssertionError, TaskError) as error:
+            raise AssertionError(f'stopped at step {step}') from error
+        step += 1
+    assert step > 200
 
 
 def run_with_signal_at(step: int, reading: int) -> int:

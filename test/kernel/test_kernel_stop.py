@@ -289,6 +289,27 @@ def test_a_signal_that_the_program_handles_wakes_a_kernel_that_idles(
     clean()
 
 
+def test_the_end_that_comes_in_idle_time_ends_it() -> None:
+    kernel = Kernel(VirtualClock())
+    task = kernel.add_task('task', lambda: None, priority=50, rate_hz=100.0)
+    kernel.on_idle = lambda slack_ns: kernel.clock.spend(slack_ns + 1)  # takes longer than it may
+    assert kernel.run(25_000_000) == 'duration'
+    assert task.runs == 3
+
+
+def test_who_is_told_to_stop_in_idle_time_stops_although_an_alarm_follows() -> None:
+    kernel = Kernel(VirtualClock())
+
+    def idle(slack_ns: int) -> None:
+        kernel.stop('enough')
+        kernel.clock.spend(slack_ns + 1)
+
+    task = kernel.add_task('task', lambda: None, priority=50, rate_hz=100.0)
+    kernel.on_idle = idle
+    assert kernel.run(25_000_000) == 'enough'
+    assert task.runs <= 1
+
+
 def test_a_program_that_handles_ctrl_c_itself_keeps_its_handler() -> None:
     kernel = Kernel(MonotonicClock((signal.SIGINT,)))
     kernel.add_task('task', lambda: signal.raise_signal(signal.SIGINT), priority=50,
