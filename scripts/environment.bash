@@ -219,6 +219,8 @@ install_requirements() {
   list=$VENV/.$PACKAGE-requirements.txt
   requirements "$kind" >"$list" || fail "cannot write to $VENV"
   [ "$MODE" = wheels ] || options=(-c "$ROOT/scripts/constraints-ros.txt")
+  # Half of the time goes into compiling what is never imported: tests compile what they need.
+  [ "$kind" = run ] || options+=(--no-compile)
   PIP_USER=0 logged "$PYTHON" -m pip install --disable-pip-version-check --no-input --retries 3 \
     "${options[@]}" -r "$list" || explain_pip_failure
   echo "$hash" >"$stamp"
