@@ -54,9 +54,9 @@ if 'PYTEST_XDIST_WORKER' in os.environ:
     os.environ['ROS_DOMAIN_ID'] = str((int(os.environ['ROS_DOMAIN_ID']) + number) % 101 + 1)
 else:
     os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
-# Over loopback alone, which the profile says. LOCALHOST would add shared memory, whatever Fast DDS is
-# told: who shares it with a process that was killed crashes at times in its own end (once in 150
-# rounds with rclpy alone, never in 600 over loopback), and killed processes leave files there.
+# Over loopback alone, which the profile says. LOCALHOST would add shared memory, whatever Fast DDS
+# is told: who shares it with a process that was killed crashes at times in its own end (once in
+# 150 rounds with rclpy alone, never in 600 over loopback), and killed processes leave files there.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'
 os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(ROOT / 'test' / 'shared' / 'loopback.xml')
 # Hundreds of processes are started here, and compiling the package anew is a third of their time.

@@ -370,16 +370,15 @@ class Kernel(Scheduler):
             idled_ns = now_ns
             self.overhead_ns += self.now_ns() - end_ns
             end_ns = 0
-            if self.on_idle is not None:
-                self._idle(self.on_idle, alarm_ns - now_ns)
-                if self._stopping:  # and an alarm that came in it may have taken the note
-                    break
+            if self.on_idle is not None and self._idle(self.on_idle, alarm_ns - now_ns):
+                break
             self.stolen.keep_fresh(now_ns)
             if clock.rest(self):
                 self._interrupted = True
             self.wakeups += 1
 
-    def _idle(self, hook: Callable[[int], None], slack_ns: int) -> None:
+    def _idle(self, hook: Callable[[int], None], slack_ns: int) -> bool:
+        """Call the hook; return whether it is the end: an alarm may have taken the note of it."""
         self.locked = False
         if self.pending:
             self.settle()
@@ -388,6 +387,7 @@ class Kernel(Scheduler):
         except Exception as error:
             self._note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
+        return self._stopping
 
     # ---- while it runs -----------------------------------------------------------------------
 

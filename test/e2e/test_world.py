@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node that listens to the robots of the tests: nobody else hears it, and no robot harms it."""
+"""The node that listens to the robots of the tests: no other hears it, and none harms it."""
 
 from __future__ import annotations
 
