@@ -300,6 +300,14 @@ enter() {
 
 # set_up run|test
 set_up() {
+  set_up_python "$1"
+  build
+  release_lock
+  enter
+}
+
+# set_up_python run|test: without the package; who calls it holds the lock then.
+set_up_python() {
   KIND=$1
   trap 'exit 130' INT
   trap 'exit 143' TERM
@@ -309,14 +317,9 @@ set_up() {
   choose_environment
   hold_lock
   : >"$LOG"
-  if [ -n "$VENV" ]; then
-    make_venv
-    install_requirements "$KIND"
-  fi
-  build
-  exec 9>&-
-  trap - INT TERM
-  enter
+  [ -n "$VENV" ] || return 0
+  make_venv
+  install_requirements "$KIND"
 }
 
 # Two starts at the same time set up one after the other.
@@ -327,4 +330,9 @@ hold_lock() {
     say 'waiting for another start to finish setting up'
     flock 9
   fi
+}
+
+release_lock() {
+  exec 9>&-
+  trap - INT TERM
 }
