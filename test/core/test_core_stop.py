@@ -24,6 +24,8 @@ import sys
 import time
 
 from core_tools import Start
+from processes import has_ended
+from processes import wait_until
 import pytest
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -110,14 +112,6 @@ def test_a_core_that_ends_by_itself_says_so(start: Start, output: Path) -> None:
     assert process.returncode == 0
 
 
-def gone(pid: int) -> bool:
-    try:
-        with open(f'/proc/{pid}/stat') as file:
-            return file.read().rpartition(')')[2].split()[0] == 'Z'
-    except OSError:
-        return True
-
-
 def test_a_core_whose_node_was_killed_ends_although_a_job_does_not(
         folder: Path, output: Path, core_environment: dict[str, str]) -> None:
     from rt_robot_os.settings import load
@@ -141,10 +135,7 @@ robot:
     computes(node, output)
     node.kill()
     node.wait()
-    until = time.monotonic() + 60
-    while not gone(pid):
-        assert time.monotonic() < until, 'the core lives on'
-        time.sleep(0.05)
+    wait_until(lambda: has_ended(pid), 'the end of the core')
     assert output.read_text().splitlines()[-1] == 'it rests'
 
 

@@ -66,6 +66,14 @@ def wait_until(condition: Callable[[], Any], what: str, timeout_s: float = TIMEO
         time.sleep(0.005)
 
 
+def has_ended(pid: int) -> bool:
+    """Tell whether a process is gone, or only waits for whoever takes note of its end."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] == 'Z'
+    except OSError:
+        return True
+
+
 def environment(folder: Path) -> dict[str, str]:
     """Give the environment of programs whose runtime folder is this one."""
     return {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'RT_ROBOT_OS_RUNTIME_DIR': str(folder),
