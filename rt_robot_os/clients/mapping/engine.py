@@ -392,7 +392,8 @@ class Engine:
         if not self._is_proven:
             return 'finding itself: is it where it is taken to be?'
         if self._fits_nowhere >= _LOST_SCANS:
-            return f'lost: scans fit nowhere on the map, odometry is followed ({self._share:.2f})'
+            return (f'lost: scans fit nowhere on the map ({self._share:.0%} of their points), '
+                    'odometry is followed')
         return 'localisation' if self.mode == LOCALIZATION else MAPPING
 
     def statistics(self) -> dict[str, Any]:
