@@ -17,7 +17,6 @@ What is wrong with scans and odometry, before a map is spoilt by them.
 
 Two scans between which the robot turned are compared as they are, turned as odometry says, and
 turned the other way: what fits tells a laser that hangs upside down, and one that stands still.
-Of two lasers on one topic, each scan is like the last but one and unlike the last.
 """
 
 from __future__ import annotations
@@ -62,10 +61,6 @@ _BLIND_SCANS: Final = 5
 #: The very same numbers so often, while the robot moved so far.
 _FROZEN_SCANS: Final = 10
 _FROZEN_M: Final = 0.1
-#: Scans that come by turns: each time weighs so much more than one that does not, up to a sum,
-_TURNS_WEIGH: Final = 2
-#: at which it is believed, until nothing of it is left.
-_TURNS_SUM: Final = 12
 #: The rate is that of so many scans; it has dropped below this share of what it was.
 _RATE_SCANS: Final = 20
 _RATE_SHARE: Final = 0.5
@@ -105,8 +100,6 @@ class ScanChecks:
         self._votes = {'against': 0, 'still': 0, 'carried': 0}
         self._blind = self._same = 0
         self._repeats = False
-        self._two: tuple[Floats, ...] = ()
-        self._by_turns = 0
         self._are_two = False
         self._same_base = np.zeros(3)
         self._stamps: list[int] = []
@@ -114,19 +107,21 @@ class ScanChecks:
         self._period_ns = self._best_period_ns = 0.0
         self._told: dict[str, int] = {}
 
-    def look(self, scan: Scan, base: Floats, left_out: int = 0) -> None:
+    def look(self, scan: Scan, base: Floats, left_out: int = 0, are_two: bool = False) -> None:
         """
         Look at the next scan.
 
         :param base: shape (3,): ``base_link`` in the frame of odometry, at its stamp.
         :param left_out: scans that came since the last and are not looked at.
+        :param are_two: two lasers send them, see :mod:`.two_lasers`.
         """
+        self.counts['two_lasers'] += are_two and not self._are_two
+        self._are_two = are_two
         self._rate(scan.stamp_ns, 1 + left_out)
         self._length(scan)
         self._sight(scan)
         self._freeze(scan, base)
-        self._turns(scan)
-        if self._blind or self._are_two:
+        if self._blind or are_two:
             self._reference = None  # nothing in it shows a movement
         else:
             self._compare(scan, base)
@@ -182,7 +177,7 @@ class ScanChecks:
         if len(stamps) > _RATE_SCANS:
             del stamps[0], counts[0]
             self._period_ns = (stamps[-1] - stamps[0]) / sum(counts[1:])
-            if not self._by_turns and (
+            if not self._are_two and (
                     not self._best_period_ns or self._period_ns < self._best_period_ns):
                 self._best_period_ns = self._period_ns
 
@@ -216,25 +211,6 @@ class ScanChecks:
         if math.hypot(moved[0], moved[1]) > _FROZEN_M or abs(moved[2]) > _FROZEN_M:
             self._same += 1
             self.counts['frozen'] += self._same == _FROZEN_SCANS
-
-    def _turns(self, scan: Scan) -> None:
-        """Compare with the two scans before; the clearest case of two is a robot that stands."""
-        ranges, _ = self._thinned(scan)
-        if len(self._two) == 2 and all(len(each) == len(ranges) for each in self._two):
-            older, newer = self._two
-            unlike = self._cost(newer, ranges, 0)
-            is_turn = (unlike > _CHANGED_M
-                       and self._cost(older, ranges, 0) < (1.0 - _CLEARLY) * unlike)
-            weight = _TURNS_WEIGH if is_turn else -1
-            self._by_turns = min(max(0, self._by_turns + weight), _TURNS_SUM)
-        else:
-            self._by_turns = 0
-        self._two = (*self._two[-1:], ranges)
-        are_two = self._by_turns == _TURNS_SUM or (self._are_two and self._by_turns > 0)
-        self.counts['two_lasers'] += are_two and not self._are_two
-        if are_two:
-            self._votes = dict.fromkeys(self._votes, 0)  # which they seemed to cast
-        self._are_two = are_two
 
     # ---- two scans ---------------------------------------------------------------------------
 

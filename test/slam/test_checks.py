@@ -145,32 +145,18 @@ def test_scans_of_changing_length_and_a_rate_that_drops_are_told() -> None:
         'scans come 2.0 times a second, and came 10.0 times',)
 
 
-@pytest.mark.parametrize('way', [STANDS, GOES, TURNS])
-def test_two_lasers_on_one_topic_are_told_until_there_is_one(way: list[Floats]) -> None:
-    checks = driven(way, way)
-    other = np.array((-0.3, 0.0, math.pi))  # looks back
-    for number in range(60):
-        at = way[-1] + (other if number % 2 else 0.0)
-        checks.look(Scan((30 + number) * PERIOD_NS, way[-1], seen(at, number), -2.0,
-                         ANGLES[1] - ANGLES[0]), way[-1])
-        assert checks.spoils == '' or 'two lasers' in checks.spoils
-    assert 'two lasers' in checks.spoils and checks.counts['two_lasers'] == 1
-    for number in range(30):
-        checks.look(Scan((90 + number) * PERIOD_NS, way[-1], seen(way[-1], number), -2.0,
-                         ANGLES[1] - ANGLES[0]), way[-1])
-    assert checks.warnings(120 * PERIOD_NS) == ()
-
-
-def test_a_second_laser_makes_no_rate_to_measure_the_first_by() -> None:
+def test_two_lasers_are_told_alone_and_are_no_rate_to_measure_one_by() -> None:
     checks = driven(STANDS, STANDS)
     for number in range(60):
         ranges = seen(np.array((0.0, 0.0, math.pi * (number % 2))), number)
         checks.look(Scan(30 * PERIOD_NS + number * PERIOD_NS // 2, np.zeros(3), ranges, -2.0,
-                         ANGLES[1] - ANGLES[0]), np.zeros(3))
+                         ANGLES[1] - ANGLES[0]), np.zeros(3), are_two=True)
+        assert len(checks.warnings(60 * PERIOD_NS)) == 1 and 'two lasers' in checks.spoils
     for number in range(60):
         checks.look(Scan((60 + number) * PERIOD_NS, np.zeros(3), seen(np.zeros(3), number), -2.0,
                          ANGLES[1] - ANGLES[0]), np.zeros(3))
-    assert checks.warnings(120 * PERIOD_NS) == ()
+        assert checks.warnings((60 + number) * PERIOD_NS) == ()
+    assert checks.counts['two_lasers'] == 1
 
 
 def test_silence_is_no_rate() -> None:

@@ -186,7 +186,7 @@ class Engine:
     def _is_spoilt(self, sighting: Sighting) -> bool:
         """Return whether a scan would spoil the map, or say that the robot is where it is not."""
         checks, was_wrong = self.checks, self.checks.odometry_is_wrong
-        checks.look(sighting.scan, sighting.base, sighting.left_out)
+        checks.look(sighting.scan, sighting.base, sighting.left_out, sighting.are_two)
         if was_wrong and not checks.spoils:
             self._doubt()
         self.spoilt += bool(checks.spoils)

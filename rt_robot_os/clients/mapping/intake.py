@@ -49,6 +49,7 @@ from rt_robot_os.slam.scan import Scan
 from rt_robot_os.slam.transforms import between
 from rt_robot_os.slam.transforms import composed
 from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.slam.two_lasers import TwoLasers
 from rt_robot_os.units import NS_PER_S
 
 #: Scans that wait; of more the oldest are left out.
@@ -76,6 +77,7 @@ class Sighting:
     :ivar base: shape (3,): ``base_link`` in the frame of odometry, at its stamp.
     :ivar left_out: scans that came since the one before and were not taken.
     :ivar is_cut: what odometry says of the way since the one before is not sure.
+    :ivar are_two: two lasers send on this topic.
     """
 
     scan: Scan
@@ -83,6 +85,7 @@ class Sighting:
     mount: LaserMount
     left_out: int = 0
     is_cut: bool = False
+    are_two: bool = False
 
 
 class Intake:
@@ -109,6 +112,7 @@ class Intake:
         self._lock = threading.Lock()
         self._waiting: deque[tuple[Sweep, LaserMount]] = deque()
         self._last_scan_ns = self._left_out = 0
+        self._lasers = TwoLasers()
         # What odometry says is put behind this: it went on from where it was when it began anew.
         self._offset: Floats | None = None
         self._raw: tuple[float, float, float] | None = None
@@ -171,7 +175,9 @@ class Intake:
                 self._waiting.popleft()
                 self.counts['scans_overflowed'] += 1
                 self._left_out += 1
-            self._waiting.append((self._sweep(stamp_ns, message), mount))
+            sweep = self._sweep(stamp_ns, message)
+            self._lasers.look(sweep.ranges)  # here, where each of them comes by
+            self._waiting.append((sweep, mount))
         self.new.set()
 
     def take_pose(self, topic: str, stamp_ns: int, cdr: memoryview) -> None:
@@ -285,7 +291,8 @@ class Intake:
             is_cut = self._cut_ns is not None and sweep.stamp_ns >= self._cut_ns
             if is_cut:
                 self._cut_ns = None
-            return Sighting(scan_of(sweep, self.track, mount), base, mount, left_out, is_cut)
+            return Sighting(scan_of(sweep, self.track, mount), base, mount, left_out, is_cut,
+                            self._lasers.are_two)
 
     def _ready(self) -> list[tuple[Sweep, LaserMount]]:
         """Return the scans that are covered; those that never will be are dropped."""

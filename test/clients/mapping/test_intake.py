@@ -106,6 +106,16 @@ def test_who_is_late_goes_on_with_the_newest(intake: Intake) -> None:
     assert intake.counts['scans_skipped'] == LATE_SCANS - 1
 
 
+def test_two_lasers_are_noticed_by_who_is_late_and_sees_one_of_them_alone(intake: Intake) -> None:
+    for number in range(2 * LATE_SCANS + 16):
+        stamp = 1000 + 50 * number
+        intake.take_scan(*scan_at(stamp, ranges=np.full(180, 2.0 + number % 2)))
+        intake.take_odometry(*odom_at(stamp, 0.0))
+        intake.take_odometry(*odom_at(stamp + 40, 0.0))
+    found = intake.next()
+    assert found is not None and found.are_two and found.left_out
+
+
 def test_a_machine_that_skips_scans_says_so(intake: Intake,
                                             monkeypatch: pytest.MonkeyPatch) -> None:
     began_ns = time.monotonic_ns()
