@@ -23,6 +23,7 @@ from contextlib import ExitStack
 from contextlib import suppress
 from pathlib import Path
 import socket
+import threading
 from types import SimpleNamespace
 from typing import Any
 from urllib.request import urlopen
@@ -81,14 +82,18 @@ def test_ten_times_as_many_connections_as_there_may_be_keep_nobody_out(
 
 
 class Clock:
-    """A clock of the loop that is moved by hand."""
+    """A clock of the loop of this thread that is moved by hand: a server runs in another."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 1000.0
         self.waits = 0
-        monkeypatch.setattr(asyncio, 'get_running_loop',
-                            lambda: SimpleNamespace(time=lambda: self.now_s))
-        monkeypatch.setattr(asyncio, 'sleep', self._sleep)
+        mine = threading.get_ident()
+        sleep, running_loop = asyncio.sleep, asyncio.get_running_loop
+        loop = SimpleNamespace(time=lambda: self.now_s)
+        monkeypatch.setattr(asyncio, 'get_running_loop', lambda: (
+            loop if threading.get_ident() == mine else running_loop()))
+        monkeypatch.setattr(asyncio, 'sleep', lambda seconds: (
+            self._sleep if threading.get_ident() == mine else sleep)(seconds))
 
     async def _sleep(self, seconds: float) -> None:
         self.now_s += seconds
