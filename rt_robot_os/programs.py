@@ -57,6 +57,9 @@ END_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 ONE_BLAS_THREAD: Final = {
     'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
 
+# Set where this process runs one program and ends with it.
+_one_program = False
+
 # Takes the arguments without the program's name, gives the exit code.
 Run = Callable[[Sequence[str]], int]
 
@@ -109,6 +112,8 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
     :param reader_gone: the exit code when nobody reads on.
     :return: the exit code.
     """
+    if argv is None:
+        own_process()
     end_quietly()
     try:
         run = load()
@@ -188,10 +193,21 @@ def raise_again() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def own_process() -> None:
+    """Declare that this process runs one program and ends with it."""
+    global _one_program
+    _one_program = True
+
+
 @contextmanager
 def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
     """
-    Have :data:`END_SIGNALS` call a function; afterwards they do what they did before.
+    Have :data:`END_SIGNALS` call a function.
+
+    Afterwards they are ignored in a process of one program (:func:`own_process`), which is about
+    to end: a parent may request the end twice, by a closed pipe and by a signal, and the default
+    action of the second request would skip the clean-up and falsify the exit code. In any other
+    process the previous handlers are restored.
 
     :param end: takes the number of the signal.
     """
@@ -203,7 +219,7 @@ def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
         yield
     finally:
         for signo, handler in previous.items():
-            signal.signal(signo, handler)
+            signal.signal(signo, signal.SIG_IGN if _one_program else handler)
 
 
 def _let_go_of_output() -> None:

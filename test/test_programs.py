@@ -139,3 +139,29 @@ def test_signals_call_what_ends_a_program_and_are_as_before_afterwards() -> None
     assert ended == [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
     assert before == [signal.getsignal(signo) for signo in (
         signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+
+
+TIDIES_UP = """
+import os, signal, sys
+from rt_robot_os.linux.process import run_child
+from rt_robot_os.programs import ended_by_signals
+from rt_robot_os.programs import run_program
+
+def run(arguments):
+    with ended_by_signals(lambda signo: None):
+        pass
+    for signo in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        signal.raise_signal(signo)
+    return 0
+
+sys.exit(MAIN)
+"""
+
+
+@pytest.mark.parametrize('main', ["run_program('test', lambda: run, listens=True)",
+                                  'run_child(run)'])
+def test_a_second_request_to_end_does_not_interrupt_the_clean_up(main: str) -> None:
+    """A child of which the parent closes the pipe and sends SIGTERM as well ends with code 0."""
+    process = start(TIDIES_UP.replace('MAIN', main), str(os.getpid()))
+    assert process.communicate(timeout=60)[1] == ''
+    assert process.returncode == 0

@@ -29,6 +29,7 @@ import sys
 import weakref
 
 from rt_robot_os.linux import _libc
+from rt_robot_os.programs import own_process
 
 # How long a child may take to be ready, which is a second at most unless the machine has far too
 # much to do. One that ends is noticed at once; only one that hangs is waited for that long.
@@ -74,6 +75,7 @@ def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM)
     :param signo: is sent to this process when the parent dies.
     :return: the exit code; 0 when the parent has ended before.
     """
+    own_process()
     parent, *arguments = sys.argv[1:]
     return main(arguments) if die_with_parent(int(parent), signo) else 0
 
