@@ -34,7 +34,7 @@ from xml.etree import ElementTree
 
 WIDTH = 80
 # As pytest names them, in its order.
-OUTCOMES = ('failed', 'passed', 'skipped', 'errors')
+OUTCOMES = ('failed', 'passed', 'skipped', 'errors', 'rerun')
 
 
 @dataclass
@@ -101,9 +101,13 @@ def in_words(counts: Counter[str]) -> str:
     return re.sub(r'\b1 errors', '1 error', ', '.join(words)) or 'no tests ran'
 
 
-def closing_line(runs: list[Run]) -> str:
-    """Sum up all runs, in the manner of pytest."""
-    counts = sum((run.counts() for run in runs), Counter[str]())
+def closing_line(runs: list[Run], reruns: int = 0) -> str:
+    """
+    Sum up all runs, in the manner of pytest.
+
+    :param reruns: how many of the tests passed only when they were repeated.
+    """
+    counts = sum((run.counts() for run in runs), Counter(rerun=reruns))
     seconds = sum(run.seconds() for run in runs)
     clock = datetime.timedelta(seconds=int(seconds))
     text = f' {in_words(counts)} in {seconds:.2f}s ({clock}) '

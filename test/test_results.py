@@ -76,6 +76,21 @@ class Results:
         found: list[str] = script('.ci/judge.py').judge(self._joined)
         return found
 
+    def conclude(self, status: int, *passing: str) -> tuple[int, list[str], list[str]]:
+        """
+        Give the exit code of CI, which tests it repeats, and what it prints.
+
+        :param passing: the tests that pass when they are repeated.
+        """
+        repeated = []
+
+        def repeat(test: Any) -> bool:
+            repeated.append(f'{test.node_id} ({test.build})')
+            return test.node_id.rpartition('::')[2] in passing
+
+        code = script('.ci/judge.py').conclude(self._joined, status, repeat)
+        return code, repeated, self._capsys.readouterr().out.splitlines()
+
 
 @pytest.fixture
 def results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Results:
@@ -131,3 +146,59 @@ def test_ci_fails_when_only_the_will_to_compile_is_missing(
 def test_ci_fails_when_what_it_has_to_run_was_skipped(results: Results, reason: str) -> None:
     results.join(suite(GOOD, SKIPPED.format(reason)), suite(GOOD))
     assert results.judge()
+
+
+def failing(name: str, message: str = 'no', tag: str = 'failure') -> str:
+    """Write a test of this file that failed."""
+    return (f'<testcase classname="rt_robot_os.test.test_results.TestGroup" name="{name}">'
+            f'<{tag} message="{message}">no</{tag}></testcase>')
+
+
+def test_ci_repeats_a_few_failed_tests_alone_and_names_those_that_pass(results: Results) -> None:
+    results.join(suite(GOOD, failing('one')), suite(GOOD, failing('two[a-1]')))
+    code, repeated, said = results.conclude(1, 'one', 'two[a-1]')
+    assert code == 0
+    assert repeated == ['test/test_results.py::TestGroup::one (pure build)',
+                        'test/test_results.py::TestGroup::two[a-1] (compiled build)']
+    assert [line for line in said if line.startswith('flaky: ')] == [
+        f'flaky: {each} failed and passed when repeated alone' for each in repeated]
+    assert re.fullmatch('=+ 4 passed, 2 rerun in 123.00s .*=+', said[-1])
+
+
+def test_ci_fails_when_a_repeated_test_fails_again(results: Results) -> None:
+    results.join(suite(GOOD, failing('one'), failing('two')), suite(GOOD))
+    code, repeated, said = results.conclude(1, 'one')
+    assert code == 1 and len(repeated) == 2
+    assert [line for line in said if line.startswith('error: ')] == [
+        'error: failed: rt_robot_os.test.test_results.TestGroup.two (pure build)']
+    assert re.fullmatch('=+ 1 failed, 3 passed, 1 rerun in .*=+', said[-1])
+
+
+@pytest.mark.parametrize('pure, compiled, status', [
+    (suite(GOOD, *(failing(str(number)) for number in range(6))), suite(GOOD), 1),
+    (suite(GOOD, failing('one')), None, 1),  # the other build left no results
+    (suite(GOOD, failing('one'), SKIPPED.format('rclpy is not installed')), suite(GOOD), 1),
+    (suite(GOOD, failing('one', 'worker &apos;gw1&apos; crashed while running')), suite(GOOD), 1),
+    (suite(GOOD, BAD), suite(GOOD), 1),  # an error while a file was collected
+    (suite(GOOD), suite(GOOD), 2)])
+def test_ci_repeats_nothing_when_more_is_wrong_than_a_few_tests(
+        results: Results, pure: str, compiled: str | None, status: int) -> None:
+    results.join(pure, compiled)
+    code, repeated, said = results.conclude(status, 'one')
+    assert (code, repeated) == (1, [])
+    assert any(line.startswith('error: ') for line in said)
+
+
+def test_ci_fails_when_there_are_no_results_at_all(results: Results) -> None:
+    code, repeated, said = results.conclude(0)
+    assert (code, repeated) == (1, [])
+    assert said[0].startswith('error: the tests left no results')
+
+
+def test_a_test_that_fails_in_its_teardown_as_well_is_repeated_once(results: Results) -> None:
+    twice = failing('one') + failing('one', tag='error')
+    results.join(suite(GOOD, twice).replace('errors="0"', 'errors="1"').replace(
+        'tests="2"', 'tests="3"'), suite(GOOD))
+    code, repeated, said = results.conclude(1, 'one')
+    assert code == 0 and len(repeated) == 1
+    assert ' failed' not in said[-1] and ' error' not in said[-1]
