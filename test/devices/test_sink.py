@@ -27,6 +27,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.devices.sink.driver import Sink
+from rt_robot_os.devices.sink.flow_limit import BURST_S
+from rt_robot_os.devices.sink.flow_limit import FlowLimit
+from rt_robot_os.devices.sink.flow_limit import FLOWS_MAXIMUM
 from rt_robot_os.devices.sink.wire import is_tinyos1
 from rt_robot_os.devices.sink.wire import is_tinyos2
 from rt_robot_os.errors import ConfigError
@@ -210,6 +213,67 @@ def test_the_memory_is_bounded() -> None:
         more = device.statistics().more
         assert more['streams'] <= 4096
         assert more['forgotten_streams'] > 0
+
+
+# ---- floods ----------------------------------------------------------------------------------
+
+
+def test_a_node_that_floods_in_the_name_of_another_displaces_no_alarm() -> None:
+    """A hundred forged alarms a second, of which the queue of the class holds 64 at most."""
+    forged = [on_line(data(5, 5000 + n, Kind.ALARM, reading=n, source=9)) for n in range(1000)]
+    own = [data(5, n, Kind.ALARM, source=3) for n in range(10)]
+    other = [data(6, n, Kind.SMOKE, source=9) for n in range(10)]
+    lines = [b''.join([on_line(own[n]), on_line(other[n]), *forged[100 * n:100 * n + 100]])
+             for n in range(10)]
+    with scripted(Sink, lines, queue=64, packets_per_job=64) as (device, (alarm, _, _)):
+        for n in range(10):
+            device.read((n + 1) * S)
+        found = packets(alarm)
+        assert [each for each in found if each in own] == own
+        assert [each for each in found if each in other] == other
+        forged_found = len(found) - len(own) - len(other)
+        assert forged_found == 40 + 9 * 20  # twice the rate at once, then the rate
+        statistics = device.statistics()
+        assert statistics.more['over_rate'] == 1000 - forged_found == statistics.lost_samples
+        assert ('packets over node_rate_hz were dropped, the last from node 5, delivered by node 9'
+                in statistics.more['warning'])
+
+
+def test_the_rate_of_a_node_is_not_bounded_in_the_last_class_or_by_0() -> None:
+    lines = [b''.join(on_line(data(5, n)) for n in range(100))]
+    with scripted(Sink, lines) as (device, (_, _, rest)):
+        for n in range(9):
+            device.read(S + n * MS)
+        assert len(rest.samples) == 100
+    lines = [b''.join(on_line(data(5, n, Kind.ALARM)) for n in range(100))]
+    with scripted(Sink, lines, node_rate_hz=0.0) as (device, (alarm, _, _)):
+        for n in range(9):
+            device.read(S + n * MS)
+        assert len(alarm.samples) == 100
+
+
+@given(rate_hz=st.floats(0.01, 1000.0),
+       gaps_ns=st.lists(st.integers(0, 10 * S), min_size=1, max_size=200))
+def test_a_flow_never_exceeds_its_rate_and_always_passes_after_a_silence(
+        rate_hz: float, gaps_ns: list[int]) -> None:
+    limit = FlowLimit(rate_hz)
+    now_ns, accepted = 0, []
+    for gap_ns in gaps_ns:
+        now_ns += gap_ns
+        passed = limit.accepts(5, 3, now_ns)
+        longest_ns = max(BURST_S, 1 / rate_hz) * S
+        assert passed or gap_ns < longest_ns
+        accepted += [now_ns] * passed
+    span_s = (accepted[-1] - accepted[0]) / S
+    assert len(accepted) <= rate_hz * (span_s + BURST_S) * 1.001 + 1
+    assert limit.refused == len(gaps_ns) - len(accepted)
+
+
+def test_the_memory_of_the_rates_is_bounded() -> None:
+    limit = FlowLimit(1.0)
+    for n in range(3 * FLOWS_MAXIMUM):
+        assert limit.accepts(n, 0, n)
+    assert limit.flows == FLOWS_MAXIMUM
 
 
 # ---- TinyOS 2 --------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.port import silence_of
 from rt_robot_os.devices.sink.duplicates import Copies
+from rt_robot_os.devices.sink.flow_limit import FlowLimit
 from rt_robot_os.devices.sink.importance import Classifier
 from rt_robot_os.devices.sink.line import ForwarderLine
 from rt_robot_os.devices.sink.line import Line
@@ -43,6 +44,7 @@ from rt_robot_os.devices.sink.look import looker
 from rt_robot_os.devices.sink.settings import ANY_GROUP
 from rt_robot_os.devices.sink.settings import SINK_SETTINGS
 from rt_robot_os.devices.sink.sorting import CLAIMED
+from rt_robot_os.devices.sink.sorting import FLOODED
 from rt_robot_os.devices.sink.sorting import FOREIGN
 from rt_robot_os.devices.sink.sorting import SHARED
 from rt_robot_os.devices.sink.sorting import Sorting
@@ -228,13 +230,14 @@ class Sink(SerialDevice[Frame]):
         return ''
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; lost are packets that found no room."""
+        """Return the counters as they are now; lost are packets without room or over the rate."""
         more: dict[str, Value] = {'mode': str(self.settings['mode']), **self._sorting.report()}
         more.update({'other_stack': self._other_stack,
                      'unknown_protocols': self._unknown_protocols, **self._line.report()})
         if warning := self._warning():
             more['warning'] = warning
-        return self._counters(lost_samples=sum(self._sorting.lost), more=more)
+        lost = sum(self._sorting.lost) + self._sorting.limit.refused
+        return self._counters(lost_samples=lost, more=more)
 
     def input_counters(self) -> Mapping[str, Value]:
         """Return what became of the commands."""
@@ -296,6 +299,11 @@ class Sink(SerialDevice[Frame]):
                  for name, count in zip(sorting.classes, sorting.lost) if name in recent]
         if self._given_up and self._given_up_ns > since_ns:
             found.append(f'command {self._given_up!r} was not acknowledged')
+        limit = sorting.limit
+        if FLOODED in recent:
+            by = f', delivered by node {limit.relay}' if limit.relay >= 0 else ''
+            found.append(f'{limit.refused} packets over node_rate_hz were dropped, the last from '
+                         f'node {limit.origin}{by}')
         if SHARED in recent:
             found.append(f'two nodes seem to have the id {sorting.copies.shared_id}')
         if CLAIMED in recent:
@@ -316,7 +324,8 @@ def _sorting(name: str, settings: Mapping[str, Any]) -> Sorting:
     groups = settings['groups'] or _GROUPS[stack]
     return Sorting(
         looker(stack, settings['platform'], payloads), classifier,
-        Copies(round(settings['duplicates_s'] * NS_PER_S)), room=settings['queue'],
+        Copies(round(settings['duplicates_s'] * NS_PER_S)),
+        FlowLimit(settings['node_rate_hz']), room=settings['queue'],
         groups=() if ANY_GROUP in groups else groups,
         known_types={*KNOWN[stack], *(each.am_type for each in payloads)}, root=settings['root'])
 

@@ -71,6 +71,7 @@ class Look(NamedTuple):
     :ivar bits: of that number, after which it begins again; 0 when gaps in it mean nothing.
     :ivar content: of all that stays the same from hop to hop, a number; 0 for what is no data,
         such as a beacon, and has no copies.
+    :ivar relay: which node delivered it, according to its header; -1 when it does not say.
     :ivar free_of_charge: who claims to be at no cost from the sink, in a beacon; -1 nobody.
     :ivar problem: why it cannot be used; empty when it can.
     """
@@ -83,6 +84,7 @@ class Look(NamedTuple):
     bits: int = 0
     content: int = 0
     free_of_charge: int = -1
+    relay: int = -1
     problem: str = ''
 
 
@@ -141,13 +143,15 @@ def look_telos(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),
         return _look_at(packet, am_type, group, -1, length, looks)
     if length < 10:
         return Look(am_type, group, problem=TRUNCATED)
-    origin = packet[12] | packet[13] << 8
+    relay, origin = packet[10] | packet[11] << 8, packet[12] | packet[13] << 8
     content = hash(packet[12:14] + packet[16:]) or 1
     if am_type != SURGE or length < 20:
-        return Look(am_type, group, origin, -1, packet[16] | packet[17] << 8, 16, content)
+        return Look(am_type, group, origin, -1, packet[16] | packet[17] << 8, 16, content,
+                    relay=relay)
     kind = packet[30] | packet[31] << 8 if length >= 24 and not (packet[20] or packet[21]) else -1
     return Look(am_type, group, origin, kind,
-                packet[26] | packet[27] << 8 | packet[28] << 16 | packet[29] << 24, 32, content)
+                packet[26] | packet[27] << 8 | packet[28] << 16 | packet[29] << 24, 32, content,
+                relay=relay)
 
 
 def look_mica(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),
@@ -169,7 +173,8 @@ def look_mica(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),
     if length < 7:
         return Look(am_type, group, problem=TRUNCATED)
     # The number is that of who sent it last: of copies only its own can be told.
-    return Look(am_type, group, packet[7] | packet[8] << 8, content=hash(packet[5:]) or 1)
+    return Look(am_type, group, packet[7] | packet[8] << 8, content=hash(packet[5:]) or 1,
+                relay=packet[5] | packet[6] << 8)
 
 
 def look_2(packet: bytes, looks: Looks | None = None) -> Look:
@@ -239,12 +244,13 @@ def _places(payload: Payload, header: int, big: bool) -> dict[str, _Place]:
 
 def _lqi_data(packet: bytes, group: int) -> Look:
     return Look(_LQI_DATA, group, packet[8] << 8 | packet[9], -1,
-                packet[12] << 8 | packet[13], 16, hash(packet[8:10] + packet[12:]) or 1)
+                packet[12] << 8 | packet[13], 16, hash(packet[8:10] + packet[12:]) or 1,
+                relay=packet[3] << 8 | packet[4])
 
 
 def _ctp_data(packet: bytes, group: int) -> Look:
     return Look(_CTP_DATA, group, packet[12] << 8 | packet[13], -1, packet[14], 8,
-                hash(packet[12:]) or 1)
+                hash(packet[12:]) or 1, relay=packet[3] << 8 | packet[4])
 
 
 def _lqi_beacon(packet: bytes, group: int) -> Look:

@@ -29,6 +29,7 @@ from typing import Final
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.sink.duplicates import Copies
+from rt_robot_os.devices.sink.flow_limit import FlowLimit
 from rt_robot_os.devices.sink.importance import Classifier
 from rt_robot_os.devices.sink.look import Look
 from rt_robot_os.devices.sink.look import Looker
@@ -37,7 +38,7 @@ from rt_robot_os.devices.sink.look import NOT_AM
 from rt_robot_os.devices.sink.look import TRUNCATED
 
 #: No names of classes.
-SHARED, CLAIMED, FOREIGN = 'shared id', 'claims no cost', 'foreign group'
+SHARED, CLAIMED, FOREIGN, FLOODED = 'shared id', 'claims no cost', 'foreign group', 'flooded'
 _TYPES_TOLD: Final = 8
 
 
@@ -57,13 +58,15 @@ class Sorting:
     :ivar not_am: packets under TinyOS 2.x that are no active messages.
     :ivar free_of_charge: beacons of others than the root that claim to be at no cost from it.
     :ivar claimant: who sent the last one; -1 nobody.
+    :ivar limit: the bound on what one node sends in the important classes, with its counters.
     :ivar last_ns: when that was last which a person has to look after, by ``SHARED``,
-        ``CLAIMED``, ``FOREIGN``, or the class that lost a packet.
+        ``CLAIMED``, ``FOREIGN``, ``FLOODED``, or the class that lost a packet.
     :ivar sink_resets: times that the sink itself began anew, as its numbers tell.
     """
 
-    def __init__(self, look: Looker, classifier: Classifier, copies: Copies, *, room: int,
-                 groups: Collection[int], known_types: Collection[int], root: int) -> None:
+    def __init__(self, look: Looker, classifier: Classifier, copies: Copies,
+                 limit: FlowLimit, *, room: int, groups: Collection[int],
+                 known_types: Collection[int], root: int) -> None:
         """
         Begin with empty queues.
 
@@ -75,6 +78,7 @@ class Sorting:
         self._look = look
         self._classifier = classifier
         self.copies = copies
+        self.limit = limit
         self._room = room
         self._groups = frozenset(groups)
         self._known_types = frozenset(known_types)
@@ -135,8 +139,14 @@ class Sorting:
             self.free_of_charge += 1
             self.claimant = look.free_of_charge
             self.last_ns[CLAIMED] = arrival_ns
-        self._put(self._classifier.place(look.am_type, look.kind, look.origin, look.group),
-                  packet, arrival_ns)
+        place = self._classifier.place(look.am_type, look.kind, look.origin, look.group)
+        # The last class is the rest: it has its own queue, and nothing waits for it.
+        if place < len(self._queues) - 1 and not self.limit.accepts(
+                look.origin, look.relay, arrival_ns):
+            self.ignored += 1
+            self.last_ns[FLOODED] = arrival_ns
+            return False
+        self._put(place, packet, arrival_ns)
         return True
 
     def hand_on(self, publishers: Sequence[SamplePublisher], most: int) -> int:
@@ -174,7 +184,7 @@ class Sorting:
             'foreign_groups': self.foreign, 'unknown_types': self.unknown,
             'unknown_by_type': self.unknown_by_type(), 'truncated_headers': self.truncated,
             'lying_lengths': self.lying, 'no_active_messages': self.not_am,
-            'cost_0_claims': self.free_of_charge})
+            'cost_0_claims': self.free_of_charge, 'over_rate': self.limit.refused})
         return found
 
     def unknown_by_type(self) -> str:
