@@ -15,8 +15,8 @@
 """
 What the firmware ros_arduino_bridge does with its commands, without time and motors.
 
-Written after what a real one did, byte by byte: arguments are lenient, the loop computes in whole
-numbers, and what it remembers of its encoders outlives a stop.
+Written after what a real one did, byte by byte: arguments are lenient, the loop computes in
+integers, of which most have 16 bits, and what it remembers of its encoders outlives a stop.
 """
 
 from __future__ import annotations
@@ -112,11 +112,13 @@ class WheelLoop:
         """Go one round; return the output."""
         went = _wrapped(ticks - self._ticks)
         error = self.target - went
-        change = gains.p * error - gains.d * (went - self.input) + self._sum
+        # An int has 16 bits there: after a jump of the counts the product overflows.
+        damping = _wrapped(gains.d * _wrapped(went - self.input))
+        change = gains.p * error - damping + self._sum
         output = self.output + _divided(change, gains.scale)
         if abs(output) >= MOST_PWM:
             output = MOST_PWM if output > 0 else -MOST_PWM
         else:
-            self._sum += gains.i * error
+            self._sum = _wrapped(self._sum + gains.i * error)
         self.output, self.input, self._ticks = output, went, ticks
         return output
