@@ -74,6 +74,15 @@ def test_the_messages_of_a_stream() -> None:
     assert (decoder.rejected_bytes, decoder.pending_bytes) == (4, 1)
 
 
+@pytest.mark.parametrize('number', [1, 63, 100, 1001, 1005, 1230, 1304, 4001, 4072, 4095])
+def test_messages_of_all_numbers_in_use_are_found(number: int) -> None:
+    """63 is an ephemeris of BeiDou, which base stations send under that experimental number."""
+    decoder = RtcmDecoder()
+    frames = decoder.feed(message(number, bytes(50)) + STATION)
+    assert [frame.number for frame in frames] == [number, 1005]
+    assert decoder.rejected_bytes == 0
+
+
 @given(st.binary(max_size=300), st.integers(0, 300), st.integers(0, 300))
 def test_the_checksum_of_a_part_is_that_of_its_bytes(data: bytes, one: int, other: int) -> None:
     begin, end = sorted((min(one, len(data)), min(other, len(data))))

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import math
 from typing import Any
 
@@ -30,6 +31,8 @@ from gps_streams import NO_FIX
 from gps_streams import publish
 from gps_streams import SBAS
 from gps_streams import UNKNOWN
+from hypothesis import given
+from hypothesis import strategies as st
 import pytest
 from rt_robot_os.devices.nmea.driver import NmeaGps
 from rt_robot_os.devices.nmea.wire import sentence
@@ -125,25 +128,69 @@ def test_a_clock_that_stands_still_is_no_reason_to_say_nothing() -> None:
 
 
 def test_a_better_kind_takes_over_and_gives_no_second_fix_of_its_epoch() -> None:
-    chunks = [rmc(clock(n)) for n in range(3)] + [gga(clock(2)), rmc(clock(3)), gga(clock(3))]
+    chunks = [rmc(clock(n)) for n in range(3)]
+    chunks += [rmc(clock(n)) + gga(clock(n)) for n in range(3, 6)]
     fixes, _, _ = publish(*chunks)
-    assert len(fixes.samples) == 4
-    assert [math.isnan(f.altitude) for f in fixes.samples] == [True, True, True, False]
+    assert len(fixes.samples) == 6
+    assert [math.isnan(f.altitude) for f in fixes.samples] == [True] * 5 + [False]
 
 
 def test_a_receiver_that_stops_sending_gga_goes_on_with_what_is_left() -> None:
     chunks = [gga(clock(n)) + rmc(clock(n)) for n in range(3)]
     chunks += [rmc(clock(n)) for n in range(3, 20)]
     fixes, _, _ = publish(*chunks)
-    # Eight epochs are given up before it is sure.
-    assert len(fixes.samples) == 3 + 17 - 8
+    assert len(fixes.samples) == 20
+    assert [math.isnan(f.altitude) for f in fixes.samples] == [False] * 3 + [True] * 17
 
 
-def test_gga_every_fifth_epoch_stays_the_source() -> None:
+def test_gga_every_fifth_epoch_gives_the_fix_of_that_epoch_and_rmc_the_others() -> None:
     chunks = [(gga(clock(n)) if n % 5 == 0 else b'') + rmc(clock(n)) for n in range(25)]
     fixes, _, _ = publish(*chunks)
-    assert len(fixes.samples) == 5
+    assert [math.isnan(f.altitude) for f in fixes.samples] == [n % 5 != 0 for n in range(25)]
+
+
+def test_one_gga_a_minute_delays_no_fix_of_a_receiver_that_sends_gns() -> None:
+    chunks = [(gga(f'12{n // 60:02d}{n % 60:02d}.00') if n % 60 == 30 else b'')
+              + gns(f'12{n // 60:02d}{n % 60:02d}.00') for n in range(180)]
+    with scripted(NmeaGps, chunks) as (device, (fixes, _)):
+        for n in range(180):
+            device.read((n + 1) * S)
+            # The first is held until it is clear that nothing better comes.
+            assert len(fixes.samples) == (n + 1 if n else 0)
+
+
+@pytest.mark.parametrize('between', [1, 3, 30])
+def test_another_talker_takes_over_without_a_gap(between: int) -> None:
+    """Of GN, then GP alone, then GN again: each epoch gives its fix when its sentence comes."""
+    talkers = ['GN'] * 20 + ['GP'] * between + ['GN'] * 20
+    chunks = [gga(clock(n % 60), talker=talker) for n, talker in enumerate(talkers)]
+    with scripted(NmeaGps, chunks) as (device, (fixes, _)):
+        for n in range(len(talkers)):
+            device.read((n + 1) * S)
+            assert len(fixes.samples) == n + 1
+    assert fixes.stamps == [(n + 1) * S for n in range(len(talkers))]
+
+
+def test_a_late_sentence_of_the_epoch_before_gives_no_fix() -> None:
+    chunks = [gga(clock(n)) + rmc(clock(max(n - 1, 0))) for n in range(10)]
+    fixes, _, _ = publish(*chunks)
+    assert len(fixes.samples) == 10
     assert not any(math.isnan(f.altitude) for f in fixes.samples)
+
+
+SENTENCES = {'gga': gga, 'gns': gns, 'rmc': rmc, 'gll': gll,
+             'GN gga': partial(gga, talker='GN'), 'GN rmc': partial(rmc, talker='GN')}
+
+
+@given(st.lists(st.lists(st.sampled_from(sorted(SENTENCES)), min_size=1, max_size=6, unique=True),
+                min_size=3, max_size=40))
+def test_each_epoch_gives_one_fix_whatever_the_receiver_sends(epochs: list[list[str]]) -> None:
+    # The first epochs show which sentences there are; in the last ones nothing is held.
+    ends = [['gga'], ['gga']]
+    course = [*ends, *epochs, *ends]
+    fixes, _, _ = publish(*(b''.join(SENTENCES[name](clock(n)) for name in each)
+                            for n, each in enumerate(course)))
+    assert [f.status.status for f in fixes.samples] == [FIX] * len(course)
 
 
 # --- the receiver's own "no fix" ----------------------------------------------------------------
@@ -154,6 +201,23 @@ def test_a_position_of_no_satellite_is_no_fix(quality: int) -> None:
     assert statuses(gga(quality=quality, satellites='0')) == [NO_FIX]
     assert statuses(gga(quality=quality, satellites='')) != [NO_FIX]
     assert set(statuses(*[gns(satellites='00')] * 2)) == {NO_FIX}
+
+
+GSA = 'GNGSA,A,3,{},,,,,,,,,,1.9,1.0,1.6'
+
+
+def test_a_count_of_0_satellites_is_not_believed_where_gsa_and_rmc_deny_it() -> None:
+    """As furuno receivers count with corrections of SBAS."""
+    epochs = [gga(clock(n), quality=2, satellites='00') + sentence(GSA.format('05,12,30'))
+              + rmc(clock(n)) for n in range(6)]
+    assert statuses(*epochs) == [NO_FIX] + [SBAS] * 5
+    # Of too few satellites, or where RMC warns, there is none.
+    few = [each.replace(sentence(GSA.format('05,12,30')), sentence(GSA.format('05,12,')))
+           for each in epochs]
+    assert statuses(*few) == [NO_FIX] * 6
+    warned = [gga(clock(n), quality=2, satellites='00') + sentence(GSA.format('05,12,30'))
+              + rmc(clock(n), status='V') for n in range(6)]
+    assert statuses(*warned) == [NO_FIX] * 6
 
 
 @pytest.mark.parametrize('mode, status', [

@@ -122,6 +122,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
             self._builder.see_gsa(sentence)
             return 0
         samples = self._take_rmc(sentence, arrival_ns) if sentence.kind == 'RMC' else 0
+        sentence = self._builder.without_false_count(sentence)
         chosen = self._source.take(sentence, arrival_ns)
         if not chosen and self._source.is_known and sentence.kind != 'RMC':
             self._ignored_frames += 1

@@ -23,7 +23,8 @@ Rules, in the order in which they were decided:
   likewise. The mode letters of GNS, RMC and GLL say the same and count as these. Without a fix
   position and altitude are NaN, even where the receiver repeats its last position.
 - With no satellite used there is no fix, whatever the quality: a position is computed from
-  ranges, so a receiver that says 0 repeats or extrapolates one. An empty count says nothing.
+  ranges, so a receiver that says 0 repeats or extrapolates one. An empty count says nothing, and
+  neither does a 0 where GSA names at least three satellites and RMC does not warn.
 - A fix of a time for which RMC warned (``V``), or was dead reckoning, typed in or simulated
   (mode ``E``, ``M``, ``S``, ``N``), is no fix.
 - Altitude is above the ellipsoid: height above sea level plus separation. Without the separation
@@ -77,6 +78,10 @@ _SATELLITE_SERVICE: Final = ((range(1, 33), SERVICE_GPS), (range(65, 97), SERVIC
 _NO_DILUTION: Final = 99.0
 # GSA comes less often than GGA from some receivers (every third second from a SiRF-II).
 _GSA_EPOCHS: Final = 5
+# A position in two dimensions needs three.
+_FEWEST_SATELLITES: Final = 3
+# Talkers and systems of GSA; more are noise.
+_MOST_SYSTEMS: Final = 16
 _INT32_MAX: Final = 2**31 - 1
 _EPOCH: Final = date(1970, 1, 1)
 _DAY_S: Final = 86_400
@@ -129,7 +134,10 @@ class FixBuilder:
         self._previous_ns: int | None = None
         self._gsa: GsaSentence | None = None
         self._gsa_epochs = 0
+        self._epoch = 0
+        self._used: dict[tuple[str, str], tuple[int, int]] = {}
         self._void_ns: int | None = None
+        self._rmc_is_valid = False
 
     def see_talker(self, talker: str) -> None:
         """Take the first two letters of an address that is used."""
@@ -143,6 +151,7 @@ class FixBuilder:
         """Take the dilutions, and which systems are used."""
         self._gsa = gsa
         self._gsa_epochs = 0
+        self._count_used(gsa)
         if gsa.talker != 'GN':
             return
         system = _SYSTEM_SERVICE.get(gsa.system)
@@ -161,7 +170,24 @@ class FixBuilder:
         """
         valid = rmc.quality in _STATUS
         self._void_ns = None if valid else rmc.time_ns
+        self._rmc_is_valid = valid
         return valid
+
+    def without_false_count(self, sentence: PositionSentence) -> PositionSentence:
+        """Return a sentence without its count of 0 satellites where GSA and RMC deny that."""
+        if sentence.satellites != 0 or not self._rmc_is_valid:
+            return sentence
+        oldest = self._epoch - _GSA_EPOCHS
+        used = sum(count for count, epoch in self._used.values() if epoch >= oldest)
+        return sentence._replace(satellites=None) if used >= _FEWEST_SATELLITES else sentence
+
+    def _count_used(self, gsa: GsaSentence) -> None:
+        """Count the satellites of all systems; one GSA for each may come in an epoch."""
+        key = gsa.talker, gsa.system
+        before, epoch = self._used.get(key, (0, -1))
+        if key in self._used or len(self._used) < _MOST_SYSTEMS:
+            count = len(gsa.satellites) + (before if epoch == self._epoch else 0)
+            self._used[key] = count, self._epoch
 
     def fix(self, sentence: PositionSentence) -> Fix:
         """Return the position of a sentence."""
@@ -173,6 +199,7 @@ class FixBuilder:
                       _altitude(sentence), variances, kind)
         self._previous_ns = moment
         self._gsa_epochs += 1
+        self._epoch += 1
         return fix
 
     def is_void(self, time_ns: int | None) -> bool:
@@ -198,8 +225,13 @@ class FixBuilder:
         return (horizontal, horizontal, vertical), COVARIANCE_APPROXIMATED
 
 
+def is_quality_of_fix(quality: int) -> bool:
+    """Return whether a quality is one of a position computed from ranges."""
+    return quality in _STATUS
+
+
 def claims_fix(sentence: PositionSentence) -> bool:
-    """Return whether the quality is one of a fix, and satellites were used, as far as is told."""
+    """Return whether the quality is one of a fix, and the count of satellites is not 0."""
     return sentence.quality in _STATUS and sentence.satellites != 0
 
 

@@ -1,32 +1,23 @@
-# Copyright 2026 The rt_robot_os authors
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
-
 """
-Which sentence of a satellite receiver becomes the fix, for many say where it is, several times.
+Which sentence of a satellite receiver becomes the fix, for many give the position, several times.
 
-GGA says most, then GNS, RMC and GLL; the best kind that the receiver sends is the *source*, and
-the others are not used for the position. What it sends shows within one cycle:
+Sentences are merged by epoch, which their UTC time of day names, and each epoch gives one fix. GGA
+says most, then GNS, RMC and GLL; the best kind that the receiver sends is the *source*:
 
-- GGA is the source as soon as it comes. Sentences of the other kinds are held until one of them
-  comes a second time, for then a whole cycle has been seen; at the latest after two seconds. Those
-  of the best kind are given then, late but with their own moments.
-- One fix an epoch, which its UTC time of day names: what becomes the source later gives no fix of
-  a time that has one. The same sentence again is a new epoch even where the clock stands still,
-  as it does in some receivers before they know the time.
+- The sentence of the source is published when it arrives. So is a sentence of a better kind, and
+  one of a talker that was not there in the epoch before. All others are held.
+- An epoch without its source ends when the next one begins, or after two seconds. Then the best
+  sentence that was held is published, late but with its own moment, and its kind becomes the source.
+  So no epoch is lost when a receiver changes its sentences or its talker.
+- A better kind that comes along becomes the source when two epochs in a row have it. One that comes
+  once a minute gives the fix of its epoch only.
+- What was held before the first GGA is dropped: the port was opened in the middle of an epoch.
 - Of two talkers (``GPGGA``, ``GLGGA``) the first is the source. Where it has no fix and the other
-  has one, the other takes over.
-- A source that has not come for ten cycles is gone; what is left is looked at anew.
+  has one, the other takes over; so does GNS where GGA denies its own fix by counting 0 satellites.
+- The same sentence again is a new epoch even where the clock stands still, as it does in some
+  receivers before they know the time. A sentence of the epoch before is late and not used.
+
+gpsd merges the sentences of a cycle in the same manner, by their time stamps.
 """
 
 from __future__ import annotations
@@ -34,13 +25,13 @@ from __future__ import annotations
 from typing import Final
 
 from rt_robot_os.devices.nmea.fix import claims_fix
+from rt_robot_os.devices.nmea.fix import is_quality_of_fix
 from rt_robot_os.devices.nmea.sentences import PositionSentence
 from rt_robot_os.units import NS_PER_S
 
 _RANKS: Final = {'GGA': 0, 'GNS': 1, 'RMC': 2, 'GLL': 3}
-_GONE_CYCLES: Final = 10
 _LONGEST_CYCLE_NS: Final = 2 * NS_PER_S
-# Talkers come and go only in noise.
+# Talkers and kinds of an epoch; more are noise.
 _MOST_HELD: Final = 16
 
 # Talker and kind.
@@ -50,18 +41,17 @@ Timed = tuple[PositionSentence, int]
 
 
 class FixSource:
-    """Choose the sentences that become fixes; safe in the loop, keeps 16 of them at most."""
+    """Choose the sentences that become fixes; safe in the loop, holds 16 of them at most."""
 
     def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything: the stream starts anew."""
+        """Forget everything: the stream begins again."""
         self._source: _Key | None = None
-        self._held: list[Timed] = []
-        # How often each other sentence came since the source did.
-        self._others: dict[_Key, int] = {}
-        self._given: PositionSentence | None = None
+        self._before: frozenset[_Key] = frozenset()
+        self._before_ns: int | None = None
+        self._begin()
 
     @property
     def is_known(self) -> bool:
@@ -70,67 +60,86 @@ class FixSource:
 
     def take(self, sentence: PositionSentence, arrival_ns: int) -> list[Timed]:
         """
-        Take the next sentence.
+        Receive the next sentence.
 
         :return: what becomes a fix now, in order; empty when it is held or not used.
         """
         key = (sentence.talker, sentence.kind)
-        if key == self._source:
-            self._others.clear()
-            return self._give([(sentence, arrival_ns)])
-        if self._takes_over(sentence):
-            self._adopt(key)
-            return self._give([(sentence, arrival_ns)])
-        self._others[key] = count = self._others.get(key, 0) + 1
-        if self._source is not None:
-            if count < _GONE_CYCLES:
-                if len(self._others) > _MOST_HELD:
-                    self._others.clear()
-                return []
-            self._source = None
-            self._others = {key: 1}
-        self._held.append((sentence, arrival_ns))
-        if self._others[key] > 1 or len(self._held) >= _MOST_HELD:
-            return self._decide()
-        return []
+        time_ns = sentence.time_ns
+        if time_ns is not None and time_ns == self._before_ns and self._time_ns != time_ns:
+            return []
+        found: list[Timed] = []
+        if self._is_next(key, time_ns):
+            if self._source is not None or key[1] != 'GGA':
+                found = self._end()
+            self._begin()
+        if self._source is None and key[1] == 'GGA':
+            self._source = key
+        if self._time_ns is None:
+            self._time_ns = time_ns
+        self._keys.add(key)
+        if self._given is None:
+            if not self._is_wanted(key, sentence):
+                self._held.append((sentence, arrival_ns))
+                return found
+        elif not self._corrects(sentence):
+            return found
+        else:
+            self._source = key
+        self._given = sentence
+        self._held.clear()
+        return [*found, (sentence, arrival_ns)]
 
     def idle(self, now_ns: int) -> list[Timed]:
-        """Return what was held when no second sentence comes."""
+        """Return what was held when neither the source nor the next epoch comes."""
         if self._held and now_ns - self._held[0][1] > _LONGEST_CYCLE_NS:
-            return self._decide()
+            return self._end()
         return []
 
-    def _takes_over(self, sentence: PositionSentence) -> bool:
-        """Return whether a sentence is better than those of the source, if there is one."""
-        rank = _RANKS[sentence.kind]
-        if self._source is None:
-            return rank == 0
-        of_source = _RANKS[self._source[1]]
-        if rank != of_source:
-            return rank < of_source
+    def _begin(self) -> None:
+        self._time_ns: int | None = None
+        self._keys: set[_Key] = set()
+        self._held: list[Timed] = []
+        self._given: PositionSentence | None = None
+
+    def _is_next(self, key: _Key, time_ns: int | None) -> bool:
+        """Return whether a sentence begins the next epoch."""
+        if key in self._keys or len(self._keys) >= _MOST_HELD:
+            return True
+        return None not in (time_ns, self._time_ns) and time_ns != self._time_ns
+
+    def _is_wanted(self, key: _Key, sentence: PositionSentence) -> bool:
+        """Return whether the first fix of an epoch need not wait for a better sentence."""
+        if self._source is None or key == self._source:
+            return key == self._source
+        rank, of_source = _RANKS[key[1]], _RANKS[self._source[1]]
+        if rank == of_source and key in self._before:
+            return False  # one of two talkers; the source is still to come
+        return rank <= of_source and claims_fix(sentence)
+
+    def _corrects(self, sentence: PositionSentence) -> bool:
+        """Return whether a sentence has the fix that the one of its epoch had not."""
         given = self._given
-        return given is not None and not claims_fix(given) and claims_fix(sentence)
+        if given is None or claims_fix(given) or not claims_fix(sentence):
+            return False
+        if _RANKS[sentence.kind] == _RANKS[given.kind]:
+            return True
+        return is_quality_of_fix(given.quality) and bool(sentence.satellites)
 
-    def _decide(self) -> list[Timed]:
-        held, self._held = self._held, []
-        best = min((s for s, _ in held), key=lambda s: _RANKS[s.kind])
-        key = (best.talker, best.kind)
-        self._adopt(key)
-        return self._give([(s, at) for s, at in held if (s.talker, s.kind) == key])
-
-    def _adopt(self, key: _Key) -> None:
-        self._source = key
+    def _end(self) -> list[Timed]:
+        """End an epoch: publish what was held if nothing was, and choose the source."""
+        found: list[Timed] = []
+        if self._given is None and self._held:
+            found = [min(self._held, key=lambda each: (
+                not claims_fix(each[0]), _RANKS[each[0].kind]))]
+            self._given = found[0][0]
+            self._source = (self._given.talker, self._given.kind)
+        elif self._source is not None and self._keys:
+            best = min(self._keys, key=lambda each: _RANKS[each[1]])
+            if self._source not in self._keys:
+                self._source = best
+            elif best in self._before and _RANKS[best[1]] < _RANKS[self._source[1]]:
+                self._source = best
         self._held = []
-        self._others.clear()
-
-    def _give(self, found: list[Timed]) -> list[Timed]:
-        """Leave out what another sentence has told of the same epoch."""
-        fresh = []
-        for sentence, arrival_ns in found:
-            given = self._given
-            if given is None or sentence.time_ns is None or given.time_ns != sentence.time_ns \
-                    or (given.talker, given.kind) == (sentence.talker, sentence.kind) \
-                    or claims_fix(sentence) and not claims_fix(given):
-                self._given = sentence
-                fresh.append((sentence, arrival_ns))
-        return fresh
+        self._before, self._before_ns = frozenset(self._keys), self._time_ns
+        return found

@@ -91,8 +91,13 @@ def _number(buffer: bytes, at: int) -> int:
 
 
 def _is_number(number: int) -> bool:
-    """Return whether messages have such a number: those of the standard, or of a maker."""
-    return 1000 < number < 1400 or number > 4000
+    """
+    Return whether messages have such a number.
+
+    RTCM 10403, DF002: 1 to 100 are experimental (63 is an ephemeris of BeiDou in use), from 1001
+    on those of the standard, from 4001 on those of makers.
+    """
+    return 0 < number <= 100 or 1000 < number < 1400 or number > 4000
 
 
 def crc24q(content: bytes, crc: int = 0) -> int:
