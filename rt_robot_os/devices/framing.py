@@ -106,6 +106,8 @@ class FrameDecoder(StreamDecoder[FrameT]):
 
     def __init__(self) -> None:
         super().__init__()
+        # Where the last frame ended, or the stream began; -1 when something else came since.
+        self._follows = 0
         self._starts = frozenset(self.STARTS)
         pattern = self.PATTERN or b'[%s]' % re.escape(self.STARTS)
         self._search = re.compile(pattern, re.DOTALL).search
@@ -156,11 +158,12 @@ class FrameDecoder(StreamDecoder[FrameT]):
                 if frame is not None:
                     frames.append(frame)
                     framed += end - at
-                    at = end
+                    at = self._follows = end
                     continue
                 self.rejected_frames += 1
             match = search(buffer, at + 1)
             at = size if match is None else match.start()
+        self._follows = 0 if self._follows == at else -1
         self.rejected_bytes += at - framed
         self._pending = buffer[at:]
         self.frames += len(frames)

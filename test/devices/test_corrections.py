@@ -54,7 +54,7 @@ STATION = bytes.fromhex('d300133ed7d30202980edeef34b4bd62ac0941986f33360b98')
 
 
 class TestRtcmDecoder(DecoderContract):
-    stream = STATION + message(1077, bytes(range(200))) + message(1230)
+    stream = STATION + message(1077, bytes(range(200))) + message(63, b'abc') + message(1230)
     tokens = (b'\xd3', b'\xd3\x00', b'\xd3\x03\xff', STATION, message(1087, b'x'),
               b'\xd3\x00\x00', b'\xd3\x00\x00' + crc24q(b'\xd3\x00\x00').to_bytes(3, 'big'))
     pending_limit = 1030
@@ -78,8 +78,8 @@ def test_the_messages_of_a_stream() -> None:
 def test_messages_of_all_numbers_in_use_are_found(number: int) -> None:
     """63 is an ephemeris of BeiDou, which base stations send under that experimental number."""
     decoder = RtcmDecoder()
-    frames = decoder.feed(message(number, bytes(50)) + STATION)
-    assert [frame.number for frame in frames] == [number, 1005]
+    frames = decoder.feed(STATION + message(number, bytes(50)) + STATION)
+    assert [frame.number for frame in frames] == [1005, number, 1005]
     assert decoder.rejected_bytes == 0
 
 

@@ -7,10 +7,10 @@ says most, then GNS, RMC and GLL; the best kind that the receiver sends is the *
 - The sentence of the source is published when it arrives. So is a sentence of a better kind, and
   one of a talker that was not there in the epoch before. All others are held.
 - An epoch without its source ends when the next one begins, or after two seconds. Then the best
-  sentence that was held is published, late but with its own moment, and its kind becomes the source.
-  So no epoch is lost when a receiver changes its sentences or its talker.
-- A better kind that comes along becomes the source when two epochs in a row have it. One that comes
-  once a minute gives the fix of its epoch only.
+  sentence that was held is published, late but with its own moment, and its kind becomes the
+  source. So no epoch is lost when a receiver changes its sentences or its talker.
+- A better kind becomes the source when two epochs in a row have it. One that comes once a minute
+  gives the fix of its epoch only.
 - What was held before the first GGA is dropped: the port was opened in the middle of an epoch.
 - Of two talkers (``GPGGA``, ``GLGGA``) the first is the source. Where it has no fix and the other
   has one, the other takes over; so does GNS where GGA denies its own fix by counting 0 satellites.

@@ -32,6 +32,7 @@ from rt_robot_os.devices.framing import FrameDecoder
 MAX_PAYLOAD: Final = 1023
 _HEADER: Final = 3
 _OVERHEAD: Final = 6
+_EXPERIMENTAL: Final = 100
 _POLYNOMIAL: Final = 0x1864CFB
 # Bytes whose checksum costs less than a product.
 _SHORT: Final = 16
@@ -73,9 +74,20 @@ class RtcmDecoder(FrameDecoder[RtcmFrame]):
         length = buffer[at + 1] << 8 | buffer[at + 2]
         # A header found by chance holds up what follows, for seconds on a slow link: most have a
         # number that no message has.
-        if length > MAX_PAYLOAD or (length and not _is_number(_number(buffer, at))):
+        if length > MAX_PAYLOAD or (length and not self._is_number(_number(buffer, at), at)):
             return 0
         return at + _OVERHEAD + length
+
+    def _is_number(self, number: int, at: int) -> bool:
+        """
+        Return whether messages have such a number.
+
+        RTCM 10403, DF002: from 1001 on those of the standard, from 4001 on those of makers. 1 to
+        100 are experimental (63 is an ephemeris of BeiDou in use); noise looks like them too
+        often, so that they count right behind another message only.
+        """
+        return 1000 < number < 1400 or number > 4000 or (
+            0 < number <= _EXPERIMENTAL and at == self._follows)
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> RtcmFrame | None:
         """Read a message with a good checksum."""
@@ -88,16 +100,6 @@ class RtcmDecoder(FrameDecoder[RtcmFrame]):
 
 def _number(buffer: bytes, at: int) -> int:
     return buffer[at + _HEADER] << 4 | buffer[at + _HEADER + 1] >> 4
-
-
-def _is_number(number: int) -> bool:
-    """
-    Return whether messages have such a number.
-
-    RTCM 10403, DF002: 1 to 100 are experimental (63 is an ephemeris of BeiDou in use), from 1001
-    on those of the standard, from 4001 on those of makers.
-    """
-    return 0 < number <= 100 or 1000 < number < 1400 or number > 4000
 
 
 def crc24q(content: bytes, crc: int = 0) -> int:
