@@ -41,6 +41,7 @@ from rt_robot_os.motion.pose_history import PoseHistory
 from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
+from rt_robot_os.motion.refusals import Refusals
 from rt_robot_os.units import NS_PER_S
 
 # Measurements that wait for the odometry of their moment.
@@ -121,6 +122,8 @@ class Localizer:
     :ivar late: measurements that came more than 0.1 s after the odometry of their moment.
     :ivar latest_ns: how late the latest was that could be put in its place.
     :ivar records: how the measurements of each source fit, by its number.
+    :ivar headings: what became of the headings that an inertial sensor measured.
+    :ivar drifts: the same of the drifts that were measured at rest.
     :ivar jump: by how much the last recovery, or correction of the map, moved the pose, in m and
         rad.
     """
@@ -134,6 +137,9 @@ class Localizer:
         self.jump = (0.0, 0.0)
         self.late = self.latest_ns = 0
         self.records = tuple(FixRecord() for _ in range(_SOURCES_MOST))
+        self.headings = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self.drifts = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self._heading_fix_ns = 0
         self._tuning = tuning
         self._history = PoseHistory(self.state, tuning.history_s, tuning.scale)
         self._waiting: list[Fix] = []
@@ -175,6 +181,9 @@ class Localizer:
         self._candidate = None
         self._history.begin(stamp_ns)
         self.accepted_ns = self.fix_ns = 0
+        self._heading_fix_ns = 0
+        self.headings.restart()
+        self.drifts.restart()
         for record in self.records:
             record.restart()
 
@@ -195,6 +204,8 @@ class Localizer:
         if self._candidate is not None:
             step.predict(self._candidate.state)
         history.append(step)
+        if self.located:
+            self._judge_step(step)
         self._take_due(step.stamp_ns)
         return True
 
@@ -272,6 +283,27 @@ class Localizer:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
         return transform(self.state.pose, odometry)
 
+    def _judge_step(self, step: Step) -> None:
+        """Note the heading and the drift of a step; believe those that are refused for long."""
+        headings, drifts, again = self.headings, self.drifts, False
+        if step.heading_rad == step.heading_rad:
+            stays = headings.add(step.stamp_ns, *step.heading_judgement, step.heading_variance,
+                                 step.distance_m)
+            # Measured poses that confirm the estimate come before a magnetometer.
+            if stays and step.stamp_ns - self._heading_fix_ns >= (
+                    self._tuning.kidnapped_s * NS_PER_S):
+                # By so much it may have gone elsewhere with the wrong heading.
+                off_m = headings.way_m * 2.0 * math.sin(abs(step.heading_judgement[1]) / 2.0)
+                step.believed_heading = off_m * off_m
+                headings.reopen()
+                again = True
+        if step.drift == step.drift and drifts.add(
+                step.stamp_ns, *step.drift_judgement, step.drift_measured_variance):
+            step.believes_drift = again = True
+            drifts.reopen()
+        if again:
+            self._history.judge_again()
+
     # ---- what does not fit -------------------------------------------------------------------
 
     def _judge(self, fix: Fix) -> None:
@@ -291,6 +323,8 @@ class Localizer:
     def _accept(self, fix: Fix) -> None:
         self.counters.accepted += 1
         self.accepted_ns = max(self.accepted_ns, fix.stamp_ns)
+        if fix.dimensions == 3:
+            self._heading_fix_ns = max(self._heading_fix_ns, fix.stamp_ns)
         count = min(_NIS_COUNT, self.counters.accepted)
         self.nis += (fix.nis / fix.dimensions - self.nis) / count
         candidate = self._candidate

@@ -32,6 +32,7 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import displaced
 from rt_robot_os.motion.ekf import displaced_covariance
 from rt_robot_os.motion.ekf import Ekf
+from rt_robot_os.motion.ekf import GATE_1
 from rt_robot_os.motion.ekf import GATE_2
 from rt_robot_os.motion.ekf import GATE_3
 from rt_robot_os.motion.ekf import PoseCovariance
@@ -83,6 +84,10 @@ class Fix:
         return 2 if self.covariance[5] >= UNKNOWN_VARIANCE else 3
 
 
+# Of a heading or a drift: whether it was used, and by how much it differed.
+Judgement = tuple[bool, float]
+
+
 @dataclass
 class Step:
     """
@@ -100,6 +105,10 @@ class Step:
     :ivar heading_variance: of that.
     :ivar drift: measured in it, as of a gyroscope at rest; NaN without.
     :ivar drift_measured_variance: of that.
+    :ivar heading_judgement: what became of the heading, when it was last compared; as of the drift.
+    :ivar believed_heading: the heading counts although it does not fit, and the position is less
+        sure by so much, in m^2; None: it has to fit.
+    :ivar believes_drift: the same of the drift.
     """
 
     stamp_ns: int
@@ -119,6 +128,10 @@ class Step:
         self.fixes: list[Fix] = []
         self.after: State = ()
         self.blind_m = 0.0
+        self.heading_judgement: Judgement = (True, 0.0)
+        self.drift_judgement: Judgement = (True, 0.0)
+        self.believed_heading: float | None = None
+        self.believes_drift = False
 
     def predict(self, state: Ekf, part: float = 1.0, further_variance: float = 0.0) -> None:
         """
@@ -182,6 +195,11 @@ class PoseHistory:
         oldest_ns = step.stamp_ns - self._length_ns
         while len(steps) > 1 and (steps[1].stamp_ns <= oldest_ns or len(steps) > _STEPS_MOST):
             steps.popleft()
+
+    def judge_again(self) -> None:
+        """Compute the last step again, after something of it is believed that was not before."""
+        if len(self._steps) > 1:
+            self._replay(-1)
 
     def insert(self, fix: Fix) -> bool:
         """
@@ -297,9 +315,19 @@ class PoseHistory:
         else:
             self._predict(step, 1.0)
         if step.heading_rad == step.heading_rad:
-            state.update_heading(step.heading_rad, step.heading_variance)
+            off, gate = wrapped(step.heading_rad - state.heading), GATE_1
+            if step.believed_heading is not None:
+                state.doubt(step.believed_heading, off * off, 0.0)
+                gate = math.inf
+            step.heading_judgement = state.update_heading(
+                step.heading_rad, step.heading_variance, gate), off
         if step.drift == step.drift:
-            state.update_drift(step.drift, step.drift_measured_variance)
+            off, gate = step.drift - state.drift, GATE_1
+            if step.believes_drift:
+                state.doubt(0.0, 0.0, off * off)
+                gate = math.inf
+            step.drift_judgement = state.update_drift(
+                step.drift, step.drift_measured_variance, gate), off
         step.after, step.blind_m = state.state(), self._blind_m
 
 

@@ -94,6 +94,19 @@ def test_angles_times_and_ranges() -> None:
     assert np.allclose(message.ranges[:10], expected, equal_nan=True)
 
 
+@pytest.mark.parametrize(('changes', 'no_echo'), [
+    ({}, {0}), ({'steps_per_turn': 1440}, {1}), ({'no_echo_codes': [0, 1, 6]}, {0, 1, 6})])
+def test_only_the_code_without_an_echo_is_free(changes: dict[str, Any], no_echo: set[int]) -> None:
+    codes = list(range(20))
+    settings = {**SMALL, 'last_step': SMALL['first_step'] + 19, 'configure': False, **changes}
+    data = wire.scan(wire.scan_command(settings['first_step'], settings['last_step']), 1, codes)
+    with scripted(Hokuyo, [data], **settings) as (device, (publisher,)):
+        assert device.read(1) == 1
+        found = publisher.samples[0].ranges
+    assert {code for code in codes if found[code] == math.inf} == no_echo
+    assert {code for code in codes if math.isnan(found[code])} == {*codes} - no_echo
+
+
 def test_the_latency_is_taken_off_the_stamp() -> None:
     with scripted(Hokuyo, [SETUP + scan(1)], latency_s=0.05, **SMALL) as (device, (publisher,)):
         device.read(1000 * MS)

@@ -65,7 +65,7 @@ def test_a_fit_of_ones_own() -> None:
 
 
 def test_beyond_its_range_is_infinite() -> None:
-    found = ranges(adc(0, 3000) + adc(0, 0) + adc(0, 1) + adc(0, 400) + adc(0, 1000))
+    found = ranges(adc(0, 3000) + adc(0, 0) + adc(0, 1) + adc(0, 400) + adc(0, 1000), lowest_mv=0)
     assert found == pytest.approx([-math.inf, math.inf, math.inf, math.inf, 0.27728])
 
 
@@ -83,6 +83,15 @@ def test_the_median_of_the_last_readings_is_published() -> None:
     found = ranges(spikes, median=3)
     assert found[:6] == [near] * 6
     assert found[6:] == [pytest.approx(0.639, abs=0.001)] * 2
+
+
+@pytest.mark.parametrize('lowest_mv', [1, 100])
+def test_a_broken_wire_is_no_reading(lowest_mv: int) -> None:
+    data = adc(0, 0) + adc(0, lowest_mv - 1) + adc(0, lowest_mv)
+    with scripted(Sharp, [data], lowest_mv=lowest_mv) as (device, (publisher,)):
+        assert device.read(1) == 1
+        assert len(publisher.samples) == 1
+        assert device.statistics().contradicted_samples == 2
 
 
 def test_voltages_that_cannot_be_are_counted_and_not_published() -> None:

@@ -18,9 +18,9 @@ Hokuyo laser scanners with SCIP 2.0 on USB or a serial line: URG-04LX, UBG, UHG,
 
 One ``sensor_msgs/msg/LaserScan`` for each scan, of as many ranges as the settings say. The device
 counts its steps counter-clockwise and knows which one is ahead, so the angles are those of
-REP 103 with x ahead and z up. REP 117: a distance beyond ``maximum_m``, and the code 0 that the
-device sends without an echo, are +inf; the other codes below 20 mm mean a measurement that failed
-and are NaN.
+REP 103 with x ahead and z up. REP 117: a distance beyond ``maximum_m``, and the code that the
+device sends without an echo (0, of a UTM-30LX 1), are +inf; the other codes below 20 mm mean a
+measurement that failed and are NaN (SCIP 2.0, C-42-03320B, tables 3 and 4).
 
 At opening the device is stopped, asked for its parameters, which have to agree with the settings,
 and told to scan. Nothing else is sent.
@@ -55,7 +55,10 @@ from rt_robot_os.units import NS_PER_S
 
 # Distances below are codes of errors.
 _CODES_MM: Final = 20
+# Without an echo; of scanners with so many steps a turn, the UTM-30LX, another one.
 _NO_ECHO: Final = 0
+_OTHER_STEPS: Final = 1440
+_OTHER_NO_ECHO: Final = 1
 # Of the largest parameter there is.
 _DIGITS: Final = 9
 _METRES: Final = 0.001
@@ -81,6 +84,9 @@ class Hokuyo(SerialDevice[ScipFrame]):
         Field('minimum_m', float, 0.02, 'Shortest distance that it measures.', 'm', 0.0, 100.0),
         Field('maximum_m', float, 5.6, 'Longest distance that it measures; what is beyond it is '
               '+inf.', 'm', 0.001, 250.0),
+        Field('no_echo_codes', list, (), 'Codes below 20 mm that mean that nothing is within its '
+              'range; empty: 0, with 1440 steps_per_turn (UTM-30LX) 1.', item=int, minimum=0,
+              maximum=19),
         Field('latency_s', float, 0.0, 'Time from the first ray of a scan to its arrival, taken '
               'off the stamp. Turning 240 degrees takes a URG-04LX 67 ms, sending them as much '
               'again; measure yours.', 's', 0.0, 1.0),
@@ -106,6 +112,8 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._count = last - first + 1
         self._angle = 2 * math.pi / settings['steps_per_turn']
         self._angle_minimum = (first - settings['front_step']) * self._angle
+        usual = (_OTHER_NO_ECHO if settings['steps_per_turn'] == _OTHER_STEPS else _NO_ECHO,)
+        self._no_echo = tuple(settings['no_echo_codes'] or usual)
         self._scan_s = 1 / settings['output_rate_hz']
         self._maximum_mm = round(settings['maximum_m'] / _METRES)
         self._latency_ns = round(settings['latency_s'] * NS_PER_S)
@@ -211,7 +219,8 @@ class Hokuyo(SerialDevice[ScipFrame]):
         np.multiply(distances_mm, _METRES, out=ranges, casting='unsafe')
         ranges[distances_mm > self._maximum_mm] = math.inf
         ranges[distances_mm < _CODES_MM] = math.nan
-        ranges[distances_mm == _NO_ECHO] = math.inf
+        for code in self._no_echo:
+            ranges[distances_mm == code] = math.inf
         publisher.publish(arrival_ns - self._latency_ns)
         return 1
 

@@ -36,6 +36,8 @@ from rt_robot_os.sim.device import SimulatedDevice
 # First, last and front step, steps a turn, longest distance in mm, turns a minute.
 PRODUCTS: Final = {'URG-04LX': (44, 725, 384, 1024, 5600, 600),
                    'UTM-30LX': (0, 1080, 540, 1440, 30000, 2400)}
+# What it sends without an echo, in place of a distance in mm.
+_NO_ECHO: Final = {'URG-04LX': 0, 'UTM-30LX': 1}
 ROOM_M: Final = (6.0, 4.0)
 PILLAR_M: Final = (1.5, 0.5, 0.2)
 
@@ -80,8 +82,9 @@ class SimulatedHokuyo(SimulatedDevice):
         steps = np.arange(first, last + 1, dtype=np.float64) - self._front
         ranges = self._ranges(steps * (2 * math.pi / self._turn), time_s)
         ranges += self._noise.normal(0.0, _NOISE_M * self.settings['noise'], ranges.size)
-        ranges[ranges * 1000 >= self._maximum_mm + 0.5] = 0.0
-        millimetres = np.round(ranges * 1000).astype(int)
+        millimetres = np.where(ranges * 1000 >= self._maximum_mm + 0.5,
+                               _NO_ECHO[self.settings['product']],
+                               np.round(ranges * 1000)).astype(int)
         return wire.scan(self._scan, round(time_s * 1000), millimetres.tolist())
 
     def _ranges(self, angles: Ranges, time_s: float) -> Ranges:

@@ -56,7 +56,6 @@ from rt_robot_os.schema import TopicSpec
 CUSTOM: Final = 'custom'
 
 _SURE: Final = 10
-_LOWEST_MV: Final = 1
 _HIGHEST_MV: Final = 5500
 _FIELDS: Final = 3
 
@@ -80,6 +79,9 @@ class Sharp(SerialDevice[NmeaFrame]):
               0.001, 100.0),
         Field('exponent', float, -1.2045, 'Fit for model custom: power of the voltage.', '',
               -5.0, -0.1),
+        Field('lowest_mv', int, 1, 'A lower voltage is that of a broken wire or of no power, and '
+              'is no reading. A little below what yours gives without a target is best; 0: it '
+              'gives no voltage then.', 'mV', 0, 1000),
         Field('median', int, 3, 'Readings of which the median is published; 1 publishes each. '
               'The device gives a new one each 38 ms.', choices=(1, 3, 5, 7, 9)),
     )
@@ -99,6 +101,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._filler = RangeFiller(name, settings, INFRARED)
         self._coefficient_m, self._exponent = SHARP_FITS.get(
             settings['model'], (settings['coefficient_m'], settings['exponent']))
+        self._lowest_mv: int = settings['lowest_mv']
         self._places = {channel: place for place, channel in enumerate(channels)}
         self._recent: list[deque[float]] = [deque(maxlen=settings['median']) for _ in channels]
         self._strangers = 0
@@ -161,7 +164,7 @@ class Sharp(SerialDevice[NmeaFrame]):
             self._unknown(f'channel {channel} and none of {list(self._places)}: set channels')
             return 0
         self._strangers = 0
-        if millivolts > _HIGHEST_MV:
+        if not self._lowest_mv <= millivolts <= _HIGHEST_MV:
             self._wrong += 1
             return 0
         recent = self._recent[place]
@@ -181,7 +184,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._ignored_frames += 1
 
     def _distance_m(self, millivolts: int) -> float:
-        if millivolts < _LOWEST_MV:
+        if not millivolts:
             return math.inf
         distance: float = self._coefficient_m * (millivolts / 1000) ** self._exponent
         return distance

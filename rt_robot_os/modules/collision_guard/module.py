@@ -21,6 +21,7 @@ before what is in their way; what is not in their way stops nothing. Every stop 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from collections.abc import Mapping
 import math
 from typing import Any
@@ -36,10 +37,14 @@ from rt_robot_os.modules.collision_guard.settings import check_sensors
 from rt_robot_os.modules.collision_guard.settings import footprint_of
 from rt_robot_os.modules.collision_guard.settings import SETTINGS
 from rt_robot_os.modules.collision_guard.settings import STOP
+from rt_robot_os.modules.collision_guard.sight import Sight
 from rt_robot_os.modules.collision_guard.surroundings import FREE
 from rt_robot_os.modules.collision_guard.surroundings import Surroundings
+from rt_robot_os.modules.collision_guard.surroundings import UNSEEN
 from rt_robot_os.modules.collision_guard.surroundings import Verdict
 from rt_robot_os.modules.wake_up import WakeUp
+from rt_robot_os.motion.differential import moved
+from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
@@ -83,6 +88,7 @@ class CollisionGuard(Module):
         self._stamp_ns = self._deadline_ns = 0
         self._out_v = self._out_w = 0.0  # as published last
         self._driven_m, self._driven_ns = 0.0, 0
+        self._pose: Pose = (0.0, 0.0, 0.0)  # as commanded, from the start
         self._verdict = FREE
         self._told = ''
         self._commands = self._refused = self._late = self._stops = self._timeouts = 0
@@ -113,8 +119,11 @@ class CollisionGuard(Module):
              else RangeFinder(read, self._mounting(read), self._footprint),
              'scan_timeout_s' if topic in self.settings['scan_topics'] else 'range_timeout_s')
             for topic, read in self.listed.items()]
+        self._sights = {sensor.topic: Sight(sensor, self._footprint, self.settings)
+                        for sensor, _ in self._sensors if isinstance(sensor, Scanner)}
         self._surroundings = Surroundings(
-            self._footprint, [sensor for sensor, _ in self._sensors], self._bumper, self.settings)
+            self._footprint, [sensor for sensor, _ in self._sensors], [*self._sights.values()],
+            self._bumper, self.settings)
         self._surroundings.gather()
         self._window_m = self._surroundings.window_m()
         self._limits = self.speed_limit if self.connected('speed_limit') else None
@@ -149,6 +158,8 @@ class CollisionGuard(Module):
         warning = ''
         if self._told:
             warning = f'stopped: {verdict.why}'
+        elif verdict.cause.endswith(UNSEEN):
+            warning = f'slowed: {verdict.why}'
         state = 'stop' if verdict.share == 0.0 else 'slow' if verdict.share < 1.0 else 'free'
         return {
             'warning': warning, 'state': state, 'limited_by': verdict.why,
@@ -156,7 +167,9 @@ class CollisionGuard(Module):
             'speed_limit_m_s': min(self.settings['linear_max_m_s'], self._asked_m_s),
             'late_commands': self._late, 'command_timeouts': self._timeouts,
             'stops': self._stops,
-            **{f'{sensor.topic}_unusable': sensor.unusable for sensor, _ in self._sensors}}
+            **{f'{sensor.topic}_unusable': sensor.unusable for sensor, _ in self._sensors},
+            **{f'{topic}_blind_deg': math.degrees(sight.blind_rad)
+               for topic, sight in self._sights.items()}}
 
     # ---- work --------------------------------------------------------------------------------
 
@@ -174,7 +187,9 @@ class CollisionGuard(Module):
 
     def _count_way(self, now_ns: int) -> None:
         """Count what the fastest point of the robot may have driven since the last job."""
-        self._driven_m += self._speed_bound() * (now_ns - self._driven_ns) / NS_PER_S
+        dt_s = (now_ns - self._driven_ns) / NS_PER_S
+        self._driven_m += self._speed_bound() * dt_s
+        self._pose = moved(self._pose, self._out_v * dt_s, self._out_w * dt_s)
         self._driven_ns = now_ns
 
     def _speed_bound(self) -> float:
@@ -184,7 +199,9 @@ class CollisionGuard(Module):
         """Take what the sensors see."""
         speed, is_new = self._speed_bound(), False
         for sensor, _ in self._sensors:
-            is_new |= sensor.take(now_ns, self._window_m, self._driven_m, speed)
+            if sensor.take(now_ns, self._window_m, self._driven_m, speed):
+                is_new = True
+                self._look_for_gaps(sensor, now_ns)
         if self._bumper is not None:
             hold_ns = round(self.settings['bumper_hold_s'] * NS_PER_S)
             while self.bumper.take():
@@ -194,6 +211,14 @@ class CollisionGuard(Module):
             is_new |= before is not self._bumper.contacts
         if is_new:
             self._surroundings.gather()
+
+    def _look_for_gaps(self, sensor: Sensor, now_ns: int) -> None:
+        """Find what a scanner cannot see, from where the robot was at the time of its scan."""
+        sight = self._sights.get(sensor.topic)
+        if sight is not None:
+            ago_s = min((now_ns - sensor.stamp_ns) / NS_PER_S, 1.0)
+            sight.update(moved(self._pose, -self._out_v * ago_s, -self._out_w * ago_s),
+                         self._window_m)
 
     def _take_command(self, now_ns: int) -> bool:
         """Return whether there is a new one."""
@@ -259,17 +284,20 @@ class CollisionGuard(Module):
                            f'{silent}: nothing is heard')
         return verdict
 
+    def _silences(self) -> Iterator[tuple[int, str]]:
+        """Yield when each sensor counts as silent, and its name."""
+        for sensor, key in self._sensors:
+            yield sensor.silent_at_ns(round(self.settings[key] * NS_PER_S)), sensor.topic
+        if self._bumper is not None and self.settings['bumper_timeout_s']:
+            yield self._bumper.silent_at_ns(
+                round(self.settings['bumper_timeout_s'] * NS_PER_S)), self.topic_of('bumper')
+
     def _silent(self, now_ns: int) -> str:
         """Return the sensor that is not heard; empty when all are."""
-        for sensor, key in self._sensors:
-            if now_ns >= sensor.silent_at_ns(round(self.settings[key] * NS_PER_S)):
-                return sensor.topic
-        return ''
+        return next((name for at_ns, name in self._silences() if now_ns >= at_ns), '')
 
     def _next_silence_ns(self, now_ns: int) -> float:
-        return min((at_ns for sensor, key in self._sensors
-                    if (at_ns := sensor.silent_at_ns(round(self.settings[key] * NS_PER_S)))
-                    > now_ns), default=math.inf)
+        return min((at_ns for at_ns, _ in self._silences() if at_ns > now_ns), default=math.inf)
 
     def _publish(self, v: float, w: float, stamp_ns: int) -> None:
         message = self.safe.msg

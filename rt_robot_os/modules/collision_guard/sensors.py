@@ -16,7 +16,9 @@
 What the sensors of a guard see, as points in ``base_link``.
 
 REP 117: -inf is nearer than the sensor can measure, so that something touches the robot there;
-+inf is nothing within its range; NaN is no reading. Everything here is safe in the real-time loop.
++inf is nothing within its range; NaN is no reading, and neither is what is below the shortest
+distance of a scanner. A message whose limits are not valid is not a reading at all. Everything
+here is safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -46,6 +48,10 @@ _RAY_RAD: Final = 0.1
 _RAYS_MAXIMUM: Final = 31
 # A ray looks back when its direction has this share of straight back: within 25 degrees.
 _BACKWARDS: Final = 0.9
+# Rays of a scan are at least so far apart, in rad.
+_STEP_LEAST: Final = 1e-6
+# The plane of a scanner that is steeper has no rays for most places of the floor.
+_LEVEL: Final = 0.5
 _NONE: Final[Array] = np.empty(0)
 _NO_CONTACTS: Final[Array] = np.empty((0, 4))
 
@@ -76,6 +82,8 @@ class Sensor(ABC):
     :ivar contacts: what touches the robot: of shape (n, 4), see :meth:`Footprint.touched`.
     :ivar driven_m: what the robot had driven when it saw that.
     :ivar unusable: messages that showed nothing.
+    :ivar at_m: where it is in ``base_link``.
+    :ivar stamp_ns: of its last message that showed something; -1 before.
     :ivar looks_back: whether it would see what the robot drives backwards into.
     """
 
@@ -89,10 +97,10 @@ class Sensor(ABC):
         self.unusable = 0
         self._read = read
         self._footprint = footprint
-        self._at = mounting.position_m
+        self.at_m = mounting.position_m
         self._mounting = mounting
         self._seen_ns = -1
-        self._stamp_ns = -1
+        self.stamp_ns = -1
 
     def take(self, now_ns: int, window_m: float, driven_m: float, speed_m_s: float) -> bool:
         """
@@ -108,10 +116,10 @@ class Sensor(ABC):
             return False
         stamp_ns = min(read.stamp_ns, now_ns)
         # One whose clock stands still shows who knows when.
-        if not self._show(window_m) or stamp_ns <= self._stamp_ns:
+        if not self._show(window_m) or stamp_ns <= self.stamp_ns:
             self.unusable += 1
             return False
-        self._seen_ns = self._stamp_ns = stamp_ns
+        self._seen_ns = self.stamp_ns = stamp_ns
         self.driven_m = driven_m - speed_m_s * min((now_ns - stamp_ns) / NS_PER_S, 1.0)
         return True
 
@@ -126,12 +134,12 @@ class Sensor(ABC):
     def _direction(self, angle: float) -> tuple[float, float]:
         """Return the direction of a ray in the plane of the robot, of length 1."""
         x, y, _ = self._mounting.in_parent((math.cos(angle), math.sin(angle), 0.0))
-        x, y = x - self._at[0], y - self._at[1]
+        x, y = x - self.at_m[0], y - self.at_m[1]
         length = math.hypot(x, y) or 1.0
         return x / length, y / length
 
     def _touch(self, angles: list[float]) -> Array:
-        x, y, _ = self._at
+        x, y, _ = self.at_m
         return np.array([self._footprint.touched(x, y, *self._direction(angle))
                          for angle in angles])
 
@@ -141,33 +149,61 @@ class Scanner(Sensor):
     A laser scanner.
 
     :param minimum_m: what is nearer is the robot itself; 0: the scan says it.
+    :ivar blind: which rays of the last scan have no valid reading.
+    :ivar geometry: angle of the first ray and of a step, in rad, of the last scan.
+    :ivar directions: x and y of each ray in ``base_link``.
     """
 
     def __init__(self, read: Subscription, mounting: Mounting, footprint: Footprint,
                  minimum_m: float) -> None:
         super().__init__(read, mounting, footprint)
         self._minimum_m = minimum_m
-        self._geometry: tuple[float, float] = math.nan, math.nan
-        self._along = self._across = _NONE
+        self.blind: Mask = np.empty(0, bool)
+        self.geometry: tuple[float, float] = math.nan, math.nan
+        self.directions = _NONE, _NONE
+
+    @property
+    def ranges(self) -> Array:
+        """Return those of the message that was received last, in m."""
+        ranges: Array = self._read.msg.ranges
+        return ranges
+
+    @property
+    def to_scanner(self) -> Array | None:
+        """Return the matrix from ``base_link`` to the plane of the scan; None when it is steep."""
+        x0, y0, _ = self.at_m
+        ahead = self._mounting.in_parent((1.0, 0.0, 0.0))
+        left = self._mounting.in_parent((0.0, 1.0, 0.0))
+        (a, b), (c, d) = (ahead[0] - x0, left[0] - x0), (ahead[1] - y0, left[1] - y0)
+        determinant = a * d - b * c
+        if abs(determinant) < _LEVEL:
+            return None
+        return np.array(((d, -b), (-c, a))) / determinant
 
     def _show(self, window_m: float) -> bool:
         msg = self._read.msg
         ranges = msg.ranges
-        if (msg.angle_min, msg.angle_increment) != self._geometry and not self._measure():
+        low, most = max(msg.range_min, self._minimum_m), msg.range_max
+        if not 0.0 <= msg.range_min <= low < most:
             return False
-        low = max(msg.range_min, self._minimum_m)
+        if ((msg.angle_min, msg.angle_increment) != self.geometry
+                or ranges.size != self.directions[0].size) and not self._measure():
+            return False
         with np.errstate(invalid='ignore'):
-            usable = ranges >= low
+            usable = (ranges >= low) & (ranges > 0.0)
             near = np.flatnonzero(ranges == -math.inf)
             count = np.count_nonzero(usable) + near.size
             if count < max(1.0, _USABLE * ranges.size):
                 return False
-            high = min(msg.range_max, window_m + math.hypot(*self._at[:2]))
+            high = min(most, window_m + math.hypot(*self.at_m[:2]))
             met = np.flatnonzero(usable & (ranges <= high))
         distances = ranges[met].astype(np.float64)
-        self.x = self._at[0] + distances * self._along[met]
-        self.y = self._at[1] + distances * self._across[met]
-        first, step = self._geometry
+        along, across = self.directions
+        self.x = self.at_m[0] + distances * along[met]
+        self.y = self.at_m[1] + distances * across[met]
+        self.blind = ~usable
+        self.blind[near] = False
+        first, step = self.geometry
         # Many rays are one hand before the lens.
         self.contacts = self._touch([
             first + step * int(i) for i in near[::max(1, near.size // _RAYS_MAXIMUM)]]
@@ -180,12 +216,12 @@ class Scanner(Sensor):
 
         Not for sensors that hang upside down or lie on their side: these see beyond nothing.
         """
-        first, step = self._geometry
+        first, step = self.geometry
         roll, pitch, yaw = self._mounting.rotation_rad
         ranges = self._read.msg.ranges
         if roll or pitch or not step > 0.0:
             return np.zeros(x.shape, bool)
-        x, y = x - self._at[0], y - self._at[1]
+        x, y = x - self.at_m[0], y - self.at_m[1]
         angles = np.mod(np.arctan2(y, x) - yaw - first, 2 * math.pi)
         ray = np.rint(angles / step).astype(np.intp)
         inside = ray < ranges.size
@@ -197,17 +233,18 @@ class Scanner(Sensor):
         """Find the direction of each ray; once, unless the scanner turns out to change."""
         msg = self._read.msg
         first, step = float(msg.angle_min), float(msg.angle_increment)
-        if not (math.isfinite(first) and math.isfinite(step)):
+        if not (math.isfinite(first) and _STEP_LEAST <= abs(step) < math.pi):
             return False
-        self._geometry = first, step
-        x0, y0, _ = self._at
+        self.geometry = first, step
+        x0, y0, _ = self.at_m
         ahead = self._mounting.in_parent((1.0, 0.0, 0.0))
         left = self._mounting.in_parent((0.0, 1.0, 0.0))
         angles = first + step * np.arange(msg.ranges.size)
         cosine, sine = np.cos(angles), np.sin(angles)
-        self._along = (ahead[0] - x0) * cosine + (left[0] - x0) * sine
-        self._across = (ahead[1] - y0) * cosine + (left[1] - y0) * sine
-        self.looks_back = bool((self._along < -_BACKWARDS).any())
+        along = (ahead[0] - x0) * cosine + (left[0] - x0) * sine
+        across = (ahead[1] - y0) * cosine + (left[1] - y0) * sine
+        self.directions = along, across
+        self.looks_back = bool((along < -_BACKWARDS).any())
         return True
 
 
@@ -220,7 +257,7 @@ class RangeFinder(Sensor):
     def _show(self, window_m: float) -> bool:
         msg = self._read.msg
         distance = float(msg.range)
-        if math.isnan(distance):
+        if math.isnan(distance) or not 0.0 <= msg.min_range <= msg.max_range > 0.0:
             return False
         self.x = self.y = _NONE
         self.contacts = _NO_CONTACTS
@@ -228,9 +265,9 @@ class RangeFinder(Sensor):
             self._measure(msg.field_of_view)
         if distance < msg.min_range:
             self.contacts = self._touch([0.0])
-        elif distance <= min(msg.max_range, window_m + math.hypot(*self._at[:2])):
-            self.x = self._at[0] + distance * self._along
-            self.y = self._at[1] + distance * self._across
+        elif distance <= min(msg.max_range, window_m + math.hypot(*self.at_m[:2])):
+            self.x = self.at_m[0] + distance * self._along
+            self.y = self.at_m[1] + distance * self._across
         return True
 
     def _measure(self, width: float) -> None:
@@ -250,7 +287,6 @@ class Bumper:
     :ivar contacts: see :class:`Sensor`.
     """
 
-    topic = ''
     RIGHT: Final = 1
     CENTRE: Final = 2
     LEFT: Final = 4
@@ -263,18 +299,24 @@ class Bumper:
                         for bit, angle in self._ANGLES.items()}
         self._until_ns = dict.fromkeys((*self._ANGLES, self.CLIFF, self.WHEEL_DROP), 0.0)
         self.bits = 0
+        self._heard_ns = -1
         self.lifted = False
         self.cliff = False
         self.contacts = _NO_CONTACTS
 
     def hear(self, bits: int, now_ns: int, hold_ns: int) -> None:
         """Take what the switches say; what is let go counts for a while."""
+        self._heard_ns = now_ns
         for bit in self._until_ns:
             if bits & bit:
                 self._until_ns[bit] = math.inf
             elif self.bits & bit:
                 self._until_ns[bit] = now_ns + hold_ns
         self.bits = bits
+
+    def silent_at_ns(self, timeout_ns: int) -> int:
+        """Return when it counts as silent; 0 when it was never heard."""
+        return self._heard_ns + timeout_ns if self._heard_ns >= 0 else 0
 
     def look(self, now_ns: int) -> float:
         """

@@ -72,6 +72,16 @@ SETTINGS: Final = (
     Field('range_timeout_s', float, 0.5, 'The same of a range sensor', 's', 0.01, 60.0,
           live=True),
     Field('silent', str, STOP, 'What a silent sensor means', choices=(STOP, SLOW), live=True),
+    Field('unseen', str, STOP, 'What a sector ahead without valid readings of a scanner (NaN, 0, '
+          'less than range_min) means: stop: the robot stops before it; slow: it goes on at '
+          'slow_m_s. Backwards, and turning on the spot, it goes at most at backward_max_m_s into '
+          'one', choices=(STOP, SLOW), live=True),
+    Field('unseen_size_m', float, 0.1, 'The narrowest thing that must not be missed between two '
+          'valid rays: where a gap is narrower it counts as seen', 'm', 0.01, 2.0, live=True),
+    Field('unseen_speed_m_s', float, 1.0, 'How fast something may come near that a scanner '
+          'cannot see: what it saw free before shrinks so fast', 'm/s', 0.05, 20.0, live=True),
+    Field('bumper_timeout_s', float, 1.0, 'The same as range_timeout_s, of the bumper; 0: it '
+          'publishes changes only, and its silence means nothing', 's', 0.0, 60.0, live=True),
     Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
           'itself; 0: its own range_min', 'm', 0.0, 5.0),
     Field('bumper_hold_s', float, 1.0, 'How long something bumped into counts after the bumper is '

@@ -15,8 +15,8 @@
 """
 How fast a robot may drive among what its sensors see.
 
-Whatever they see is an obstacle that stands still. The velocity is scaled as a whole, so that the
-arc stays the same. Safe in the real-time loop.
+Whatever they see is an obstacle that stands still; what they cannot see may hold one. The velocity
+is scaled as a whole, so that the arc stays the same. Safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ import numpy as np
 
 from rt_robot_os.modules.collision_guard.sensors import Bumper
 from rt_robot_os.modules.collision_guard.sensors import Sensor
+from rt_robot_os.modules.collision_guard.settings import SLOW
+from rt_robot_os.modules.collision_guard.sight import Sight
 from rt_robot_os.motion.zones import Array
 from rt_robot_os.motion.zones import braking_share
 from rt_robot_os.motion.zones import Footprint
@@ -42,6 +44,8 @@ _NEAR_M: Final = 0.01
 _NONE: Final[Array] = np.empty(0)
 # The share of the clearance that it keeps when it passes something slowly.
 _GAP_SHARE: Final = 0.5
+#: The end of the cause of a limit that comes from what cannot be seen.
+UNSEEN: Final = ': unseen'
 _BUMPER: Final = 'bumper'
 _CLIFF: Final = 'cliff'
 _TOUCHED: Final = {_BUMPER: 'something touches the robot', _CLIFF: 'an edge is ahead'}
@@ -70,13 +74,15 @@ class Surroundings:
     """
     All that the sensors see, and what follows for a velocity.
 
+    :param sights: what its scanners cannot see.
     :param settings: of the guard; a live one may change.
     """
 
-    def __init__(self, footprint: Footprint, sensors: Sequence[Sensor], bumper: Bumper | None,
-                 settings: Mapping[str, Any]) -> None:
+    def __init__(self, footprint: Footprint, sensors: Sequence[Sensor], sights: Sequence[Sight],
+                 bumper: Bumper | None, settings: Mapping[str, Any]) -> None:
         self._footprint = footprint
         self._sensors = sensors
+        self._sights = sights
         self._bumper = bumper
         self._settings = settings
         self._x = self._y = self._driven = _NONE
@@ -138,6 +144,36 @@ class Surroundings:
         :param w: to the left in rad/s.
         :param driven_m: by the fastest point of the robot until now.
         """
+        seen = self._judge_seen(v, w, driven_m)
+        if seen.share == 0.0:
+            return seen
+        return min((seen, *(self._judge_unseen(sight, v, w, driven_m) for sight in self._sights
+                            if sight.x.size)), key=lambda verdict: verdict.share)
+
+    def _judge_unseen(self, sight: Sight, v: float, w: float, driven_m: float) -> Verdict:
+        """Say what a velocity may be, so that the robot stops before what a scanner cannot see."""
+        shape, s = self._footprint, self._settings
+        speed = shape.speed(v, w)
+        if speed == 0.0:
+            return FREE
+        times = shape.times(sight.x, sight.y, v, w, 0.0)
+        times = times - (driven_m - sight.driven_m) / (abs(v) + abs(w) * shape.reach_m)
+        first = int(times.argmin())
+        room_m = float(times[first]) * speed - s['stop_m']
+        share = self._braking(room_m, v, w, speed) if room_m > _NEAR_M else 0.0
+        # As where no sensor looks: it can always get away, but slowly.
+        least_m_s = s['backward_max_m_s'] if v <= 0.0 else 0.0
+        if s['unseen'] == SLOW:
+            least_m_s = max(least_m_s, s['slow_m_s'])
+        share = max(share, min(1.0, least_m_s / speed))
+        if share == 1.0:
+            return FREE
+        low, high = map(math.degrees, sight.sector(first))
+        return Verdict(share, sight.topic + UNSEEN,
+                       f'{sight.topic}: no valid readings from {low:.0f} to {high:.0f} degrees')
+
+    def _judge_seen(self, v: float, w: float, driven_m: float) -> Verdict:
+        """Say what a velocity may be among what is seen."""
         shape, s = self._footprint, self._settings
         speed = shape.speed(v, w)
         if speed == 0.0:
@@ -163,11 +199,16 @@ class Surroundings:
             self._stands = True
             return self._stop(first)
         self._stands = False
-        stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
-        share = braking_share(room_m / speed, stopping_s, s['reaction_s'])
+        share = self._braking(room_m, v, w, speed)
         if share < slow:
             return Verdict(share, 'braking', f'{way_m:.2f} m are free')
         return Verdict(slow, cause, cause)
+
+    def _braking(self, room_m: float, v: float, w: float, speed: float) -> float:
+        """Return the share of a velocity from which it still stops within a distance."""
+        s = self._settings
+        stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
+        return braking_share(room_m / speed, stopping_s, s['reaction_s'])
 
     def _way(self, v: float, w: float, speed: float, driven_m: float, clearance_m: float
              ) -> tuple[int, float]:

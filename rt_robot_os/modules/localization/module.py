@@ -58,6 +58,8 @@ _SILENT_S: Final = 1.0
 _ODOM_WAIT_NS: Final = 3 * NS_PER_S // 10
 # A pause of measured poses that is counted as dead time.
 _DEAD_NS: Final = NS_PER_S
+# A robot does not drive for long on a steeper slope.
+_GRAVITY_OFF_RAD: Final = math.radians(15.0)
 # Of a covariance that is right the mean is 1; of so many its standard deviation is below 0.15.
 _NIS_MOST: Final = 2.0
 _NIS_FIXES: Final = 50
@@ -145,13 +147,14 @@ class Localization(Module):
 
     def step(self) -> None:
         """Take everything that is new; each sample of odometry gives a pose."""
-        localizer, intake = self._localizer, self._intake
+        localizer, intake, s = self._localizer, self._intake, self.settings
         if intake is None:
             return
         kernel = self.odom.topic.kernel
         now_ns = kernel.now_ns()
         self._first_ns = self._first_ns or now_ns
         located, recovered = localizer.located, localizer.counters.recovered
+        reopened = localizer.headings.reopened
         if self._initial is not None:
             self._take_initial(localizer, self._initial, now_ns)
         if self._corrections is not None:
@@ -177,6 +180,10 @@ class Localization(Module):
                     self._publish(localizer, intake)
             step = intake.next()
         self._tell(localizer, located, recovered)
+        if localizer.headings.reopened != reopened:
+            self.log.warn('headings of %s contradicted for %.1f s and agree with each other: the '
+                          'heading turns by %.0f degrees', self.topic_of('imu'),
+                          s['kidnapped_s'], math.degrees(localizer.headings.offset))
 
     def _take_initial(self, localizer: Localizer, source: FixSource, now_ns: int) -> None:
         """Believe who says where the robot is."""
@@ -226,6 +233,10 @@ class Localization(Module):
             found.update(self._sources(localizer))
         if self._gyro is not None:
             found.update(self._gyro.statistics())
+            for name, each in (('headings', localizer.headings), ('rests', localizer.drifts)):
+                found.update({name: each.accepted, f'{name}_refused': each.refused,
+                              f'{name}_refused_in_row': each.in_row,
+                              f'{name}_reopened': each.reopened})
         return found
 
     def _sources(self, localizer: Localizer) -> dict[str, Any]:
@@ -293,8 +304,9 @@ class Localization(Module):
                 return why
         if not localizer.located:
             return f'the pose is not known yet: no measured poses that agree, on {self._named()}'
-        why = self._source_warning(localizer)
-        if why:
+        if self._gyro is not None and (why := self._imu_warning(localizer, self._gyro)):
+            return why
+        if (why := self._source_warning(localizer)):
             return why
         deviation = math.sqrt(max(0.0, localizer.state.p00 + localizer.state.p11))
         if deviation > self.settings['stddev_warn_m']:
@@ -309,6 +321,22 @@ class Localization(Module):
         if self._gyro is not None and not self._gyro.covered:
             return (f'no samples of {self.topic_of("imu")} at the time of {topic}: the turn is '
                     'that of odometry')
+        return ''
+
+    def _imu_warning(self, localizer: Localizer, gyro: VerticalGyro) -> str:
+        """Report an inertial sensor that contradicts its mounting, or the estimate."""
+        topic = self.topic_of('imu')
+        if gyro.gravity_off_rad > _GRAVITY_OFF_RAD:
+            return (f'gravity on {topic} is {math.degrees(gyro.gravity_off_rad):.0f} degrees from '
+                    'where its mounting says: set mounting_rad of its device')
+        headings = localizer.headings
+        if headings.refused_s > _SILENT_S:
+            return (f'headings of {topic} have contradicted the estimate for '
+                    f'{headings.refused_s:.1f} s, by {abs(math.degrees(headings.offset)):.0f} '
+                    'degrees: check its mounting_rad, imu_heading_offset_rad, and for iron nearby')
+        if localizer.drifts.refused_s > _SILENT_S:
+            return (f'the rate of {topic} at rest has contradicted the estimated bias for '
+                    f'{localizer.drifts.refused_s:.1f} s: is gyro_bias_stddev_rad_s too small?')
         return ''
 
     def _source_warning(self, localizer: Localizer) -> str:

@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 import math
 from typing import Any
+from typing import Final
 
 from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.gyro_turn import GyroTurn
@@ -30,6 +31,13 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.topics import Subscription
 from rt_robot_os.units import NS_PER_S
+
+# An acceleration outside of these says nothing of gravity, in m/s^2.
+_GRAVITY_LEAST: Final = 5.0
+_GRAVITY_MOST: Final = 20.0
+# Samples that make a mean, and of how many the mean is.
+_WEIGHED_LEAST: Final = 100
+_WEIGHED_MOST: Final = 1000
 
 
 class VerticalGyro:
@@ -59,11 +67,15 @@ class VerticalGyro:
         self.heading_variance = 0.0
         self._sensor_heading_rad = math.nan
         self._rate = 0.0
+        self._gravity = (0.0, 0.0, 0.0)
+        self._weighed = 0
         self._imu = imu
         mounted = in_base(mountings, imu.msg.header.frame_id)
         # Of the axes of the sensor, how much each points up.
         self._up = rotate(conjugate(mounted.quaternion()), (0.0, 0.0, 1.0))
         self._unpack = imu.topic.layout.packer('angular_velocity').unpack
+        self._unpack_acceleration = imu.topic.layout.packer('linear_acceleration').unpack
+        self._acceleration_covariance = imu.msg.linear_acceleration_covariance
         self._rate_covariance = imu.msg.angular_velocity_covariance
         self._attitude = attitude
         self._from_base = conjugate(mounted.quaternion())
@@ -102,8 +114,33 @@ class VerticalGyro:
         rate = a * x + b * y + c * z
         if self.turn.add(imu.stamp_ns, rate if math.isfinite(rate) else math.nan):
             self._rate = rate
+            self._weigh(imu)
             if self._attitude:
                 self._read_attitude(imu)
+
+    @property
+    def gravity_off_rad(self) -> float:
+        """
+        Return the angle between gravity, as the mean acceleration has it, and the mounted up.
+
+        0 until enough samples have an acceleration.
+        """
+        length = math.hypot(*self._gravity)
+        if self._weighed < _WEIGHED_LEAST or not length:
+            return 0.0
+        cosine = sum(a * b for a, b in zip(self._gravity, self._up)) / length
+        return math.acos(max(-1.0, min(1.0, cosine)))
+
+    def _weigh(self, imu: Subscription) -> None:
+        """Add an acceleration to the mean, unless the sensor has none."""
+        x, y, z = self._unpack_acceleration(imu.buffer)
+        if (self._acceleration_covariance[0] == -1.0
+                or not _GRAVITY_LEAST < math.hypot(x, y, z) < _GRAVITY_MOST):
+            return
+        self._weighed += 1
+        share = 1.0 / min(self._weighed, _WEIGHED_MOST)
+        a, b, c = self._gravity
+        self._gravity = a + (x - a) * share, b + (y - b) * share, c + (z - c) * share
 
     def _read_attitude(self, imu: Subscription) -> None:
         sensor = self._unpack_attitude(imu.buffer)
@@ -119,4 +156,5 @@ class VerticalGyro:
     def statistics(self) -> Mapping[str, Any]:
         """Return the counters."""
         return {**{f'gyro_{name}': value for name, value in asdict(self.turn.counters).items()},
+                'gyro_gravity_off_deg': math.degrees(self.gravity_off_rad),
                 'gyro_uncovered': self.uncovered, 'gyro_without_rate': self.without_rate}

@@ -56,6 +56,7 @@ class Options:
     :ivar out: the folder of the results, for what is written while measuring; or empty.
     :ivar data: a recording for the cases that take one; or empty.
     :ivar expected: what others make of that recording; empty: the file beside it, if any.
+    :ivar imu_mounting: roll, pitch and yaw in rad of the inertial sensor of that recording.
     """
 
     seconds: float
@@ -66,6 +67,7 @@ class Options:
     out: str = ''
     data: str = ''
     expected: str = ''
+    imu_mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def measure_ns(self) -> int:

@@ -121,6 +121,9 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
     parser.add_argument('--expected', metavar='FILE', type=Path,
                         help='what others make of it, as JSON (default: NAME.expected.json beside '
                         'it, if there is one)')
+    parser.add_argument('--imu-mounting', metavar='ROLL,PITCH,YAW', type=_mounting,
+                        help='how the inertial sensor of the recording is mounted on the robot, '
+                        'in rad, as mounting_rad of a device (default: 0,0,0)')
     parser.add_argument('--json', metavar='FILE', type=Path, help='write the result as JSON')
     parser.add_argument('--out', metavar='DIR', type=Path,
                         help=f'write {PAGE_FILE} (tables and plots), {DOCUMENT_FILE}, '
@@ -152,6 +155,17 @@ def _number(text: str, of: str, limits: tuple[float, float]) -> float:
     return value
 
 
+def _mounting(text: str) -> tuple[float, float, float]:
+    try:
+        roll, pitch, yaw = (float(each) for each in text.split(','))
+    except ValueError:
+        roll = pitch = yaw = math.nan
+    if not all(abs(each) <= math.tau for each in (roll, pitch, yaw)):
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is not three angles in rad, such as 3.1416,0,0 for a sensor upside down')
+    return roll, pitch, yaw
+
+
 def _repeats(text: str) -> int:
     if not (text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= _REPEATS_MAXIMUM):
         raise argparse.ArgumentTypeError(
@@ -176,7 +190,7 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     options = replace(
         base, out=_absolute(given.out), data=_absolute(given.data),
         expected=_absolute(given.expected),
-        **{key: value for key in ('seconds', 'repeats', 'hours')
+        **{key: value for key in ('seconds', 'repeats', 'hours', 'imu_mounting')
            if (value := getattr(given, key)) is not None})
     if not given.list:
         if given.json is not None:
@@ -194,8 +208,9 @@ def _absolute(path: Path | None) -> str:
 def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
     """Refuse what would have no effect, rather than leave it out in silence."""
     if given.page is not None:
-        useless = [f'--{name}' for name in ('quick', 'full', 'seconds', 'repeats', 'hours', 'json',
-                                            'out', 'data', 'expected') if getattr(given, name)]
+        useless = [f'--{name.replace("_", "-")}' for name in ('quick', 'full', 'seconds', 'repeats', 'hours', 'json',
+                                            'out', 'data', 'expected', 'imu_mounting')
+                   if getattr(given, name)]
         if useless or given.case:
             parser.error(f'--page {given.page}: measures nothing, and cannot go with '
                          f'{", ".join((*useless, *given.case))}')
@@ -208,6 +223,8 @@ def _check_data(parser: _Parser, given: argparse.Namespace, chosen: Sequence[Cas
     """See that a recording can be read, and that somebody reads it."""
     if given.expected is not None and given.data is None:
         parser.error(f'--expected {given.expected}: of which recording? name it with --data FILE')
+    if given.imu_mounting is not None and given.data is None:
+        parser.error('--imu-mounting: of which recording? name it with --data FILE')
     if given.data is None:
         return
     if not any(case.takes_data for case in chosen):

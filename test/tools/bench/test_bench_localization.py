@@ -37,6 +37,8 @@ from rt_robot_os.tools.bench.localization.recording import read
 from rt_robot_os.tools.bench.localization.recording import RecordingError
 from rt_robot_os.tools.bench.localization.replay import replay
 from rt_robot_os.tools.bench.localization.simulation import rms
+from rt_robot_os.tools.bench.options import parse
+from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.workers import localization as worker
@@ -52,6 +54,30 @@ def jackal(data_dir: Path) -> Path:
     if not path.is_file():
         pytest.skip(f'no recording {path}')
     return path
+
+
+def test_the_mounting_of_the_sensor_is_taken_from_the_command_line(
+        capsys: pytest.CaptureFixture[str]) -> None:
+    given = parse(['localization', '--data', __file__, '--imu-mounting', '3.14,0,-0.5'], CASES)
+    assert given.options.imu_mounting == (3.14, 0.0, -0.5)
+    for wrong in ('3.14', '3.14,0', 'a,b,c', 'nan,0,0', '0,0,7'):
+        with pytest.raises(SystemExit):
+            parse(['localization', '--data', __file__, '--imu-mounting', wrong], CASES)
+        assert f"'{wrong}' is not three angles in rad" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        parse(['localization', '--imu-mounting', '0,0,0'], CASES)
+    assert 'name it with --data FILE' in capsys.readouterr().err
+
+
+def test_gravity_that_is_not_where_it_should_be_misses_an_aim(tmp_path: Path) -> None:
+    path = tmp_path / 'drive.csv'
+    path.write_text(''.join(
+        f'{step / 50},odom,0,0,0,1,0,0,0,0.001,0.01\n{step / 50},imu,0,0,0,0,0,0,0,0,0,-9.81\n'
+        for step in range(200)))
+    for mounting, off_deg in (((0.0, 0.0, 0.0), 180.0), ((math.pi, 0.0, 0.0), 0.0)):
+        found = worker.recorded(Harness({'data': str(path), 'expected': '',
+                                         'imu_mounting': mounting}, -2, 0, tmp_path))
+        assert found.figures['gyro_gravity_off_deg'] == pytest.approx(off_deg, abs=0.1)
 
 
 def test_the_drive_of_a_jackal_ends_where_robot_localization_does(jackal: Path) -> None:

@@ -106,7 +106,7 @@ def test_the_document_holds_conditions_metrics_and_verdicts(tmp_path: Path) -> N
     assert content['interrupted'] is False
     assert content['options'] == {
         'seconds': 2.0, 'repeats': 3, 'full': False, 'quick': False, 'hours': 1 / 60,
-        'data': '', 'expected': ''}
+        'data': '', 'expected': '', 'imu_mounting': [0.0, 0.0, 0.0]}
     assert content['realtime'] == {'CPU 1': 'in force', 'SCHED_FIFO priority 80': 'not permitted'}
     assert content['harness_ns_per_sample'] > 0
     assert (content['machine']['compiled'], content['machine']['build']) == (

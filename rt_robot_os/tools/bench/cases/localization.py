@@ -68,6 +68,7 @@ _OPERATIONS = (
 _SHOWN_MM = 500
 _STEP_LIMIT_US = 60.0
 _PS_PER_US = 1e6
+_GRAVITY_DEG = 15.0
 _NOTES = (
     'An eight at 0.3 m/s for 60 s; the right wheel is 1 % larger than it is said to be, both',
     'slip by 5 mm after 1 m, the gyroscope has a bias of 1.1 degrees/s. Ten measured poses a',
@@ -91,7 +92,8 @@ def _plan(options: Options) -> Sequence[Run]:
         _START_S + seeds * len(scenarios) * _DRIVE_S, UNPINNED, 0, once=True)]
     if options.data:
         runs.append(Run(_RECORDED, 'recording', f'{_WORKERS}:recorded', {
-            'data': options.data, 'expected': options.expected}, _seconds_for(options.data),
+            'data': options.data, 'expected': options.expected,
+            'imu_mounting': list(options.imu_mounting)}, _seconds_for(options.data),
             UNPINNED, 0, once=True))
     return (*runs, Run(_STEPS, 'steps', f'{_WORKERS}:steps', {'measure_ns': options.measure_ns},
                        _START_S + options.seconds, once=options.quick))
@@ -187,10 +189,14 @@ def _recorded(outcomes: Outcomes) -> Table:
     columns = (Column('x', 'x', 'm', 'end'), Column('y', 'y', 'm', 'end'),
                Column('away', 'from ours', 'm', 'end'),
                Column('rms', 'position', 'm', 'RMS error'),
-               Column('turn', 'heading', 'rad', 'RMS error'))
+               Column('turn', 'heading', 'rad', 'RMS error'),
+               Column('refused', 'refused', '', 'IMU headings'),
+               Column('reopened', 'reopened', '', 'IMU headings'),
+               Column('gravity', 'off', 'degrees', 'gravity'))
     rows = [outcomes.row(_RECORDED, {
         'x': _figure('estimate x_m'), 'y': _figure('estimate y_m'), 'rms': _figure('rms_m'),
-        'turn': _figure('rms_rad')}, 'rt_robot_os, module localization')]
+        'turn': _figure('rms_rad'), 'refused': _figure('headings_refused'),
+        'reopened': _figure('headings_reopened'), 'gravity': _figure('gyro_gravity_off_deg')}, 'rt_robot_os, module localization')]
     if rows[0].status is Status.OK:
         rows.append(outcomes.row(_RECORDED, {
             'x': _figure('odometry x_m'), 'y': _figure('odometry y_m')}, 'wheel odometry alone'))
@@ -201,7 +207,9 @@ def _recorded(outcomes: Outcomes) -> Table:
             for name in _others(outcomes)]
     return Table('recording', columns, rows, (
         'The module itself on the recording, on the virtual clock; expected: what stands in the',
-        'file beside it, or that of --expected.'))
+        'file beside it, or that of --expected. IMU headings are refused where they do not fit the',
+        'estimate. Gravity is the mean acceleration against the vertical of the robot: where it is',
+        'off by more than 15 degrees the IMU is mounted otherwise; see --imu-mounting.'))
 
 
 def _steps(outcomes: Outcomes) -> Table:
@@ -232,6 +240,11 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         Aim('step of odometry with a measured pose', _STEP_LIMIT_US,
             outcomes.metric(_STEPS, common.part_of('step', 0.5, _PS_PER_US)), 'us',
             why=common.disturbances(outcomes, _STEPS))]
+    for outcome in outcomes.measured(_RECORDED)[:1]:
+        if 'gyro_gravity_off_deg' in outcome.figures:
+            aims.append(Aim('gravity off the vertical (mounting of the IMU)', _GRAVITY_DEG,
+                            outcomes.metric(_RECORDED, _figure('gyro_gravity_off_deg')),
+                            'degrees'))
     if 'ekf' in _others(outcomes):
         aims.append(Aim('end on the recording, from the EKF expected', 0.10,
                         outcomes.metric(_RECORDED, _distance('ekf')), 'm'))

@@ -18,8 +18,8 @@ Recordings of a drive as text: what `bench localization --data FILE` reads.
 A line is ``seconds,kind,values...``; lines may be out of order as they came. Kinds:
 
 - ``odom,x,y,qz,qw,vx,vy,wz,var_vx,var_wz``: wheel odometry, as in ``nav_msgs/msg/Odometry``;
-- ``imu,qx,qy,qz,qw,wx,wy,wz,ax,ay,az``: as in ``sensor_msgs/msg/Imu``, mounted as the robot
-  stands; the orientation is 0,0,0,0 when there is none;
+- ``imu,qx,qy,qz,qw,wx,wy,wz,ax,ay,az``: as in ``sensor_msgs/msg/Imu``, mounted as
+  ``--imu-mounting`` says; the orientation is 0,0,0,0 when there is none;
 - ``fix,x,y,yaw,var_x,var_y,var_yaw``: a pose measured on the map;
 - ``truth,x,y,yaw``: where the robot really was; only compared with.
 

@@ -28,6 +28,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules.localization import Localization
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.tools.bench.localization.recording import Line
 from rt_robot_os.tools.bench.localization.recording import RecordingError
 from rt_robot_os.topics import Bus
@@ -89,17 +90,18 @@ def settings_for(lines: Sequence[Line]) -> dict[str, Any]:
         'initial_stddev_rad': math.pi if heading else 0.0, 'speed_max_m_s': 20.0}
 
 
-def replay(lines: Sequence[Line]) -> Drive:
+def replay(lines: Sequence[Line], imu: Mounting = Mounting()) -> Drive:
     """
     Run the module on a recording.
 
+    :param imu: how its inertial sensor is mounted on the robot.
     :raises TopicError: the messages of ROS 2 are not installed.
     """
-    return _Replay(lines).run()
+    return _Replay(lines, imu).run()
 
 
 class _Replay:
-    def __init__(self, lines: Sequence[Line]) -> None:
+    def __init__(self, lines: Sequence[Line], imu: Mounting) -> None:
         self.lines = lines
         self.begin_s = min(line.time_s for line in lines)
         self.drive = Drive()
@@ -115,6 +117,7 @@ class _Replay:
         self.fix = topic('fix', _POSE, 'map')
         defaults = {each.name: each.default for each in Localization.fields()}
         self.module = Localization('localization', {**defaults, **settings_for(lines)})
+        self.module.mountings = {'imu_link': imu}
         self.module.declare(bus, 0.0)
         self.module.bind(bus, self.kernel.add_task('localization', self.module.job, priority=40))
         self.kernel.add_async_task('player', self.play, priority=90)

@@ -32,6 +32,7 @@ from rt_robot_os.modules.localization import Localization
 from rt_robot_os.modules.odometry import Odometry
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.localizer import Localizer
+from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.pose_history import Fix
 from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.tools.bench.case import Samples
@@ -119,7 +120,8 @@ def recorded(harness: Harness) -> Measured:
     path = Path(harness.arguments['data'])
     given = harness.arguments['expected']
     ends = expected(path, Path(given) if given else None)
-    drive = replay(read(path))
+    roll, pitch, yaw = harness.arguments['imu_mounting']
+    drive = replay(read(path), Mounting(rotation_rad=(roll, pitch, yaw)))
     samples, figures = {}, {'poses': float(len(drive.poses))}
     for name, poses in (('estimate', drive.poses), ('odometry', drive.odometry),
                         ('fixes', drive.fixes), ('truth', [pose for _, pose in drive.truth])):
@@ -138,6 +140,10 @@ def recorded(harness: Harness) -> Measured:
     for name in ('accepted', 'rejected', 'too_late', 'recovered', 'late', 'odom_steps',
                  'odom_jumps', 'odom_not_finite', 'odom_backwards', 'not_finite', 'nis'):
         figures[name] = float(drive.statistics.get(name, 0))
+    # Only of a recording with an inertial sensor.
+    figures.update({name: float(drive.statistics[name]) for name in (
+        'headings', 'headings_refused', 'headings_reopened', 'gyro_gravity_off_deg')
+        if name in drive.statistics})
     return Measured(samples, figures)
 
 
