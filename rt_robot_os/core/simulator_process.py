@@ -52,16 +52,27 @@ def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = 
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
     there = None if world is None else _world(world)
-    place = Place(folder, there,
-                  {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
-                                   each['parent']) for frame, each in (mountings or {}).items()})
+    return device_server(devices, Place(
+        folder, there, {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
+                                        each['parent'])
+                        for frame, each in (mountings or {}).items()}))
+
+
+def device_server(devices: dict[str, Any], place: Place) -> SimServer:
+    """
+    Make the simulated devices of a place, plugged in, with a socket for orders to them.
+
+    :param devices: by name: ``type``, settings of its twin (``sim``) and of the device itself
+        (``device``).
+    :raises RtRobotError: a setting is wrong, or a port cannot be made.
+    """
     made = {name: SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
             for name, d in devices.items()}
     for device in made.values():
         device.port.plug()
     server = SimServer(tuple(made.values()), report=tell)
     try:
-        server.watch(OrderSocket(folder, lambda line: obey(line, made, there)))
+        server.watch(OrderSocket(place.folder, lambda line: obey(line, made, place.world)))
     except DeviceError as error:
         tell(f'they take no orders: {error}')
     return server

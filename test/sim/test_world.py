@@ -139,12 +139,16 @@ def test_a_wall_stops_the_robot_while_its_wheels_go_on(tmp_path: Path) -> None:
     assert world.base.wheel_angles[0] * 0.05 > 5.0
     assert world.base.velocity[0] == pytest.approx(0.0, abs=1e-9)
     assert world.base.contact_rad == pytest.approx(0.0, abs=1e-3)
+    assert world.base.contacts == 1 and world.base.impact_m_s == pytest.approx(0.3, abs=1e-3)
     world.base.coast()
     world.advance(round((world.time_s + 9.0) * NS_PER_S))
     assert world.base.contact_rad is None
     assert world.base.touched(0.001) == pytest.approx([0.0], abs=1e-3)  # it stands against it
     drive(world, 2.0, -6.0, -6.0)
     assert world.base.pose[0] < 2.4 and world.base.touched(0.001) == []
+    assert world.base.contacts == 1
+    assert drive(world, 9.0, 3.0, 3.0).base.contacts == 2
+    assert world.base.impact_m_s == pytest.approx(0.3, abs=1e-3), 'the largest one'
 
 
 def test_along_a_wall_it_slides_into_the_corner(tmp_path: Path) -> None:

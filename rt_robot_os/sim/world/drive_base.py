@@ -48,6 +48,8 @@ Obstacles: TypeAlias = Callable[[float, float, float], list[Pair]]
 _SLIP_STEPS: Final = 50
 # An accelerometer on a real body feels no single step of 2 ms.
 _SMOOTH: Final = 0.1
+# Less of a way since it pushed last is rounding: it is the same contact.
+_APART_M: Final = 1e-3
 _WHEEL_RADIUS_M: Final = 0.05
 _SEPARATION_M: Final = 0.3
 
@@ -82,6 +84,8 @@ class DriveBase:
     :ivar angular_acceleration: in rad/s^2.
     :ivar contact_rad: direction from the robot of what it pushes against; None when it does not
         push. What stands beside it tells :meth:`touched`.
+    :ivar contacts: how often it has begun to push against something, from the start.
+    :ivar impact_m_s: the largest speed into what it pushed against, from the start.
     :ivar slip: share of the way of the wheels that is lost.
     """
 
@@ -111,6 +115,10 @@ class DriveBase:
         self._extra_slip: Pair = (0.0, 0.0)
         self._steps = 0
         self._start_ns: int | None = None
+        self.contacts = 0
+        self.impact_m_s = 0.0
+        self._apart = True
+        self._pushed_at: Pair = (math.inf, math.inf)
         self.teleport(*s.start)
 
     def fit(self, wheel_radius_m: float, wheel_separation_m: float) -> None:
@@ -247,9 +255,15 @@ class DriveBase:
                     continue
                 into = -(dx * nx + dy * ny) / before
                 if into > 0.0 and math.hypot(nx + dx, ny + dy) < self.radius_m:
+                    self.impact_m_s = max(self.impact_m_s, into / STEP_S)
                     dx += into * nx / before
                     dy += into * ny / before
                     self.contact_rad = wrapped(math.atan2(-ny, -nx) - self._yaw)
+        pushed_x, pushed_y = self._pushed_at
+        self._apart |= math.hypot(self._x - pushed_x, self._y - pushed_y) > _APART_M
+        if self.contact_rad is not None:
+            self.contacts += self._apart
+            self._apart, self._pushed_at = False, (self._x, self._y)
         return dx, dy
 
 
