@@ -32,6 +32,7 @@ import numpy as np
 
 from rt_robot_os.modules.collision_guard.sensors import Bumper
 from rt_robot_os.modules.collision_guard.sensors import Sensor
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.motion.zones import Array
 from rt_robot_os.motion.zones import braking_share
 from rt_robot_os.motion.zones import Footprint
@@ -71,10 +72,12 @@ class Surroundings:
     All that the sensors see, and what follows for a velocity.
 
     :param settings: of the guard; a live one may change.
+    :param run_on: how far the robot goes on when its computer falls silent.
     """
 
     def __init__(self, footprint: Footprint, sensors: Sequence[Sensor], bumper: Bumper | None,
-                 settings: Mapping[str, Any]) -> None:
+                 settings: Mapping[str, Any], run_on: RunOn = RunOn()) -> None:
+        self._run_on = run_on
         self._footprint = footprint
         self._sensors = sensors
         self._bumper = bumper
@@ -93,7 +96,8 @@ class Surroundings:
         s = self._settings
         speed = max(s['linear_max_m_s'], s['backward_max_m_s'],
                     s['angular_max_rad_s'] * self._footprint.reach_m)
-        braking = speed * s['reaction_s'] + speed * speed / (2 * s['deceleration_m_s2'])
+        braking = speed * s['reaction_s'] + max(
+            speed * speed / (2 * s['deceleration_m_s2']), self._run_on.way_m(speed))
         return float(self._footprint.reach_m + s['clearance_m'] + s['stop_m'] + s['hysteresis_m']
                      + s['slow_m'] + braking)
 
@@ -165,6 +169,11 @@ class Surroundings:
         self._stands = False
         stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
         share = braking_share(room_m / speed, stopping_s, s['reaction_s'])
+        # Should this computer fall silent now, it goes on; then it need not stand stop_m before.
+        run_on = self._run_on.speed_m_s(way_m, s['reaction_s']) / speed
+        if run_on < min(share, slow):
+            return Verdict(run_on, 'run-on', f'{way_m:.2f} m are free, and without this computer '
+                           f'the motors go on for {self._run_on.total_s:.1f} s')
         if share < slow:
             return Verdict(share, 'braking', f'{way_m:.2f} m are free')
         return Verdict(slow, cause, cause)
