@@ -60,6 +60,7 @@ from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logs
 from rt_robot_os.modules import Module
 from rt_robot_os.motion.mounting import mounted_on_base
+from rt_robot_os.motion.run_on import slowest
 from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
@@ -122,8 +123,9 @@ class Core:
         self._add_devices(ports)
         self._lifecycle = ModuleLifecycle(self.note)
         self._lifecycle.add(settings.modules, self.kernel, self.bus, self.logs.connect)
+        run_on = slowest(each.device.run_on(each.device.settings) for each in self.sensors.devices)
         for module in self.modules:
-            module.mountings = settings.mountings
+            module.mountings, module.run_on = settings.mountings, run_on
         self.sensors.connect()
         owners: dict[str, LiveSettings] = {
             each.name: each for each in (*(m.device for m in self.sensors.devices), *self.modules)}

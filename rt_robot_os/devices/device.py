@@ -43,6 +43,7 @@ from rt_robot_os.errors import TopicError
 from rt_robot_os.logger import Logger
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.mounting import mounting_of
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.topics.ports import PortOwner
@@ -322,6 +323,15 @@ class Device(PortOwner, ABC):
     def own_rounds_hz(self) -> float:
         """Return how often :meth:`receive` asks for a round at most; 0 when it does not."""
         return 0.0
+
+    @classmethod
+    def run_on(cls, settings: Mapping[str, Any]) -> RunOn:
+        """
+        Return how what it moves goes on when this computer falls silent; of a sensor nothing does.
+
+        :param settings: of the device, complete and checked.
+        """
+        return RunOn()
 
     def opening_s(self) -> float:
         """Return how long it may be silent after it was opened, if more than ``timeout_s``."""

@@ -37,6 +37,10 @@ told and what it answers::
         def handle(self, frame, arrival_ns):
             return self.take_counts(frame.left, frame.right, arrival_ns)
 
+A driver also declares how long its board goes on when this computer falls silent, by
+:attr:`MotorBoard.SILENCE_S` or :meth:`MotorBoard.silence_s`. The modules between commands and
+wheels slow the robot accordingly.
+
 It calls :meth:`MotorBoard.take_counts`, :meth:`MotorBoard.take_battery` and
 :meth:`MotorBoard.take_faults` when it has something, :meth:`MotorBoard.line_failed` when bytes
 were lost, and ``super()`` where it overrides ``restart``, ``idle`` or ``statistics``. Swapped and
@@ -66,6 +70,7 @@ from rt_robot_os.devices.serial.device import Decoder
 from rt_robot_os.devices.serial.device import FrameT
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.motion.wheel_counters import Reading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 from rt_robot_os.motion.wheel_watch import WheelState
@@ -99,12 +104,17 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     :cvar COUNTER_BITS: width of its counters, after which they wrap; 0 for numbers that do not.
     :cvar COUNTS_SURVIVE: opening the port resets neither the board nor its counters, so what they
         counted meanwhile is believed, for a second's worth.
+    :cvar SILENCE_S: longest time from the last command until the board stops by itself; 2 s where
+        a driver does not declare it.
+    :cvar IF_SLOW: what shortens that time; shown by ``doctor``.
     :ivar counters: the angles of the wheels.
     :ivar faults: what is wrong now.
     """
 
     COUNTER_BITS: ClassVar[int] = 32
     COUNTS_SURVIVE: ClassVar[bool] = False
+    SILENCE_S: ClassVar[float] = 2.0
+    IF_SLOW: ClassVar[str] = 'lower maximum_wheel_speed_m_s'
 
     command = Input('cmd_vel_safe', wake=True, message='geometry_msgs/msg/Twist')
     joint_states = Output('joint_states', 'sensor_msgs/msg/JointState',
@@ -166,6 +176,18 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
 
         :raises DeviceError: the device is gone.
         """
+
+    @classmethod
+    def silence_s(cls, settings: Mapping[str, Any]) -> float:
+        """Return the longest time from the last command until the board stops by itself."""
+        return cls.SILENCE_S
+
+    @classmethod
+    def run_on(cls, settings: Mapping[str, Any]) -> RunOn:
+        """Return how far the robot goes on when this computer falls silent."""
+        if 'coast_s' not in settings:
+            return RunOn()  # of a recording from before boards declared it, which replays as it was
+        return RunOn(cls.silence_s(settings), float(settings['coast_s']))
 
     def takes_orders(self, now_ns: int) -> bool:
         """

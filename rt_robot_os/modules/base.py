@@ -45,6 +45,7 @@ from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
 from rt_robot_os.logger import Logger
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics.ports import PortOwner
@@ -65,6 +66,8 @@ class Module(PortOwner):
     :cvar RATE_HZ: the rate when a section does not say; 0 when inputs release it, None: as all.
     :ivar mountings: where the frames of all devices are, by name, from :meth:`configure` on; see
         :func:`rt_robot_os.motion.mounting.in_base`.
+    :ivar run_on: how far the robot goes on when this computer falls silent, as its motor boards
+        declare it; from :meth:`configure` on.
     :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
@@ -72,6 +75,7 @@ class Module(PortOwner):
     CONNECTED_FROM = 'configure()'
     RATE_HZ: ClassVar[float | None] = None
     mountings: Mapping[str, Mounting] = MappingProxyType({})
+    run_on: RunOn = RunOn()
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         super().__init__(name, settings)

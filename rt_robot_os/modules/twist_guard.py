@@ -21,6 +21,8 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.run_on import RUN_ON_MAX
+from rt_robot_os.modules.run_on import run_on_speed_m_s
 from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
@@ -39,6 +41,8 @@ class TwistGuard(Module):
     """
     Pass velocity commands on, limited, and zero when they are too old or not a number.
 
+    A motor board that goes on for long when this computer falls silent is driven slowly.
+
     The age that counts is that of the command's arrival, so a sender that died, a network that
     stalls and a ROS side that was killed all end in a standstill after ``timeout_s``. A stamp can
     make a command older than that, never younger.
@@ -54,6 +58,7 @@ class TwistGuard(Module):
               live=True),
         Field('angular_max_rad_s', float, 2.0, 'largest turning rate about each axis', 'rad/s',
               0.0, 100.0, live=True),
+        RUN_ON_MAX,
     )
 
     _arrived_ns = 0
@@ -84,10 +89,13 @@ class TwistGuard(Module):
                 self._late_ns = 0  # commands have stopped
             message.linear = message.angular = (0.0, 0.0, 0.0)
         else:
-            linear, angular = self.settings['linear_max_m_s'], self.settings['angular_max_rad_s']
+            linear, angular = self._linear_max_m_s(), self.settings['angular_max_rad_s']
             message.linear = [_limited(v, linear) for v in command.msg.linear]
             message.angular = [_limited(v, angular) for v in command.msg.angular]
         self.safe.publish()
+
+    def _linear_max_m_s(self) -> float:
+        return min(float(self.settings['linear_max_m_s']), run_on_speed_m_s(self))
 
     def statistics(self) -> Mapping[str, Any]:
         """Return how many commands were too old when they came."""
@@ -96,4 +104,5 @@ class TwistGuard(Module):
             warning = (f'commands come, but their stamps are {self._late_ns / NS_PER_S:.1f} s old '
                        f'(timeout_s {self.settings["timeout_s"]:g}): the robot is held; are the '
                        'clocks synchronised?')
-        return {'too_old': self._late, 'warning': warning}
+        return {'too_old': self._late, 'speed_limit_m_s': self._linear_max_m_s(),
+                'warning': warning}

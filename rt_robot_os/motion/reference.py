@@ -17,7 +17,9 @@ References: a path with a time law, and how far along it a robot should be by no
 
 The time law is a trapezoid as a rule: it keeps the speed, the accelerations along and across, the
 turning rate and the wheels within their limits. With a limited jerk it is that trapezoid averaged
-over the time that the acceleration needs to change, which makes an S-curve of it.
+over the time that the acceleration needs to change, which makes an S-curve of it. The jerk of a
+mean is the change of the acceleration over its window, divided by the window. So where speeding up
+meets braking the window is as long as both together need.
 """
 
 from __future__ import annotations
@@ -39,6 +41,10 @@ from rt_robot_os.motion.velocity_limits import VelocityLimits
 _SHARE: Final = 0.8
 # A reference waits for a robot that lags so far behind, and stands at the second distance.
 _LAG_M: Final = 0.10
+# The window of the mean is as long as the largest change of the acceleration needs; a first try
+# shows that change, and what begins later for a longer window may change once more.
+_TRIES: Final = 3
+_ROUNDING: Final = 1e-6
 _LAG_MAXIMUM_M: Final = 0.30
 
 
@@ -68,16 +74,24 @@ class TimeLaw:
     def __init__(self, path: Path, limits: VelocityLimits, start_m: float = 0.0,
                  start_m_s: float = 0.0) -> None:
         self._start_m_s = max(0.0, start_m_s)
-        self._window_s = 0.0
-        if limits.jerk_max_m_s3 > 0.0:
-            self._window_s = _SHARE * max(limits.acceleration_m_s2,
-                                          limits.deceleration_m_s2) / limits.jerk_max_m_s3
-        # A mean lags by half its window: what is driven meanwhile at the first speed.
-        self._start_m = min(path.length_m, start_m + self._start_m_s * self._window_s / 2)
         self._length_m = path.length_m
-        distance = max(0.0, path.length_m - self._start_m)
         self._up, self._down = (_SHARE * limits.acceleration_m_s2,
                                 _SHARE * limits.deceleration_m_s2)
+        jerk_m_s3 = limits.jerk_max_m_s3
+        window_s = max(self._up, self._down) / jerk_m_s3 if jerk_m_s3 > 0.0 else 0.0
+        for _ in range(_TRIES):
+            self._window_s = window_s
+            self._make(path, limits, start_m)
+            if jerk_m_s3 > 0.0:
+                window_s = max(window_s, self._window_needed_s(jerk_m_s3))
+            if window_s == self._window_s:
+                break
+
+    def _make(self, path: Path, limits: VelocityLimits, start_m: float) -> None:
+        """Make the trapezoid, which begins where a mean over the window is there."""
+        # A mean lags by half its window: what is driven meanwhile at the first speed.
+        self._start_m = min(path.length_m, start_m + self._start_m_s * self._window_s / 2)
+        distance = max(0.0, path.length_m - self._start_m)
         count = max(4, math.ceil(distance / path.spacing_m)) + 1
         self._spacing_m = distance / (count - 1)
         squares = self._squares(path, limits, count)
@@ -92,6 +106,21 @@ class TimeLaw:
         areas = np.cumsum(each * (before + each * (2 * speeds[:-1] + speeds[1:]) / 6))
         self._areas: list[float] = [0.0, *areas.tolist()]
         self.duration_s = self._times[-1] + self._window_s
+
+    def _window_needed_s(self, jerk_m_s3: float) -> float:
+        """Return the window that keeps a jerk: this one, or that of the largest change."""
+        times, speeds = np.array(self._times), np.array(self._speeds)
+        each = np.diff(times)
+        driven = each > 0.0
+        # Before and after the way the acceleration is 0.
+        changes = np.concatenate([[0.0], np.diff(speeds)[driven] / each[driven], [0.0]])
+        begins = np.concatenate([times[:-1][driven], times[-1:]])
+        instants = np.concatenate([begins, begins + self._window_s])
+        now = changes[np.searchsorted(begins, instants, 'right')]
+        before = changes[np.searchsorted(begins, instants - self._window_s, 'right')]
+        if np.abs(now - before).max() <= jerk_m_s3 * self._window_s * (1.0 + _ROUNDING):
+            return self._window_s
+        return float(changes.max() - changes.min()) / jerk_m_s3
 
     def _squares(self, path: Path, limits: VelocityLimits, count: int
                  ) -> Array:

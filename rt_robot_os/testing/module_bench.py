@@ -28,6 +28,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.modules import Module
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
@@ -47,12 +48,14 @@ class ModuleBench:
     :ivar kernel: on the virtual clock.
     :ivar bus: its topics.
     :ivar mountings: where frames of devices are, for the modules.
+    :ivar run_on: how far the robot goes on in silence, for the modules.
     """
 
     def __init__(self) -> None:
         self.kernel = Kernel(VirtualClock())
         self.bus = Bus(self.kernel)
         self.mountings: dict[str, Mounting] = {}
+        self.run_on = RunOn()
         self._modules: list[Module] = []
         self._prepared = 0
         self._events = 0
@@ -77,7 +80,7 @@ class ModuleBench:
         :param settings: other than the defaults.
         """
         made = module(name, settings_of(module, **settings))
-        made.mountings = self.mountings
+        made.mountings, made.run_on = self.mountings, self.run_on
         made.declare(self.bus, rate_hz)
         made.bind(self.bus, self._task_of(made, priority, rate_hz))
         self._modules.append(made)

@@ -37,7 +37,8 @@ from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing import settings_of
 from rt_robot_os.testing.actuator_rig import ActuatorRig
 
-ROBOT = {'wheel_radius_m': 0.0325, 'wheel_separation_m': 0.2, 'ticks_per_revolution': 1440.0}
+ROBOT = {'wheel_radius_m': 0.0325, 'wheel_separation_m': 0.2, 'ticks_per_revolution': 1440.0,
+         'maximum_wheel_speed_m_s': 1.0}
 
 
 class TestArduinoBridge(ActuatorContract):

@@ -133,10 +133,10 @@ def test_in_the_world_it_moves_the_robot_there(robot: Any) -> None:
 def test_its_own_watchdog_is_set_and_stops_it(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    assert robot.twin.unit.timeout_tenths == 5
+    assert robot.twin.unit.timeout_tenths == 3
     # This computer stands still: nothing is sent any more.
     now_ns = robot.kernel.now_ns()
-    robot.twin.pump(now_ns + 450_000_000)
+    robot.twin.pump(now_ns + 250_000_000)
     assert robot.twin.unit.drive.moves
     robot.twin.pump(now_ns + 560_000_000)
     assert not robot.twin.unit.drive.moves
@@ -225,7 +225,7 @@ def test_a_unit_that_loses_its_power_costs_no_wrong_odometry(
     assert robot.faults() & MotorFault.COUNTS_NEW
     assert robot.managed.faults == 0
     # It is set up again, and goes on by the commands that come.
-    assert robot.twin.unit.timeout_tenths == 5
+    assert robot.twin.unit.timeout_tenths == 3
     assert robot.twin.unit.drive.moves
     assert robot.counters()['set_ups'] == 2
 
@@ -333,7 +333,7 @@ def test_a_watchdog_that_changed_is_set_again(robot: Any) -> None:
     robot.run(1000)
     robot.twin.unit.timeout_tenths = 0
     robot.run(400)
-    assert robot.twin.unit.timeout_tenths == 5
+    assert robot.twin.unit.timeout_tenths == 3
     robot.run(200)
     assert robot.twin.unit.drive.moves, 'it goes on by the commands that come'
 

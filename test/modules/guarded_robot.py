@@ -25,6 +25,7 @@ import numpy as np
 from rt_robot_os.modules.collision_guard import CollisionGuard
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.testing.module_bench import ModuleBench
 
 TWIST, MS = 'geometry_msgs/msg/Twist', 1_000_000
@@ -35,8 +36,10 @@ ANGLES = -math.pi + 2 * math.pi / RAYS * np.arange(RAYS)
 class Guarded:
     """A robot among points, with a scanner, that does what comes out of its guard."""
 
-    def __init__(self, points: Any = (), scan_hz: float = 20.0, **changes: Any) -> None:
+    def __init__(self, points: Any = (), scan_hz: float = 20.0, run_on: RunOn = RunOn(),
+                 **changes: Any) -> None:
         self.bench = ModuleBench()
+        self.bench.run_on = run_on
         self.bench.mountings['laser'] = changes.pop('mounted', Mounting((0.1, 0.0, 0.2)))
         self.limits = 0.02, 10.0
         self.bench.mountings['sonar'] = Mounting((0.2, 0.0, 0.1))

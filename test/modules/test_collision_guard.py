@@ -30,7 +30,9 @@ from guarded_robot import MS
 from guarded_robot import RAYS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.collision_guard import CollisionGuard
+from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.motion.zones import Circle
 from rt_robot_os.motion.zones import Rectangle
 from rt_robot_os.testing.fakes import settings_of
@@ -61,6 +63,46 @@ def test_it_comes_to_a_stand_before_a_wall_however_fast_it_came(
     # It braked no harder than it said it can, but for what one scan shows at once.
     for (t0, a, _), (t1, b, _) in zip(robot.out, robot.out[1:]):
         assert a - b < 0.5 * max(t1 - t0, 0.05) + 0.16
+
+
+@pytest.mark.parametrize('run_on', [RunOn(2.0, 0.5), RunOn(0.6, 0.2), RunOn(10.0, 0.0)], ids=str)
+@pytest.mark.parametrize(('v', 'w'), [(1.0, 0.0), (0.4, 0.0), (0.8, 0.15), (0.6, -0.2)])
+def test_whenever_its_computer_falls_silent_it_touches_no_wall(
+        v: float, w: float, run_on: RunOn) -> None:
+    robot = Guarded(WALL, run_on=run_on)
+    left: list[float] = []
+
+    def look() -> None:
+        robot.go_on()
+        for step in range(1, 21):
+            pose = moved(robot.pose, *(speed * run_on.total_s * step / 20
+                                       for speed in robot.velocity))
+            left.append(float(np.hypot(*(WALL - pose[:2]).T).min()) - 0.2)
+
+    robot.bench.kernel.add_task('look', look, priority=80, rate_hz=50.0)
+    robot.steer(v, w)
+    robot.bench.run(30.0)
+    assert min(left) > 0.0
+    # It is no reason to stay away: in the end it stands where it would have stood anyway.
+    assert robot.pose[0] > 1.4
+    free_m_s = run_on.speed_m_s(1.8)
+    assert max(speed for _, speed, _ in robot.out) >= min(v, 0.8 * free_m_s)
+
+
+def test_what_goes_on_in_silence_is_said() -> None:
+    robot = Guarded(WALL, run_on=RunOn(2.0, 0.5))
+    robot.steer(0.8)
+    robot.bench.run(0.5)
+    assert 'without this computer the motors go on for 2.5 s' in str(
+        robot.guard.statistics()['limited_by'])
+
+
+def test_where_nothing_looks_it_goes_on_by_no_more_than_the_stop_zone() -> None:
+    robot = Guarded(run_on=RunOn(2.0, 0.8), silent='slow')
+    robot.steer(0.5)
+    robot.bench.at(1.0, lambda: robot.scan_task.set_rate_hz(0.01))
+    robot.bench.run(2.0)
+    assert robot.velocity[0] == pytest.approx(0.15 / 3.0)
 
 
 def test_away_from_the_wall_and_turning_beside_it_is_free() -> None:

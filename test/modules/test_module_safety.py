@@ -28,6 +28,7 @@ from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
 from rt_robot_os.modules.twist_guard import TwistGuard
+from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
@@ -138,8 +139,7 @@ def test_no_stamp_keeps_the_guard_from_stopping_the_robot(
         kernel: Kernel, stamp_offset_ns: int, moving: int) -> None:
     bus = Bus(kernel)
     bus.declare('cmd_vel', 'geometry_msgs/msg/Twist')
-    guard = TwistGuard('guard', {
-        'timeout_s': 0.5, 'linear_max_m_s': 1.0, 'angular_max_rad_s': 2.0})
+    guard = TwistGuard('guard', settings_of(TwistGuard))
     guard.declare(bus, 10.0)
     guard.bind(bus, kernel.add_task('guard', guard.job, priority=40, rate_hz=10.0))
     command = bus.publisher('cmd_vel')

@@ -33,6 +33,7 @@ from rt_robot_os.modules import Output
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.modules.registry import names
 from rt_robot_os.modules.twist_guard import TwistGuard
+from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -167,8 +168,7 @@ class Guarded:
 
     def __init__(self, robot: Robot) -> None:
         robot.bus.declare('cmd_vel', 'geometry_msgs/msg/Twist')
-        self.guard = robot.add(TwistGuard('guard', {
-            'timeout_s': 0.5, 'linear_max_m_s': 1.0, 'angular_max_rad_s': 2.0}), rate_hz=10.0)
+        self.guard = robot.add(TwistGuard('guard', settings_of(TwistGuard)), rate_hz=10.0)
         self.command = robot.bus.publisher('cmd_vel')
         self.safe = robot.bus.subscribe('cmd_vel_safe', 'test')
         self.robot = robot

@@ -29,6 +29,7 @@ import pytest
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.velocity_mux import VelocityMux
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 
@@ -44,8 +45,9 @@ LOCK = {'locks': ['pause'], 'lock_topics': ['pause'], 'lock_priorities': [50],
 class Steered:
     """A multiplexer with all its sources, and what comes out of it."""
 
-    def __init__(self, **changes: Any) -> None:
+    def __init__(self, run_on: RunOn = RunOn(), **changes: Any) -> None:
         self.bench = ModuleBench()
+        self.bench.run_on = run_on
         self.sources = {name: self.bench.topic(topic, TWIST) for name, topic in SOURCES.items()}
         names = {'estop', 'estop_release', changes.get('dead_man_topic', ''),
                  *changes.get('lock_topics', ())} - {''}
@@ -140,6 +142,26 @@ def test_a_turning_rate_that_is_no_number_stops_the_whole_command() -> None:
     robot = Steered()
     robot.steer('agent', 0.5, 0.1, turn=math.nan)
     assert robot.run(0.3) == [(0.1, 0.0)]
+
+
+def test_motors_that_go_on_in_silence_are_driven_slowly_and_on_the_same_arc() -> None:
+    robot = Steered(RunOn(2.0, 0.5))
+    robot.steer('ros', 0.8, 0.1, turn=0.4)
+    robot.steer('ros', -0.8, 0.2)
+    robot.steer('ros', 0.1, 0.3, turn=2.0)
+    out = noted(robot)
+    robot.bench.run(0.4)
+    assert [(linear[0], angular[2]) for _, linear, angular in out] == [
+        pytest.approx(each) for each in ((0.2, 0.1), (-0.2, 0.0), (0.1, 2.0))]
+    told = robot.mux.statistics()
+    assert told['slowed'] == 2 and told['speed_limit_m_s'] == pytest.approx(0.5 / 2.5)
+
+
+def test_how_far_they_may_go_on_can_be_set_and_0_slows_nothing() -> None:
+    for way_m, speed in ((1.0, 0.4), (0.0, 0.8)):
+        robot = Steered(RunOn(2.0, 0.5), run_on_max_m=way_m)
+        robot.steer('ros', 0.8, 0.1)
+        assert robot.run(0.2) == [(0.1, pytest.approx(speed))]
 
 
 def test_a_lock_holds_off_what_is_below_it_and_stops_at_once() -> None:
@@ -299,7 +321,8 @@ def test_what_comes_out_is_what_one_source_said_or_a_standstill(
         assert now_s - 0.5 < tick / 20 <= now_s
         recent = [n for t, n, _ in events if now_s - 0.499 < t / 20 <= now_s]
         above = list(SOURCES)[:list(SOURCES).index(name)]
-        assert 'estop' in recent or not set(above) & set(recent)
+        # Both forget what was commanded before them.
+        assert {'estop', 'estop_release'} & set(recent) or not set(above) & set(recent)
     assert not out or out[-1][1][0] == 0.0
 
 

@@ -20,6 +20,7 @@ import math
 import random
 
 from driving import eight
+from hypothesis import assume
 from hypothesis import example
 from hypothesis import given
 from hypothesis import strategies as st
@@ -123,6 +124,24 @@ def test_a_corner_ends_a_leg() -> None:
     square: list[Pose] = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
     assert [leg.length_m for leg in legs(square, 0.8)] == pytest.approx([1.0, 1.0, 1.0])
     assert len(legs(square, 2.0)) == 1
+
+
+@given(st.floats(0.05, 3.0), st.floats(0.1, 4.0), st.floats(0.1, 2.0), st.floats(0.1, 2.0),
+       st.floats(0.0, 0.6))
+@example(1.0, 1.0, 0.4, 0.5, 0.0)
+@example(2.0, 1.0, 0.4, 0.5, 0.6)
+def test_no_jerk_is_larger_than_its_limit_also_where_braking_follows_at_once(
+        length_m: float, jerk: float, up: float, down: float, speed: float) -> None:
+    # Where the way is too short to stop at all no limit can be kept.
+    assume(speed ** 2 / (1.6 * down) + speed * (up + down) / jerk < length_m)
+    limits = VelocityLimits(speed_m_s=0.6, linear_max_m_s=0.6, acceleration_m_s2=up,
+                            deceleration_m_s2=down, jerk_max_m_s3=jerk)
+    law = TimeLaw(straight((0.0, 0.0), (length_m, 0.0)), limits, 0.0, speed)
+    period = 0.01
+    along = [law.at(i * period) for i in range(-200, math.ceil(law.duration_s / period) + 3)]
+    for _ in range(3):
+        along = [(b - a) / period for a, b in zip(along, along[1:])]
+    assert max(map(abs, along)) <= jerk * 1.01 + 1e-3
 
 
 @pytest.mark.parametrize('jerk', [0.0, 0.8])

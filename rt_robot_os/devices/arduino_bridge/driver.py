@@ -24,7 +24,8 @@ stays away, it asks for the speed of the line (``b``) and takes nothing but ``57
 until that came. The wheels go on meanwhile, for 0.3 s at most.
 
 A board is reset when its port is opened; until its boot loader is through nothing is sent but
-stops. The firmware itself stops the wheels 2 s after the last command.
+stops. The firmware itself stops the wheels 2 s after the last command, and no command changes that
+time: ``auto_stop_s`` is what it was built with.
 """
 
 from __future__ import annotations
@@ -85,7 +86,13 @@ class ArduinoBridge(MotorBoard[Reply]):
                  'unless it was built otherwise)')
     IF_UNUSED = ('it answers, but not with the counts of its encoders: build the firmware with '
                  'USE_BASE and with the kind of encoders that it has')
-    SETTINGS = motor_settings(baud=57600, rate_hz=30.0) + (
+    IF_SLOW = ('build the firmware with #define AUTO_STOP_INTERVAL 500 and set auto_stop_s: 0.5; or '
+               'lower maximum_wheel_speed_m_s')
+    # Slow: its firmware as it comes drives on for 2 s.
+    SETTINGS = motor_settings(baud=57600, rate_hz=30.0, maximum_wheel_speed_m_s=0.2) + (
+        Field('auto_stop_s', float, 2.0, 'AUTO_STOP_INTERVAL of its firmware: it drives on for so '
+              'long when this computer falls silent. The firmware as it comes has 2000 ms.', 's',
+              0.3, 60.0),
         Field('pid_rate_hz', float, wire.PID_RATE_HZ, 'Rounds of its control loop in a second: '
               '1000 over the whole milliseconds of PID_INTERVAL.', 'Hz', 1.0, 1000.0),
         Field('pid_gains', list, (), 'Kp, Kd, Ki, Ko of its control loop, in this order; empty '
@@ -130,6 +137,11 @@ class ArduinoBridge(MotorBoard[Reply]):
     def connected(self, attribute: str) -> bool:
         """Return whether a port is used: the battery where it is on a pin."""
         return attribute != 'battery' or self.settings['battery_pin'] >= 0
+
+    @classmethod
+    def silence_s(cls, settings: Mapping[str, Any]) -> float:
+        """Return the auto-stop of the firmware, and one round of its control loop."""
+        return float(settings['auto_stop_s']) + 1.0 / float(settings['pid_rate_hz'])
 
     def slowest_watched_rad_s(self) -> float:
         """Return the slowest command that its loop does more about than round it off."""

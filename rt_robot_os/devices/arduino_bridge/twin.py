@@ -30,7 +30,8 @@ from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
-_AUTO_STOP_NS: Final = 2 * NS_PER_S
+# AUTO_STOP_INTERVAL of the firmware as it comes.
+_AUTO_STOP_S: Final = 2.0
 # A sonar without an echo holds up everything.
 _PING_NS: Final = 693 * NS_PER_MS
 _UART_BUFFER: Final = 64
@@ -57,6 +58,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         """Switch it on."""
         super().prepare()
         self._zero = 0, 0
+        self._auto_stop_ns = round(self.device.get('auto_stop_s', _AUTO_STOP_S) * NS_PER_S)
         self._boot_until_ns = 0
         self._off = False
         self._boot()
@@ -88,7 +90,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         if now_ns <= self._boot_until_ns:
             self._zero = self.counts()
         self._off = off
-        if now_ns - self._commanded_ns > _AUTO_STOP_NS and now_ns >= self._busy_until_ns:
+        if now_ns - self._commanded_ns > self._auto_stop_ns and now_ns >= self._busy_until_ns:
             self._set_pwm(0, 0)
             self.moving = False
         super().pump(now_ns)

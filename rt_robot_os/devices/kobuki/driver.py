@@ -82,7 +82,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
     SETTINGS = motor_settings(
         baud=115200, rate_hz=wire.PACKET_HZ, wheel_radius_m=wire.WHEEL_RADIUS_M,
         wheel_separation_m=wire.SEPARATION_M, ticks_per_revolution=None,
-        maximum_wheel_speed_m_s=0.7, empty_v=13.2, full_v=16.7,
+        maximum_wheel_speed_m_s=0.7, empty_v=13.2, full_v=16.7, coast_s=0.2,
     ) + (
         Field('imu', bool, True, 'Publish what its gyroscope measures.'),
         Field('imu_frame_id', str, 'base_link', 'Coordinate frame of that; its axes are those of '
@@ -92,6 +92,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
     )
     description = 'Kobuki mobile base (TurtleBot 2)'
     ANSWERS = True
+    SILENCE_S = wire.SILENCE_S
     COUNTER_BITS = wire.ENCODER_BITS
     COUNTS_SURVIVE = True
     IF_SILENT = 'check that it is switched on, and its USB cable'

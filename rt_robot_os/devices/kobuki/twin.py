@@ -29,7 +29,7 @@ from rt_robot_os.sim.motor_board import motor_twin_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 from rt_robot_os.units import NS_PER_S
 
-_AUTO_STOP_NS: Final = round(0.6 * NS_PER_S)
+_AUTO_STOP_NS: Final = round(wire.SILENCE_S * NS_PER_S)
 # What of the robot's outline each of the three parts of the bumper covers, ahead being 0.
 _CENTRE_RAD: Final = math.radians(30)
 _SIDE_RAD: Final = math.radians(90)

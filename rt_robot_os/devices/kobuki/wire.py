@@ -42,6 +42,8 @@ TICK_RAD: Final = 0.002436916871363930187454
 TICKS_PER_TURN: Final = 2 * math.pi / TICK_RAD
 ENCODER_BITS: Final = 16
 PACKET_HZ: Final = 50.0
+# It stops by itself so long after the last command.
+SILENCE_S: Final = 0.6
 BATTERY_V: Final = 0.1
 CURRENT_A: Final = 0.01
 HEADING_RAD: Final = math.radians(0.01)

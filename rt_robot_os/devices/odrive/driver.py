@@ -89,6 +89,7 @@ class Odrive(MotorBoard[Reply]):
     COUNTS_SURVIVE = True
     IF_SILENT = ('check its power, its cable, and that the ASCII protocol is on at this port; '
                  'a firmware without checksums wants checksums: false')
+    IF_SLOW = 'lower watchdog_s or maximum_wheel_speed_m_s'
     SETTINGS = motor_settings(baud=115200, rate_hz=50.0, ticks_per_revolution=None) + (
         Field('gear_ratio', float, 1.0, 'Turns of the motor for one of the wheel.', '', 0.01,
               1000.0),
@@ -97,7 +98,7 @@ class Odrive(MotorBoard[Reply]):
         Field('firmware', str, '0.5', 'Its version, for the names of its errors.',
               choices=tuple(_ERROR_PROPERTY)),
         Field('checksums', bool, True, 'Put a checksum on each line, and ask for one.'),
-        Field('watchdog_s', float, 0.5, 'An axis that hears nothing for so long takes the current '
+        Field('watchdog_s', float, 0.3, 'An axis that hears nothing for so long takes the current '
               'from its motor.', 's', 0.05, 60.0),
     )
     description = 'ODrive motor controller, ASCII protocol, two axes'
@@ -198,6 +199,11 @@ class Odrive(MotorBoard[Reply]):
         """Begin anew: what an axis was set to is not known."""
         super().restart()
         self._forget()
+
+    @classmethod
+    def silence_s(cls, settings: Mapping[str, Any]) -> float:
+        """Return the time of the watchdog of each axis, which is set at each start."""
+        return float(settings['watchdog_s'])
 
     def is_set_up(self) -> bool:
         """Return whether the watchdogs of both axes are set."""

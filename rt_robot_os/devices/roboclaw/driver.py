@@ -81,12 +81,13 @@ _WARNING: Final = 0x8000
 class RoboClaw(MotorBoard[Reply]):
     """A RoboClaw that drives two wheels: the left one is motor M1, unless they are swapped."""
 
-    SETTINGS = motor_settings(baud=38400, rate_hz=30.0) + (
+    IF_SLOW = 'lower watchdog_s or maximum_wheel_speed_m_s'
+    SETTINGS = motor_settings(baud=38400, rate_hz=30.0, coast_s=0.2) + (
         Field('address', int, wire.FIRST_ADDRESS, 'Address of the unit in packet serial mode, 128 '
               '(0x80) to 135.', '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
         Field('identity', str, '', 'Part of what it says when it is asked for its version, such '
               'as 2x15a; any other unit is refused. Empty takes all.'),
-        Field('watchdog_s', float, 0.5, 'The unit stops by itself when it hears nothing for so '
+        Field('watchdog_s', float, 0.3, 'The unit stops by itself when it hears nothing for so '
               'long; in steps of 0.1 s.', 's', 0.1, 25.5),
         Field('acceleration_m_s2', float, 0.0, 'The unit changes the speed of a wheel by so much '
               'and no more, stops excepted; 0: at once.', 'm/s^2', 0.0, 100.0),
@@ -200,6 +201,11 @@ class RoboClaw(MotorBoard[Reply]):
         self._attempts = 0
         self._setup = [ask(wire.VERSION), self._watchdog, ask(wire.READ_TIMEOUT), *self._gains,
                        ask(wire.ENCODERS)]
+
+    @classmethod
+    def silence_s(cls, settings: Mapping[str, Any]) -> float:
+        """Return the time of the unit's own watchdog, which is set at each start."""
+        return wire.timeout_tenths(settings['watchdog_s']) / 10.0
 
     def is_set_up(self) -> bool:
         """Return whether the unit has been asked what it is, and its watchdog is set."""

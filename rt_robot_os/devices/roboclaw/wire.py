@@ -259,9 +259,14 @@ def duty(address: int, first: int, second: int) -> Request:
     return order(address, DUTY, struct.pack('>hh', first, second))
 
 
+def timeout_tenths(seconds: float) -> int:
+    """Return the steps of 0.1 s that the unit's own watchdog is set to; 0 = none."""
+    return min(max(round(seconds * 10), 0), 255)
+
+
 def serial_timeout(address: int, seconds: float) -> Request:
     """Make the command of the unit's own watchdog: in steps of 0.1 s, 0 = none."""
-    return order(address, SET_TIMEOUT, bytes((min(max(round(seconds * 10), 0), 255),)))
+    return order(address, SET_TIMEOUT, bytes((timeout_tenths(seconds),)))
 
 
 def encoder(address: int, command: int, count: int) -> Request:

@@ -123,7 +123,7 @@ class CollisionGuard(Module):
                         for sensor, _ in self._sensors if isinstance(sensor, Scanner)}
         self._surroundings = Surroundings(
             self._footprint, [sensor for sensor, _ in self._sensors], [*self._sights.values()],
-            self._bumper, self.settings)
+            self._bumper, self.settings, self.run_on)
         self._surroundings.gather()
         self._window_m = self._surroundings.window_m()
         self._limits = self.speed_limit if self.connected('speed_limit') else None
@@ -249,10 +249,15 @@ class CollisionGuard(Module):
                 self._asked_m_s = asked_m_s if asked_m_s > 0.0 else math.inf
         fastest = min(s['linear_max_m_s'], self._asked_m_s)
         if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
-            fastest = min(fastest, s['backward_max_m_s'])
+            fastest = min(fastest, s['backward_max_m_s'], self._unseen_m_s())
         share = min(1.0, fastest / abs(v) if v else 1.0,
                     s['angular_max_rad_s'] / abs(w) if w else 1.0)
         return v * share, w * share
+
+    def _unseen_m_s(self) -> float:
+        """Return the speed at which it goes on by stop_m where no sensor looks."""
+        s = self.settings
+        return self.run_on.speed_m_s(s['stop_m'], s['reaction_s'])
 
     def _pass_on(self, is_new: bool, now_ns: int) -> None:
         verdict = self._judge(now_ns)
@@ -279,8 +284,9 @@ class CollisionGuard(Module):
         if silent and self.settings['silent'] == STOP:
             return Verdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
         verdict = self._surroundings.judge(self._v, self._w, self._driven_m)
-        if silent and verdict.share * speed > self.settings['slow_m_s']:
-            return Verdict(self.settings['slow_m_s'] / speed, f'{silent}: silent',
+        slow_m_s = min(self.settings['slow_m_s'], self._unseen_m_s())
+        if silent and verdict.share * speed > slow_m_s:
+            return Verdict(slow_m_s / speed, f'{silent}: silent',
                            f'{silent}: nothing is heard')
         return verdict
 

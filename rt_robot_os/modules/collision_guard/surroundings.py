@@ -34,6 +34,7 @@ from rt_robot_os.modules.collision_guard.sensors import Bumper
 from rt_robot_os.modules.collision_guard.sensors import Sensor
 from rt_robot_os.modules.collision_guard.settings import SLOW
 from rt_robot_os.modules.collision_guard.sight import Sight
+from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.motion.zones import Array
 from rt_robot_os.motion.zones import braking_share
 from rt_robot_os.motion.zones import Footprint
@@ -76,10 +77,13 @@ class Surroundings:
 
     :param sights: what its scanners cannot see.
     :param settings: of the guard; a live one may change.
+    :param run_on: how far the robot goes on when its computer falls silent.
     """
 
     def __init__(self, footprint: Footprint, sensors: Sequence[Sensor], sights: Sequence[Sight],
-                 bumper: Bumper | None, settings: Mapping[str, Any]) -> None:
+                 bumper: Bumper | None, settings: Mapping[str, Any], run_on: RunOn = RunOn()
+                 ) -> None:
+        self._run_on = run_on
         self._footprint = footprint
         self._sensors = sensors
         self._sights = sights
@@ -99,7 +103,8 @@ class Surroundings:
         s = self._settings
         speed = max(s['linear_max_m_s'], s['backward_max_m_s'],
                     s['angular_max_rad_s'] * self._footprint.reach_m)
-        braking = speed * s['reaction_s'] + speed * speed / (2 * s['deceleration_m_s2'])
+        braking = speed * s['reaction_s'] + max(
+            speed * speed / (2 * s['deceleration_m_s2']), self._run_on.way_m(speed))
         return float(self._footprint.reach_m + s['clearance_m'] + s['stop_m'] + s['hysteresis_m']
                      + s['slow_m'] + braking)
 
@@ -159,12 +164,15 @@ class Surroundings:
         times = shape.times(sight.x, sight.y, v, w, 0.0)
         times = times - (driven_m - sight.driven_m) / (abs(v) + abs(w) * shape.reach_m)
         first = int(times.argmin())
-        room_m = float(times[first]) * speed - s['stop_m']
-        share = self._braking(room_m, v, w, speed) if room_m > _NEAR_M else 0.0
+        way_m = float(times[first]) * speed
+        room_m = way_m - s['stop_m']
+        share = min(self._braking(room_m, v, w, speed),
+                    self._run_on_share(way_m, speed)) if room_m > _NEAR_M else 0.0
         # As where no sensor looks: it can always get away, but slowly.
         least_m_s = s['backward_max_m_s'] if v <= 0.0 else 0.0
         if s['unseen'] == SLOW:
             least_m_s = max(least_m_s, s['slow_m_s'])
+        least_m_s = min(least_m_s, self._run_on.speed_m_s(s['stop_m'], s['reaction_s']))
         share = max(share, min(1.0, least_m_s / speed))
         if share == 1.0:
             return FREE
@@ -200,6 +208,11 @@ class Surroundings:
             return self._stop(first)
         self._stands = False
         share = self._braking(room_m, v, w, speed)
+        # Should this computer fall silent now, it goes on; then it need not stand stop_m before.
+        run_on = self._run_on_share(way_m, speed)
+        if run_on < min(share, slow):
+            return Verdict(run_on, 'run-on', f'{way_m:.2f} m are free, and without this computer '
+                           f'the motors go on for {self._run_on.total_s:.1f} s')
         if share < slow:
             return Verdict(share, 'braking', f'{way_m:.2f} m are free')
         return Verdict(slow, cause, cause)
@@ -209,6 +222,10 @@ class Surroundings:
         s = self._settings
         stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
         return braking_share(room_m / speed, stopping_s, s['reaction_s'])
+
+    def _run_on_share(self, way_m: float, speed: float) -> float:
+        """Return the share of a velocity with which it goes on no farther than a distance."""
+        return self._run_on.speed_m_s(way_m, self._settings['reaction_s']) / speed
 
     def _way(self, v: float, w: float, speed: float, driven_m: float, clearance_m: float
              ) -> tuple[int, float]:

@@ -24,11 +24,13 @@ does.
 from __future__ import annotations
 
 from collections.abc import Mapping
+import math
 from typing import Any
 from typing import Final
 
 from rt_robot_os.devices.motor_faults import NEWS
 from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.run_on import run_on_speed_m_s
 from rt_robot_os.modules.velocity_mux.settings import locks_of
 from rt_robot_os.modules.velocity_mux.settings import SETTINGS
 from rt_robot_os.modules.velocity_mux.settings import sources_of
@@ -49,6 +51,7 @@ _TWIST: Final = 'geometry_msgs/msg/Twist'
 _BOOL: Final = 'std_msgs/msg/Bool'
 _NOBODY: Final = 'nobody'
 _NEWS: Final = int(NEWS)
+_SELDOM_S: Final = 600.0
 
 
 class VelocityMux(Module):
@@ -81,7 +84,7 @@ class VelocityMux(Module):
             self._latch.end('start')
         self._steers: Source | None = None
         self._told = ''
-        self._switches = self._lost = 0
+        self._switches = self._lost = self._slowed = 0
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -148,7 +151,10 @@ class VelocityMux(Module):
             warning = f'not a number, or absurd: commands of {", ".join(refused)}'
         elif late:
             warning = f'too old when they came: commands of {", ".join(late)}; are the clocks set?'
+        limit_m_s = run_on_speed_m_s(self)
         found: dict[str, Any] = {
+            'slowed': self._slowed, **({'speed_limit_m_s': limit_m_s} if limit_m_s < math.inf
+                                       else {}),
             'warning': warning, 'steering': self._told, 'estop': self._latch.why or 'free',
             'estops': self._latch.stops, 'releases_refused': self._latch.refused,
             'switches': self._switches, 'estop_samples_lost': self._lost}
@@ -221,9 +227,22 @@ class VelocityMux(Module):
 
     def _publish(self, linear: Triple, angular: Triple, stamp_ns: int) -> None:
         message = self.command.msg
-        message.linear, message.angular = linear, angular
+        message.linear, message.angular = self._slow(linear, angular)
         # The stamp stays that of the command, so that whoever carries it out knows its age.
         self.command.publish(stamp_ns)
+
+    def _slow(self, linear: Triple, angular: Triple) -> tuple[Triple, Triple]:
+        """Return a velocity at which the robot can be left alone, both slowed alike: on its arc."""
+        fastest_m_s, limit_m_s = math.hypot(*linear), run_on_speed_m_s(self)
+        if fastest_m_s <= limit_m_s:
+            return linear, angular
+        self._slowed += 1
+        self.log.warn('slowed to %.2f m/s: without this computer the motors go on for %.1f s, and '
+                      'run_on_max_m is %g', limit_m_s, self.run_on.total_s,
+                      self.settings['run_on_max_m'], throttle_s=_SELDOM_S)
+        share = limit_m_s / fastest_m_s
+        return ((linear[0] * share, linear[1] * share, linear[2] * share),
+                (angular[0] * share, angular[1] * share, angular[2] * share))
 
     def _watch(self, steers: Source | None) -> None:
         """Have a look when something that lets somebody steer is over."""

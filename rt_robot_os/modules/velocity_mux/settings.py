@@ -21,6 +21,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.modules.run_on import RUN_ON_MAX
 from rt_robot_os.modules.velocity_mux.sources import Lock
 from rt_robot_os.modules.velocity_mux.sources import Source
 from rt_robot_os.schema import Field
@@ -66,6 +67,7 @@ SETTINGS: Final = (
           'but a mistake: a standstill', 'm/s', 0.01, 100.0, live=True),
     Field('angular_absurd_rad_s', float, 20.0, 'The same about any axis', 'rad/s', 0.01, 1000.0,
           live=True),
+    RUN_ON_MAX,
 )
 
 

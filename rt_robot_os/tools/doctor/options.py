@@ -29,6 +29,7 @@ from rt_robot_os.tools.doctor.system import Wanted
 
 if TYPE_CHECKING:
     from rt_robot_os.settings import RobotSettings
+    from rt_robot_os.settings.run_on import MovingBoard
 
 _EPILOG = """\
 exit code: 0 ready: nothing to mend; 1 usable: a robot runs, with degraded latency or convenience;
@@ -123,7 +124,8 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
         cpu=core.cpu if cpu is None else cpu, priority=core.scheduler_priority,
         lock_memory=core.lock_memory, ports=ports, cpu_latency_us=core.cpu_latency_us,
         spin_us=core.spin_us, watchdog=settings.watchdog.device,
-        black_box_folder=core.black_box_folder, journals=_journals(settings), source=source)
+        black_box_folder=core.black_box_folder, journals=_journals(settings),
+        boards=_boards(settings), source=source)
 
 
 def _journals(settings: RobotSettings) -> tuple[tuple[str, int], ...]:
@@ -132,6 +134,11 @@ def _journals(settings: RobotSettings) -> tuple[tuple[str, int], ...]:
     return tuple((str(folder_of(device.port)), disk_bytes(device.settings['limit_kb'] << 10))
                  for device in settings.devices if device.type == _JOURNAL
                  and device.sim is None)
+
+
+def _boards(settings: RobotSettings) -> tuple[MovingBoard, ...]:
+    from rt_robot_os.settings.run_on import moving_boards
+    return moving_boards(settings)
 
 
 def parse(argv: Sequence[str]) -> tuple[Options, Wanted]:

@@ -29,6 +29,7 @@ from rt_robot_os.tools.doctor.checks import load
 from rt_robot_os.tools.doctor.checks import memory
 from rt_robot_os.tools.doctor.checks import place
 from rt_robot_os.tools.doctor.checks import python
+from rt_robot_os.tools.doctor.checks import robot
 from rt_robot_os.tools.doctor.checks import ros
 from rt_robot_os.tools.doctor.checks import serial
 from rt_robot_os.tools.doctor.finding import Check
@@ -64,6 +65,7 @@ GROUPS = (
     Group('python', 'Python', python.CHECKS),
     Group('ros', 'ROS 2', ros.CHECKS),
     Group('serial', 'ports of devices', serial.CHECKS),
+    Group('robot', 'the robot', robot.CHECKS),
     Group('leftovers', 'earlier runs', leftovers.CHECKS),
 )
 

@@ -32,6 +32,10 @@ import pwd
 import subprocess
 import sys
 from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rt_robot_os.settings.run_on import MovingBoard
 
 PROBE = 'rt_robot_os.tools.doctor.probe'
 _PROBE_TIMEOUT_S = 20.0
@@ -52,6 +56,7 @@ class Wanted:
     :ivar watchdog: a watchdog of the machine that is fed; empty without.
     :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
     :ivar journals: folder of each journal of alarms, and the bytes that it takes.
+    :ivar boards: that move the robot.
     :ivar source: where that is written.
     """
 
@@ -64,6 +69,7 @@ class Wanted:
     watchdog: str = ''
     black_box_folder: str = ''
     journals: tuple[tuple[str, int], ...] = ()
+    boards: tuple[MovingBoard, ...] = ()
     source: str = 'the default configuration'
 
 

@@ -28,6 +28,7 @@ from rt_robot_os.link.server import LIFE_RATE_HZ
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.run_on import moving_boards
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.tools.plan.given import RobotTasks
@@ -100,6 +101,7 @@ class _Builder:
             self._notes.append(
                 f'{", ".join(self._wiring.not_counted)}: no device, module or mirror publishes '
                 'it; what a client that does makes others compute is not counted')
+        self._notes += [str(board) for board in moving_boards(self._settings)]
         if self._given.typical is not None and 'typical' in self._origins.values():
             self._notes.append(
                 'typical execution times are no bounds and are those of another machine: '

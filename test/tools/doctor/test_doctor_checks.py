@@ -21,6 +21,8 @@ import re
 
 import pytest
 from recorded import found
+from rt_robot_os.motion.run_on import RunOn
+from rt_robot_os.settings.run_on import MovingBoard
 
 from rt_robot_os.tools.doctor.facts import cpu_list
 from rt_robot_os.tools.doctor.facts import cpu_text
@@ -388,6 +390,17 @@ def test_a_journal_of_alarms_needs_a_folder_that_keeps_room(machine, tried, stat
                     'memory.journal')
     assert finding.state is BAD and 'cannot be written' in finding.found
     assert _only(machine('raspberry_pi'), 'memory.journal').state is ABSENT
+
+
+def test_a_robot_that_goes_on_for_long_when_this_computer_falls_silent(machine) -> None:
+    short, long = (MovingBoard('base', RunOn(silence_s, 0.4), 0.5, '', 'build the firmware anew')
+                   for silence_s in (0.3, 2.0))
+    assert _only(machine('laptop'), 'robot.run_on').state is ABSENT
+    finding = _only(machine('laptop', wanted={'boards': (short,)}), 'robot.run_on')
+    assert finding.state is OK and '0.35 m at 0.50 m/s' in finding.found
+    finding = _only(machine('laptop', wanted={'boards': (long,)}), 'robot.run_on')
+    assert finding.state is WARN and '1.20 m at 0.50 m/s' in finding.found
+    assert finding.remedy.note == 'build the firmware anew'
 
 
 def test_many_files_of_dds(machine) -> None:

@@ -43,6 +43,18 @@ ROBOT = Path(__file__).with_name('plan_robot.yaml')
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')
 
 
+SLOW_BOARD = """/**/robot:
+  ros__parameters:
+    devices: [base]
+    base: {type: arduino_bridge, port: sim, wheel_radius_m: 0.0325, wheel_separation_m: 0.2,
+           ticks_per_revolution: 1440.0}
+"""
+COMMANDS = """
+    topics: [cmd_vel_safe]
+    cmd_vel_safe: {message: geometry_msgs/msg/Twist, rate_hz: 20.0}
+"""
+
+
 def settings_of(path: Path = ROBOT, /, **overrides: object) -> RobotSettings:
     return load([path], {key.replace('__', '.'): value for key, value in overrides.items()})
 
@@ -102,6 +114,25 @@ def test_execution_times_in_the_order_option_declared_measured_budget() -> None:
     times = {task.name: task.execution_ns for task in again.tasks}
     assert (times['imu'], times['gps'], times['guard']) == (300_000, 120_000, 120_000)
     assert again.origins['gps'] == 'measured'
+
+
+def test_how_far_the_robot_goes_on_when_its_computer_falls_silent_is_said(tmp_path: Path) -> None:
+    path = tmp_path / 'slow.yaml'
+    path.write_text(SLOW_BOARD + COMMANDS)
+    faster = {'base.maximum_wheel_speed_m_s': 0.5}
+    for changes, told in (
+            ({}, '0.49 m at 0.20 m/s'), (faster, '1.22 m at 0.50 m/s'),
+            ({**faster, 'base.auto_stop_s': 0.5, 'base.coast_s': 0.1}, '0.32 m at 0.50 m/s')):
+        assert any(note.startswith('base: without this computer') and note.endswith(told)
+                   for note in robot_tasks(load([path], changes)).notes)
+    path.write_text(SLOW_BOARD + """
+    modules: [guard]
+    guard: {type: twist_guard, rate_hz: 20.0, priority: 40}
+    topics: [cmd_vel]
+    cmd_vel: {message: geometry_msgs/msg/Twist}
+""")
+    notes = robot_tasks(load([path], faster)).notes
+    assert any('0.50 m at 0.21 m/s, to which guard slows it' in note for note in notes)
 
 
 def test_a_declared_time_that_was_exceeded_is_told() -> None:
