@@ -63,6 +63,7 @@ def make_services(settings: MonitorSettings) -> Services:
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
     accounts = Accounts.open(store.engine, folder)
+    accounts.restore_limits()
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
     return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
                     maps=Maps(folder / 'maps'), media=media)
