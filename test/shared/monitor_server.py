@@ -114,11 +114,17 @@ def ask(address: str, headers: dict[str, str], method: str, path: str, content: 
             return error.code, json.loads(error.read())['detail']
 
 
-def lock_sessions(services: Services) -> None:
-    """Lock all sessions, as if they had not been used for a quarter of an hour."""
+def lock_sessions(services: Services, user: str | None = None) -> None:
+    """
+    Lock sessions, as if they had not been used for a quarter of an hour.
+
+    :param user: id of whose; None is everybody.
+    """
+    changed = sessions.update().values(seen_ns=time.time_ns() - int(Limits().idle_s * SECOND_NS))
+    if user is not None:
+        changed = changed.where(sessions.c.user == user)
     with services.store.writing() as connection:
-        connection.execute(sessions.update().values(
-            seen_ns=time.time_ns() - int(Limits().idle_s * SECOND_NS)))
+        connection.execute(changed)
 
 
 class Page:

@@ -184,7 +184,7 @@ def allowed(permission: Permission | None) -> Callable[..., Actor]:
             if not hmac.compare_digest(request.headers.get('x-csrf-token', '').encode(),
                                        csrf_token(secret).encode()):
                 raise refusal(403, 'the header X-CSRF-Token is missing or wrong',
-                              'load the page anew')
+                              'load the page again', 'csrf')
         actor = actor_of(session, request)
         if permission is not None and not actor.may(permission):
             raise lacking(actor, permission)

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import json
 from typing import Any
 from typing import Final
@@ -50,14 +49,14 @@ def restore_limits(engine: Engine, lock_out: LockOut, now_ns: int) -> None:
                          row.action in RIGHT)
 
 
-def _rows(engine: Engine, now_ns: int) -> Iterable[Row[Any]]:
+def _rows(engine: Engine, now_ns: int) -> list[Row[Any]]:
     """Return rows of logins, the oldest first."""
     with reading(engine) as connection:
         rows = connection.execute(
             select(audit.c.t_ns, audit.c.name, audit.c.address, audit.c.action, audit.c.details)
             .where(audit.c.action.in_(RIGHT | WRONG), audit.c.t_ns > now_ns - KNOWN_S * SECOND_NS)
             .order_by(audit.c.seq.desc()).limit(ROWS_MOST)).all()
-    return reversed(rows)
+    return list(reversed(rows))
 
 
 def _device(details: str) -> str:
