@@ -63,6 +63,8 @@ def make_services(settings: MonitorSettings) -> Services:
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
     accounts = Accounts.open(store.engine, folder)
+    accounts.restore_limits()
+    hub.retire(set(hub.robots) - set(accounts.robots.tokens()))
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
     return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
                     maps=Maps(folder / 'maps'), media=media)

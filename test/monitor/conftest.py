@@ -100,7 +100,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Monitor]:
     from monitor_server import quick_services
     from monitor_server import served
     folder = tmp_path_factory.mktemp('monitor')
-    services = quick_services(folder)
+    # A robot that is a script sends no heart-beats.
+    services = quick_services(folder, heartbeat_s=60.0)
     _make_mary(folder)
     with served(services) as address:
         yield Monitor(address, services)

@@ -17,16 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-import json
 from pathlib import Path
 import threading
 from typing import Any
-from urllib.error import HTTPError
-from urllib.request import Request
-from urllib.request import urlopen
 
 from fake_robot import FakeRobot
 from fake_robot import RobotScript
+from monitor_server import ask
 from monitor_server import logged_in
 from monitor_server import quick_services
 from monitor_server import served
@@ -60,21 +57,6 @@ def users(services: Services) -> dict[str, dict[str, str]]:
 def robot(address: str) -> Iterator[FakeRobot]:
     with FakeRobot(f'ws://{address}', script=RobotScript(people=('anna', 'bob'))) as found:
         yield found
-
-
-def ask(address: str, headers: dict[str, str], method: str, path: str, content: Any = None
-        ) -> tuple[int, Any]:
-    """Ask the server for something, as the page does."""
-    body = None if content is None else json.dumps(content).encode()
-    request = Request(f'http://{address}{path}', body, {
-        **headers, 'Content-Type': 'application/json', 'Origin': f'http://{address}'},
-        method=method)
-    try:
-        with urlopen(request, timeout=30) as found:
-            return found.status, json.loads(found.read())
-    except HTTPError as error:
-        with error:
-            return error.code, json.loads(error.read())['detail']
 
 
 def command(address: str, headers: dict[str, str], do: str, key: str = '', **args: Any
@@ -170,6 +152,13 @@ def test_lists_have_what_one_may_see_and_a_note_stays(
     assert ask(address, carer, 'GET', '/api/alarms/robot/l2')[0] == 404
     assert ask(address, carer, 'POST', '/api/alarms/robot/l2/notes', {'text': 'x'})[0] == 404
     assert ask(address, carer, 'POST', '/api/alarms/robot/l1/notes', {'text': 'fed'})[0] == 201
+    # Two carers may be of one mind, yet each withdraws only what is theirs.
+    status, added = ask(address, carer, 'POST', '/api/alarms/robot/l1/notes', {'text': 'oops'})
+    note = f'/api/alarms/robot/l1/notes/{added["id"]}'
+    assert ask(address, users['operator'], 'DELETE', note)[0] == 404
+    assert ask(address, carer, 'DELETE', note.replace('l1', 'l2'))[0] == 404
+    assert ask(address, carer, 'DELETE', note) == (200, {'ok': True})
+    assert ask(address, carer, 'DELETE', note)[0] == 404
     alarm = ask(address, carer, 'GET', '/api/alarms/robot/l1')[1]
     assert [(each['by'], each['text']) for each in alarm['notes']] == [('carla', 'fed')]
     assert ask(address, carer, 'GET', '/api/observations?person=bob')[0] == 404

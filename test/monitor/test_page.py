@@ -25,28 +25,16 @@ import pytest
 
 pytest.importorskip('playwright.sync_api')
 
-from playwright.sync_api import expect  # noqa: E402, I100
+from live_signals import news2  # noqa: E402, I100
+from live_signals import signs  # noqa: E402
+from playwright.sync_api import expect  # noqa: E402
+from processes import wait_until  # noqa: E402
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot
 
 SignedIn = Callable[..., Any]
 STRIP = '.strip'
-
-
-def signs(**values: float) -> dict[str, Any]:
-    """Return the message of a person's signs, as the robot publishes it."""
-    return {'status': [{
-        'level': 0, 'name': f'anna/{name}', 'message': f'{value:g}', 'hardware_id': 'wrist',
-        'values': {'value': f'{value:g}', 'unit': '', 'quality': 'good', 'age_s': '0.5',
-                   'source': 'wrist', 'stamp_ns': '1'}} for name, value in values.items()]}
-
-
-def news2(total: int, risk: str) -> dict[str, Any]:
-    """Return the message of a person's score."""
-    return {'status': [{'level': 0, 'name': 'anna/news2', 'message': '', 'hardware_id': '',
-                        'values': {'total': str(total), 'complete': 'true', 'missing': '',
-                                   'at_least': str(total), 'risk': risk}}]}
 
 
 def test_live_data_are_shown_in_words(robot: FakeRobot, signed_in: SignedIn) -> None:
@@ -81,21 +69,49 @@ def test_an_alarm_comes_and_is_acknowledged(robot: FakeRobot, signed_in: SignedI
     expect(page).not_to_have_title('(1) anna: Fall')
 
 
-def test_a_note_goes_with_an_alarm_unless_it_is_taken_back(
+def test_a_note_is_stored_at_once_and_can_be_withdrawn(
         robot: FakeRobot, signed_in: SignedIn) -> None:
     robot.raise_alarm('a2')
     page = signed_in('carer', '#/alarms/robot/a2')
-    page.clock.install()
     line = page.locator('.timeline')
     expect(line).to_contain_text('Raised')
     for text in ('not this', 'I am on my way'):
         page.get_by_role('textbox', name='Note').fill(text)
         page.get_by_role('button', name='Add note').click()
+        expect(line).to_contain_text(text)
         if text == 'not this':
             page.get_by_role('button', name='Undo').click()
-        page.clock.run_for(7000)
+            expect(page.locator('#toasts')).to_contain_text('Note withdrawn')
     expect(line).to_contain_text('I am on my way')
     expect(line).not_to_contain_text('not this')
+
+
+def test_a_note_stays_when_the_page_is_left_in_the_same_moment(
+        server: Any, robot: FakeRobot, signed_in: SignedIn) -> None:
+    robot.raise_alarm('a7')
+    page = signed_in('carer', '#/alarms/robot/a7')
+    page.get_by_role('textbox', name='Note').fill('she is well')
+    # The click and the way out are one task: nothing has been sent when the page goes.
+    page.evaluate("""() => {
+        document.querySelector('.note-form button').click();
+        location.href = 'about:blank';
+    }""")
+    page.wait_for_url('about:blank')
+    page.context.close()
+    wait_until(lambda: [each['text'] for each in server.services.store.alarm(
+        'robot', 'a7')['notes']] == ['she is well'], 'the note is stored')
+
+
+def test_a_note_that_cannot_be_stored_stays_where_it_was_written(
+        robot: FakeRobot, signed_in: SignedIn) -> None:
+    robot.raise_alarm('a8')
+    page = signed_in('carer', '#/alarms/robot/a8')
+    page.route('**/notes', lambda route: route.abort())
+    note = page.get_by_role('textbox', name='Note')
+    note.fill('she is well')
+    page.get_by_role('button', name='Add note').click()
+    expect(page.locator('#toasts')).to_contain_text('The server does not answer')
+    expect(note).to_have_value('she is well')
 
 
 def test_what_only_a_carer_may_do_is_not_there_for_a_viewer(

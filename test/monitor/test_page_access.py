@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 from typing import TYPE_CHECKING
 
+from live_signals import NODES
 import pytest
 from rt_robot_os import monitor
 
@@ -37,12 +38,6 @@ VIEWS = ('overview', 'alarms', 'alarms/robot/x1', 'data/anna', 'position', 'came
 SERIOUS = ('serious', 'critical')
 # Both themes have the same elements: in the second only their colours are looked at.
 RUNS = {'light': {}, 'dark': {'runOnly': ['color-contrast']}}
-NODES = {'nodes': [
-    {'id': 0, 'name': 'sink', 'state': 6, 'parent': -1, 'hops': 0, 'battery_v': 5.0, 'age_s': 0},
-    {'id': 3, 'name': 'washer', 'state': 2, 'parent': 0, 'hops': 1, 'battery_v': 2.3,
-     'days_left': 9, 'delivery': 0.71, 'recent': 0.71, 'received': 812, 'lost': 331, 'age_s': 5},
-    {'id': 5, 'name': 'study', 'state': 3, 'parent': 3, 'hops': 2, 'battery_v': 2.6,
-     'days_left': 80, 'delivery': 0.93, 'recent': 0.9, 'received': 12, 'lost': 1, 'age_s': 214}]}
 
 
 def _is_there(view: str) -> bool:

@@ -25,35 +25,14 @@ import pytest
 
 pytest.importorskip('playwright.sync_api')
 
-from playwright.sync_api import expect  # noqa: E402, I100
+from page_network import Network  # noqa: E402, I100
+from playwright.sync_api import expect  # noqa: E402
+
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot
 
 SignedIn = Callable[..., Any]
-
-
-class Network:
-    """What is between a page and the server's live connection: it can be cut."""
-
-    def __init__(self, page: Any) -> None:
-        self.is_up = True
-        self._open: list[Any] = []
-        page.route_web_socket(lambda url: url.endswith('/live'), self._connect)
-
-    def _connect(self, socket: Any) -> None:
-        if self.is_up:
-            socket.connect_to_server()
-            self._open.append(socket)
-        else:
-            socket.close()
-
-    def cut(self) -> None:
-        """Cut it."""
-        self.is_up = False
-        for each in self._open:
-            each.close()
-        self._open.clear()
 
 
 def test_somebody_signs_in_and_out_everywhere(

@@ -113,9 +113,18 @@ class Monitor:
         """Add a user with the password of all users."""
         return self.accounts.users.add(name, role, people, 'test', self._hash)
 
-    def client(self, base: str = BASE) -> TestClient:
+    def restart(self, folder: Path) -> None:
+        """End the server and start it again, on the same database."""
+        self.accounts.close()
+        self.accounts = Accounts.open(self.engine, folder, hasher=QUICK, now_ns=self.clock)
+        self.accounts.lock_out._now_ns = self.clock
+        self.accounts.restore_limits()
+        self.services.accounts, self.services.audit = self.accounts, self.accounts.audit
+        self.__dict__.pop('app', None)
+
+    def client(self, base: str = BASE, address: str = '127.0.0.1') -> TestClient:
         """Return a browser of somebody who is not logged in."""
-        return TestClient(self.app, base, client=('127.0.0.1', 50000),
+        return TestClient(self.app, base, client=(address, 50000),
                           headers={'origin': base, 'sec-fetch-site': 'same-origin'})
 
     def signed_in(self, name: str, role: Role | None = None, **more: Any) -> TestClient:

@@ -26,10 +26,16 @@ from tempfile import TemporaryDirectory
 import threading
 import time
 from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request
+from urllib.request import urlopen
 
 from fake_robot import token_of
 from rt_robot_os.monitor.security.roles import Role
+from rt_robot_os.monitor.security.sessions import Limits
+from rt_robot_os.monitor.security.sessions import SECOND_NS
 from rt_robot_os.monitor.security.tables import robot_accounts
+from rt_robot_os.monitor.security.tables import sessions
 from rt_robot_os.monitor.security.tokens import csrf_token
 from rt_robot_os.monitor.security.tokens import kept
 from rt_robot_os.monitor.server import DATABASE
@@ -91,6 +97,34 @@ def logged_in(services: Services, name: str = 'olga', role: Role = Role.OWNER,
     user = services.accounts.users.add(name, role, people, 'test', 'no password')
     _, secret = services.accounts.sessions.begin(user.id, '127.0.0.1', 'test')
     return {'Cookie': f'session={secret}', 'X-CSRF-Token': csrf_token(secret)}
+
+
+def ask(address: str, headers: dict[str, str], method: str, path: str, content: Any = None
+        ) -> tuple[int, Any]:
+    """Ask the server for something, as the page does."""
+    body = None if content is None else json.dumps(content).encode()
+    request = Request(f'http://{address}{path}', body, {
+        **headers, 'Content-Type': 'application/json', 'Origin': f'http://{address}'},
+        method=method)
+    try:
+        with urlopen(request, timeout=30) as found:
+            return found.status, json.loads(found.read())
+    except HTTPError as error:
+        with error:
+            return error.code, json.loads(error.read())['detail']
+
+
+def lock_sessions(services: Services, user: str | None = None) -> None:
+    """
+    Lock sessions, as if they had not been used for a quarter of an hour.
+
+    :param user: id of whose; None is everybody.
+    """
+    changed = sessions.update().values(seen_ns=time.time_ns() - int(Limits().idle_s * SECOND_NS))
+    if user is not None:
+        changed = changed.where(sessions.c.user == user)
+    with services.store.writing() as connection:
+        connection.execute(changed)
 
 
 class Page:

@@ -21,6 +21,7 @@ from typing import Any
 
 from fastapi import APIRouter
 from fastapi import Depends
+from fastapi import Path
 from fastapi import Query
 from pydantic import BaseModel
 from pydantic import Field
@@ -33,6 +34,8 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 
 TIME_MOST = (1 << 63) - 1
+#: For this long its author can withdraw a note.
+WITHDRAW_S = 60.0
 Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
 
 
@@ -79,15 +82,32 @@ def router(services: Services) -> APIRouter:
 
     @found.post('/{robot}/{alarm}/notes', status_code=201)
     def note(robot: str, alarm: str, note: Note,
-             actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
-        """Note something about an alarm."""
+             actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, Any]:
+        """Note something about an alarm; it is stored when this answers with its ``id``."""
         try:
             if seen(actor, services.store.alarm(robot, alarm)) is None:
                 raise unknown('alarm')
-            services.store.add_note(robot, alarm, actor.name, note.text)
+            number = services.store.add_note(robot, alarm, actor.name, note.text)
         except StoreError as error:
             raise away(error) from error
+        if number is None:
+            raise unknown('alarm')
         services.audit.note(actor, 'alarm.note', f'{robot}/{alarm}', text=note.text)
+        return {'ok': True, 'id': number}
+
+    @found.delete('/{robot}/{alarm}/notes/{note}')
+    def withdraw(robot: str, alarm: str, note: Annotated[int, Path(ge=0, le=TIME_MOST)],
+                 actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
+        """Withdraw a note of one's own within a minute; the audit has that it was there."""
+        try:
+            if seen(actor, services.store.alarm(robot, alarm)) is None:
+                raise unknown('alarm')
+            text = services.store.withdraw_note(note, robot, alarm, actor.name, WITHDRAW_S)
+        except StoreError as error:
+            raise away(error) from error
+        if text is None:
+            raise unknown('note of yours that is less than a minute old')
+        services.audit.note(actor, 'alarm.note_withdrawn', f'{robot}/{alarm}', text=text)
         return {'ok': True}
 
     return found

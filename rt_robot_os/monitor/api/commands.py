@@ -40,6 +40,7 @@ from rt_robot_os.monitor.live.hub import AwayError
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
+from rt_robot_os.monitor.security.guard import lacking
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 
@@ -58,6 +59,9 @@ NEEDS: Final[dict[str, tuple[Permission, ...]]] = {
     'release': (Permission.DRIVE,), 'goal': (Permission.DRIVE,), 'cancel': (Permission.DRIVE,),
     'agent': (Permission.DRIVE,), 'answer': (Permission.TALK,), 'say': (Permission.TALK,),
     'snapshot': (Permission.CAMERA,)}
+#: What a locked session may still do (decision 100): a stop leaves a robot at rest, whoever
+#: orders it; all else is done in somebody's name, and waits for the password.
+WHEN_LOCKED: Final = frozenset({'stop'})
 
 
 class Command(BaseModel):
@@ -96,9 +100,10 @@ class Commands:
         hub = self._services.hub
         if not hub.may_see_robot(actor, robot):
             raise unknown('robot')
-        if not any(map(actor.may, NEEDS[command.do])):
-            needed = ' or '.join(each.value for each in NEEDS[command.do])
-            raise refusal(403, f'{command.do} needs the permission {needed}', 'ask an admin')
+        needed = NEEDS[command.do]
+        if not any(map(actor.may, needed)) and not (
+                command.do in WHEN_LOCKED and not actor.locked.isdisjoint(needed)):
+            raise lacking(actor, *needed, what=command.do)
         state = hub.robots[robot]
         args = self._args(actor, state, command)
         if not command.key:
@@ -116,7 +121,8 @@ class Commands:
                     ) -> Answer:
         # Noted beside it, not before it: no audit holds up a stop.
         note = self._services.audit.note_soon
-        note(actor, f'command.{do}', robot.id, **{
+        locked = {'locked': True} if actor.locked else {}
+        note(actor, f'command.{do}', robot.id, **locked, **{
             f'arg_{key}': value for key, value in args.items()})
         try:
             found = await self._services.hub.command(robot, do, args, actor.name)

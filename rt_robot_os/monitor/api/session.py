@@ -29,6 +29,7 @@ from pydantic import ConfigDict
 from pydantic import Field
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import Somebody
+from rt_robot_os.monitor.security.devices import AGE_S as DEVICE_AGE_S
 from rt_robot_os.monitor.security.emergencies import LONGEST_REASON
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import address_of
@@ -36,6 +37,8 @@ from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import check_origin
 from rt_robot_os.monitor.security.guard import cookie_name
 from rt_robot_os.monitor.security.guard import described
+from rt_robot_os.monitor.security.guard import device_cookie_name
+from rt_robot_os.monitor.security.guard import device_cookie_of
 from rt_robot_os.monitor.security.guard import refusal
 from rt_robot_os.monitor.security.guard import secret_of
 from rt_robot_os.monitor.security.origins import is_secure
@@ -65,6 +68,12 @@ class Login(Strict):
     """Who wants to come in."""
 
     name: str = Field(max_length=128)
+    password: str = Field(max_length=_PASSWORD)
+
+
+class Unlock(Strict):
+    """The password of whose session it is."""
+
     password: str = Field(max_length=_PASSWORD)
 
 
@@ -121,22 +130,27 @@ class _Door:
     def __init__(self, accounts: Accounts) -> None:
         self._accounts = accounts
 
-    async def compare(self, name: str, stored: str, password: str, address: str) -> bool:
+    async def compare(self, name: str, stored: str, password: str, address: str,
+                      device: str) -> bool:
         """
         Compare a password; who guesses waits longer and longer, whoever it is about.
 
+        :param device: the number of a known device, or the id of the session that asks; wrong
+            passwords from elsewhere delay neither. Empty: it is a stranger.
         :raises HTTPException: it must wait.
         """
-        wait = self._accounts.lock_out.begin(key_of(name), address)
+        lock_out, account = self._accounts.lock_out, key_of(name)
+        wait = lock_out.begin(account, address, device)
         if wait:
             raise refusal(429, 'too many wrong passwords', f'wait {int(wait) + 1} s', '', wait)
         try:
             is_right = await self._accounts.passwords.matches_soon(stored, password)
         except BusyError:
+            lock_out.withdraw(account, address, device)
             raise refusal(503, 'too many people log in at this moment', 'try again in a moment',
                           '', 1.0) from None
         if is_right:
-            self._accounts.lock_out.succeed(key_of(name), address)
+            lock_out.succeed(account, address, device)
         return is_right
 
     async def hash_new(self, password: str, name: str) -> str:
@@ -170,20 +184,33 @@ class _Door:
                             user.name)
         response.set_cookie(cookie_name(request), secret, httponly=True, samesite='strict',
                             secure=is_secure(request.scope['scheme']), path='/')
+        device = accounts.devices.add(device_cookie_of(request), key_of(user.name))
+        response.set_cookie(device_cookie_name(request), device, DEVICE_AGE_S, httponly=True,
+                            samesite='strict', secure=is_secure(request.scope['scheme']),
+                            path='/')
         return described(session, secret)
 
 
 def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
+    def shown(request: Request) -> dict[str, Any]:
+        secret = secret_of(request)
+        session = accounts.sessions.find(secret)
+        if session is None:
+            raise refusal(401, 'you are not logged in', 'log in', 'login')
+        return described(session, secret)
+
     @found.post('/session', dependencies=[Depends(from_here)])
     async def log_in(login: Login, request: Request, response: Response) -> dict[str, Any]:
         address = address_of(request)
         user = await run_in_threadpool(accounts.users.find, login.name)
         # Whoever it is, or is not, the same is done and said.
         stored = user.password if user is not None else ''
-        is_right = await door.compare(login.name, stored, login.password, address)
+        device = accounts.devices.number(device_cookie_of(request), key_of(login.name))
+        is_right = await door.compare(login.name, stored, login.password, address, device)
         if user is None or not is_right or user.is_disabled:
             await run_in_threadpool(accounts.audit.note, Somebody(login.name, address),
-                                    'session.refused', login.name)
+                                    'session.refused', login.name,
+                                    **({'device': device} if device else {}))
             raise refusal(401, 'name or password is wrong', 'an admin can send you a new link',
                           'login')
         if accounts.passwords.is_old(user.password):
@@ -193,11 +220,19 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
     @found.get('/session')
     def who(request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
-        secret = secret_of(request)
-        session = accounts.sessions.find(secret)
-        if session is None:
-            raise refusal(401, 'you are not logged in', 'log in', 'login')
-        return described(session, secret)
+        return shown(request)
+
+    @found.post('/session/unlock')
+    async def unlock(form: Unlock, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
+        user = await run_in_threadpool(accounts.users.get, actor.id)
+        if user is None or not await door.compare(user.name, user.password, form.password,
+                                                  actor.address, actor.session):
+            await run_in_threadpool(accounts.audit.note, actor, 'session.unlock_refused',
+                                    actor.name, device=actor.session)
+            raise refusal(403, 'the password is wrong', 'type it again', 'password')
+        await run_in_threadpool(accounts.sessions.unlock, actor.session)
+        await run_in_threadpool(accounts.audit.note, actor, 'session.unlock', actor.name)
+        return await run_in_threadpool(shown, request)
 
     @found.delete('/session')
     def log_out(request: Request, response: Response, actor: Actor = _ANYBODY
@@ -278,8 +313,9 @@ def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
                      actor: Actor = _ANYBODY) -> dict[str, Any]:
         user = await run_in_threadpool(accounts.users.get, actor.id)
         if user is None or not await door.compare(user.name, user.password, form.old,
-                                                  actor.address):
-            await run_in_threadpool(accounts.audit.note, actor, 'password.refused', actor.name)
+                                                  actor.address, actor.session):
+            await run_in_threadpool(accounts.audit.note, actor, 'password.refused', actor.name,
+                                    device=actor.session)
             raise refusal(403, 'the old password is wrong', 'type it again')
         hashed = await door.hash_new(form.new, user.name)
         await run_in_threadpool(accounts.users.set_password, user.id, hashed)

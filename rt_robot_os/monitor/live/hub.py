@@ -166,7 +166,7 @@ class Hub:
             before.close(4000, 'the same robot has connected again')
         self._connections[robot.id] = connection
         gone_ns = robot.last_seen_ns
-        robot.connected = True
+        robot.connected, robot.retired = True, False
         self.heard(robot, now_ns, quietly=True)
         robot.wanted = (-1.0, ())
         self.tell_robot(robot)
@@ -187,6 +187,12 @@ class Hub:
                 future.set_exception(_away(robot.name))
         self.tell_robot(robot)
         self._tell_listeners(robot)
+
+    def retire(self, robots: Iterable[str]) -> None:
+        """Mark robots whose token was revoked, until one connects with another token."""
+        for robot in [self.robots[each] for each in robots if each in self.robots]:
+            robot.retired = True
+            self.tell_robot(robot)
 
     def heard(self, robot: RobotState, now_ns: int, quietly: bool = False) -> None:
         """Note that something has come from a robot."""
@@ -324,6 +330,8 @@ class Hub:
         """
         if revoked.kind == 'robot' and revoked.id in self._connections:
             self._connections[revoked.id].close(revoked.code, revoked.text)
+        if revoked.kind == 'robot':
+            self.retire([revoked.id])
         for each in list(self.clients):
             if revoked.kind == 'session' and each.actor.session == revoked.id:
                 self.counts['revoked'] += 1

@@ -89,6 +89,7 @@ class RobotState:
 
     :ivar people: who live with it; None until it has said so once.
     :ivar ever: who have lived with it as far as is known.
+    :ivar retired: its token was revoked: that it is away is meant to be.
     :ivar lost: records that gave way at the robot, by importance, as it counts them.
     :ivar version: counts what came live; a signal has that with which it came.
     :ivar heard: when something came last, on the loop's clock.
@@ -101,6 +102,7 @@ class RobotState:
     ever: frozenset[str] = frozenset()
     connected: bool = False
     silent: bool = True
+    retired: bool = False
     last_seen_ns: int = 0
     heard: float = 0.0
     boot: str = ''
@@ -171,7 +173,7 @@ class RobotState:
         """Return it as those with these rights see it."""
         hidden = rights.hidden(self.ever)
         return {'id': self.id, 'name': without(self.name, hidden), 'connected': self.connected,
-                'silent': self.silent, 'last_seen_ns': self.last_seen_ns,
+                'silent': self.silent, 'retired': self.retired, 'last_seen_ns': self.last_seen_ns,
                 'people': sorted(filter(rights.sees_person, self.people or ())),
                 'clock_offset_s': round(self.offset_s, 3), **without(self.about, hidden)}
 

@@ -5,11 +5,13 @@ import {h, replace} from './lib/dom.js';
 import {Format} from './lib/format.js';
 import {store, stored, translator, Words} from './lib/i18n.js';
 import {Live} from './lib/live.js';
+import {Silence} from './lib/outage.js';
 import {button, notice} from './lib/parts.js';
 import {Shell} from './lib/shell.js';
 import {Sound} from './lib/sound.js';
 import {State} from './lib/state.js';
 import {toast} from './lib/toast.js';
+import {unlock} from './lib/unlock.js';
 
 const root = document.getElementById('app');
 const words = new Words();
@@ -27,13 +29,19 @@ const context = {
   live,
   state,
   sound,
+  silence: new Silence(),
   settings,
   toast,
   t: translator(words),
   format: null,
   user: null,
+  /** What the role may do; of it allowed is what the session may do without the password. */
   permissions: new Set(),
+  allowed: new Set(),
+  isLocked: false,
   people: null,
+  /** What keeps alarms from being known now; null: nothing. */
+  outage: null,
   /** Go to another view: '#/alarms/robot/7'. */
   go(hash) {
     location.hash = hash;
@@ -55,13 +63,21 @@ const context = {
   },
   /** After somebody has signed in: begin anew with who that is. */
   async signedIn() {
-    const back = context.lockedAt;
-    context.lockedAt = null;
     await begin();
-    if (back !== null) {
-      context.go(back);
-    }
   },
+  /** The session is this now, as the server says: locked, unlocked, or with other rights. */
+  sessionIs(found) {
+    session = found;
+    api.csrf = found.csrf || '';
+    const user = typeof found.user === 'object' ? found.user : {name: found.user};
+    context.user = {role: found.role, ...user};
+    context.allowed = new Set(found.permissions);
+    context.permissions = new Set([...found.permissions, ...(found.role_permissions || [])]);
+    context.isLocked = Boolean(found.locked);
+    context.people = found.people;
+    state.tell('session');
+  },
+  signedOut,
   async signOut() {
     try {
       await api.delete('/api/session');
@@ -99,11 +115,12 @@ const context = {
   /** How many alarms nobody has answered, and the worst in words: for the title and the icon. */
   setBadge(count, text) {
     context.badge = {count, text};
+    context.showTitle();
+  },
+  showTitle() {
     shell?.showTitle();
   },
   badge: {count: 0, text: ''},
-  /** Where somebody was when the session asked for the password again; null: it does not. */
-  lockedAt: null,
   /** A view that is about one robot says so: the stop button stops that one. */
   shownRobot: null,
 };
@@ -117,11 +134,7 @@ async function begin(asked = api.get('/api/session').catch((error) => error)) {
   }
   session = found instanceof ApiError ? null : found;
   if (session) {
-    api.csrf = session.csrf || '';
-    const user = typeof session.user === 'object' ? session.user : {name: session.user};
-    context.user = {role: session.role, ...user};
-    context.permissions = new Set(session.permissions);
-    context.people = session.people;
+    context.sessionIs(session);
     state.clear();
     live.start();
   }
@@ -135,6 +148,8 @@ function leave() {
   api.csrf = '';
   context.user = null;
   context.permissions = new Set();
+  context.allowed = new Set();
+  context.isLocked = false;
   context.setBadge(0, '');
   show();
 }
@@ -155,15 +170,30 @@ function unreachable() {
   unreachable.timer = setTimeout(begin, 2000);
 }
 
-api.onSignedOut = (reason) => {
-  if (session && reason === 'locked') {
-    context.lockedAt = location.hash;
-    context.go('#/login');
-  } else if (session) {
-    signedOut();
+/** Ask the server what the session is by now; false: there is none, or no answer. */
+async function renew() {
+  const mine = session;
+  try {
+    const found = await api.get('/api/session', {}, {background: true});
+    if (mine && found.user !== mine.user) {
+      // Somebody else has signed in, in another window.
+      location.reload();
+      return false;
+    }
+    context.sessionIs(found);
+    return true;
+  } catch (error) {
+    return false;
   }
-};
-live.addEventListener('revoked', () => signedOut());
+}
+
+api.onSignedOut = () => session && signedOut();
+// A question only for who waits for the answer; what a timer asks for waits until then.
+api.onLocked = (isAsked) => (isAsked ? unlock(context) : renew().then(() => false));
+api.onStale = renew;
+live.addEventListener('rights', renew);
+// In another window of this browser somebody may have signed in again.
+live.addEventListener('revoked', async () => (await renew() ? live.start() : signedOut()));
 live.addEventListener('emergency', ({detail}) => toast(context.t('shell.emergency', {
   name: detail.name, person: detail.person}), {kind: 'warn', shownMs: 60000}));
 

@@ -33,9 +33,11 @@ from argon2 import PasswordHasher
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.security.audit import Audit
+from rt_robot_os.monitor.security.devices import Devices
 from rt_robot_os.monitor.security.emergencies import Emergencies
 from rt_robot_os.monitor.security.invitations import Invitations
 from rt_robot_os.monitor.security.limits import LockOut
+from rt_robot_os.monitor.security.login_history import restore_limits
 from rt_robot_os.monitor.security.passwords import Passwords
 from rt_robot_os.monitor.security.robots import Robots
 from rt_robot_os.monitor.security.sessions import Limits
@@ -94,6 +96,8 @@ class Accounts:
         self.emergencies = Emergencies(engine, now_ns)
         self.passwords = Passwords(hasher)
         self.lock_out = LockOut()
+        self.devices = Devices(key)
+        self._engine = engine
         self._lock = threading.Lock()
         self._callbacks: list[Callback] = []
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -110,6 +114,14 @@ class Accounts:
         :raises StartError: the key cannot be read or made.
         """
         return cls(engine, audit_key(folder), **options)
+
+    def restore_limits(self) -> None:
+        """
+        Go on with the limits of wrong passwords where the last process of the server ended.
+
+        :raises StoreError: the database cannot be read.
+        """
+        restore_limits(self._engine, self.lock_out, self.now_ns())
 
     def setup_link(self, base_url: str) -> str | None:
         """

@@ -57,6 +57,7 @@ class Actor:
     :ivar people: whom they may see; None is everybody.
     :ivar session: the id of their session, which is no secret.
     :ivar emergency: whom they see by an emergency only.
+    :ivar locked: permissions of the role that a locked session lacks until the password is typed.
     """
 
     id: str  # noqa: A003
@@ -67,6 +68,7 @@ class Actor:
     session: str
     address: str
     emergency: frozenset[str] = frozenset()
+    locked: frozenset[Permission] = frozenset()
 
     def may(self, permission: Permission) -> bool:
         """Return whether they may do that."""
@@ -92,20 +94,47 @@ def refusal(status: int, text: str, remedy: str, reason: str = '',
     return HTTPException(status, detail, headers)
 
 
+def lacking(actor: Actor, *permissions: Permission, what: str = '') -> HTTPException:
+    """
+    Make the answer to what needs one of some permissions, of which the actor has none.
+
+    :param what: was to be done, in one word; left out when empty.
+    :return: 401 with the reason ``locked`` where the password gives such a permission back, else
+        403.
+    """
+    if not actor.locked.isdisjoint(permissions):
+        return refusal(401, 'this session is locked: it was not used for a while',
+                       'type your password again', 'locked')
+    needed = ' or '.join(each.value for each in permissions)
+    text = (f'{what} needs the permission {needed}' if what else
+            f'your role, {actor.role.value}, does not have the permission {needed}')
+    return refusal(403, text, 'ask an admin')
+
+
 def accounts_of(connection: HTTPConnection) -> Accounts:
     """Return the accounts of the server that a request came to."""
     found: Accounts = connection.app.state.services.accounts
     return found
 
 
-def cookie_name(connection: HTTPConnection) -> str:
+def cookie_name(connection: HTTPConnection, name: str = 'session') -> str:
     """
     Return how the cookie is called.
 
     With TLS the browser itself sees to it, by the prefix, that no other host and nobody without
     TLS has set it. On loopback without TLS it would not take it by that name.
     """
-    return '__Host-session' if is_secure(connection.scope['scheme']) else 'session'
+    return f'__Host-{name}' if is_secure(connection.scope['scheme']) else name
+
+
+def device_cookie_name(connection: HTTPConnection) -> str:
+    """Return the name of the cookie of :mod:`~rt_robot_os.monitor.security.devices`."""
+    return cookie_name(connection, 'device')
+
+
+def device_cookie_of(connection: HTTPConnection) -> str:
+    """Return the device cookie; empty without one."""
+    return connection.cookies.get(device_cookie_name(connection), '')
 
 
 def secret_of(connection: HTTPConnection) -> str:
@@ -155,16 +184,13 @@ def allowed(permission: Permission | None) -> Callable[..., Actor]:
             if not hmac.compare_digest(request.headers.get('x-csrf-token', '').encode(),
                                        csrf_token(secret).encode()):
                 raise refusal(403, 'the header X-CSRF-Token is missing or wrong',
-                              'load the page anew')
-        if permission is not None and permission not in session.permissions:
-            if session.is_locked and permission in PERMISSIONS[session.role]:
-                raise refusal(401, 'nobody has used this session for a while',
-                              'type your password again', 'locked')
-            raise refusal(403, f'your role, {session.role.value}, does not have the permission '
-                          f'{permission.value}', 'ask an admin')
+                              'load the page again', 'csrf')
+        actor = actor_of(session, request)
+        if permission is not None and not actor.may(permission):
+            raise lacking(actor, permission)
         if 'x-background' not in request.headers:
             accounts.sessions.touch(session)
-        return actor_of(session, request)
+        return actor
     dependency.permission = permission  # type: ignore[attr-defined]
     return dependency
 
@@ -186,11 +212,11 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
     session = await run_in_threadpool(accounts.sessions.find, secret) if secret else None
     if session is None:
         raise WebSocketException(ENDED, 'you are not logged in')
-    if permission not in session.permissions:
-        raise WebSocketException(_FORBIDDEN, f'your role, {session.role.value}, does not have '
-                                 f'the permission {permission.value}')
-    accounts.follow(session)
     actor = actor_of(session, websocket)
+    if not actor.may(permission):
+        reason: Any = lacking(actor, permission).detail
+        raise WebSocketException(_FORBIDDEN, reason['text'])
+    accounts.follow(session)
     await run_in_threadpool(accounts.audit.open, actor, websocket.scope['path'],
                             people=shown_people(actor.people))
     return actor
@@ -215,15 +241,17 @@ async def robot_of(websocket: WebSocket) -> Robot:
 
 def actor_of(session: Session, connection: HTTPConnection) -> Actor:
     """Return the actor of a session."""
+    locked = PERMISSIONS[session.role] - session.permissions if session.is_locked else frozenset()
     return Actor(session.user, session.name, session.role, session.permissions, session.people,
-                 session.id, address_of(connection), session.emergency)
+                 session.id, address_of(connection), session.emergency, locked)
 
 
 def described(session: Session, secret: str) -> dict[str, Any]:
     """Return what the page is told about its session."""
     people = shown_people(session.people)
     return {'id': session.id, 'user': session.name, 'role': session.role.value,
-            'permissions': sorted(each.value for each in session.permissions), 'people': people,
-            'csrf': csrf_token(secret), 'locked': session.is_locked,
+            'permissions': sorted(each.value for each in session.permissions),
+            'role_permissions': sorted(each.value for each in PERMISSIONS[session.role]),
+            'people': people, 'csrf': csrf_token(secret), 'locked': session.is_locked,
             'emergency': sorted(session.emergency),
             'emergency_ends_ns': session.emergency_ends_ns, 'expires_ns': session.expires_ns}

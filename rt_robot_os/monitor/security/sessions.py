@@ -132,6 +132,12 @@ class Sessions:
                 sessions.c.seen_ns > now - int(self._limits.idle_s * SECOND_NS))
                 .values(seen_ns=now))
 
+    def unlock(self, session: str) -> None:
+        """Open a locked session again; its user has just typed the password."""
+        with writing(self._engine) as connection:
+            connection.execute(sessions.update().where(sessions.c.id == session).values(
+                seen_ns=self._now_ns()))
+
     def get(self, ids: Iterable[str]) -> dict[str, Session]:
         """Return those of some sessions that are still good, as they are now."""
         with reading(self._engine) as connection:

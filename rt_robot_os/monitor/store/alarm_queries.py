@@ -103,7 +103,7 @@ def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | Non
                        for each in reversed(events)]
     found['told'], found['failed'] = _told(found['events'])
     found['notes'] = [
-        {'by': each['by'], 'text': each['text'], 't_ns': each['t_ns']}
+        {'id': each['id'], 'by': each['by'], 'text': each['text'], 't_ns': each['t_ns']}
         for each in connection.execute(select(ALARM_NOTES).where(
             ALARM_NOTES.c.alarm_id == row['id']).order_by(ALARM_NOTES.c.id)).mappings()]
     found['media'] = media_of(connection, robot, name)
@@ -121,16 +121,33 @@ def _told(events: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
 
 
 def add_note(connection: Connection, robot: str, name: str, by: str, text: str,
-             now_ns: int) -> bool:
-    """Add what somebody noted; return whether there is such an alarm."""
+             now_ns: int) -> int | None:
+    """Add a note to an alarm; return its number, None when there is no such alarm."""
     number = connection.execute(select(ALARMS.c.id).join(
         ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
             ROBOTS.c.robot == robot, ALARMS.c.alarm == name)).scalar()
     if number is None:
-        return False
-    connection.execute(insert(ALARM_NOTES), {
-        'alarm_id': number, 't_ns': now_ns, 'by': by, 'text': text})
-    return True
+        return None
+    return connection.execute(insert(ALARM_NOTES).returning(ALARM_NOTES.c.id), {
+        'alarm_id': number, 't_ns': now_ns, 'by': by, 'text': text}).scalar()
+
+
+def withdraw_note(connection: Connection, note: int, robot: str, name: str, by: str,
+                  since_ns: int) -> str | None:
+    """
+    Delete a note of an alarm that its author wrote a moment ago.
+
+    :param since_ns: it was not written before this, in UTC.
+    :return: its text; None when there is no such note.
+    """
+    alarms = select(ALARMS.c.id).join(ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
+        ROBOTS.c.robot == robot, ALARMS.c.alarm == name)
+    wanted = (ALARM_NOTES.c.id == note, ALARM_NOTES.c.alarm_id.in_(alarms),
+              ALARM_NOTES.c.by == by, ALARM_NOTES.c.t_ns >= since_ns)
+    text: str | None = connection.execute(select(ALARM_NOTES.c.text).where(*wanted)).scalar()
+    if text is not None:
+        connection.execute(ALARM_NOTES.delete().where(ALARM_NOTES.c.id == note))
+    return text
 
 
 def media_of(connection: Connection, robot: str, name: str) -> list[dict[str, Any]]:

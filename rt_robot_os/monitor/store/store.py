@@ -308,10 +308,17 @@ class Store:
         with self.reading() as connection:
             return alarm_queries.alarm(connection, robot, id)
 
-    def add_note(self, robot: str, alarm: str, by: str, text: str) -> bool:
-        """Note something about an alarm; return whether there is such an alarm."""
+    def add_note(self, robot: str, alarm: str, by: str, text: str) -> int | None:
+        """Add a note to an alarm; return its number, None when there is no such alarm."""
         with self.writing() as connection:
             return alarm_queries.add_note(connection, robot, alarm, by, text, self.now_ns())
+
+    def withdraw_note(self, note: int, robot: str, alarm: str, by: str, within_s: float
+                      ) -> str | None:
+        """Delete a note that its author wrote a moment ago; return its text, None for none."""
+        with self.writing() as connection:
+            return alarm_queries.withdraw_note(connection, note, robot, alarm, by,
+                                               self.now_ns() - int(within_s * 1e9))
 
     # ---- media -------------------------------------------------------------------------------
 

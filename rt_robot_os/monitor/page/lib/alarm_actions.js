@@ -3,12 +3,12 @@
 import {kindsText} from './alarms.js';
 import {ask} from './dialog.js';
 import {h} from './dom.js';
-import {button} from './parts.js';
+import {busy, button} from './parts.js';
 import {attempt} from './problem.js';
 import {toast} from './toast.js';
 
-// A note can be taken back for so long.
-const UNDO_MS = 6000;
+// For this long a stored note can be withdrawn here; the server allows a minute.
+const UNDO_MS = 10000;
 const NOTE_SHOWN_MS = 20000;
 
 /** Acknowledge at once; whoever wants may add a note afterwards. */
@@ -54,22 +54,31 @@ export async function cancelAlarm(context, alarm) {
   }
 }
 
-/** Keep a note after a moment in which it can be taken back; done is called when it is kept. */
-export function keepNote(context, alarm, text, done = () => {}) {
-  const {t} = context;
-  let isUndone = false;
+/**
+ * Store a note at once; for a moment it can be withdrawn.
+ * @param {Object} context
+ * @param {Object} alarm
+ * @param {string} text
+ * @param {function(): void} [done] called when it is stored, and when it is withdrawn
+ * @returns {Promise<boolean>} whether it is stored; else the reader has been told
+ */
+export async function addNote(context, alarm, text, done = () => {}) {
+  const {t, api} = context;
   const path = `/api/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}/notes`;
-  const send = async () => {
-    if (!isUndone && await attempt(() => context.api.post(path, {text}), t) !== null) {
-      done();
-    }
-  };
+  const stored = await attempt(() => api.post(path, {text}), t);
+  if (stored === null) {
+    return false;
+  }
+  done();
   const close = toast(t('alarms.note_kept', {text}), {shownMs: UNDO_MS, action: button(
-    t('shell.undo'), () => {
-      isUndone = true;
-      close();
+    t('shell.undo'), async () => {
+      if (await attempt(() => api.delete(`${path}/${stored.id}`), t) !== null) {
+        close();
+        toast(t('alarms.note_withdrawn'));
+        done();
+      }
     }, {kind: 'quiet'})});
-  setTimeout(send, UNDO_MS);
+  return true;
 }
 
 /** Which alarm, in a few words. */
@@ -93,11 +102,22 @@ function offerNote(context, alarm) {
     {action: form, shownMs: NOTE_SHOWN_MS});
   form.onsubmit = (event) => {
     event.preventDefault();
-    const text = input.value.trim();
-    close();
-    if (text) {
-      keepNote(context, alarm, text, () => context.state.tell('alarms',
-        {alarms: [alarm], before: alarm, isFirst: false}));
-    }
+    submitNote(context, form, alarm, () => context.state.tell('alarms',
+      {alarms: [alarm], before: alarm, isFirst: false}), close);
   };
+}
+
+/** Store what stands in a form of a note; it stays there until it is stored. */
+export function submitNote(context, form, alarm, done, stored) {
+  const [input, submit] = form.querySelectorAll('input, button');
+  const text = input.value.trim();
+  if (!text) {
+    stored();
+    return;
+  }
+  busy(submit, async () => {
+    if (await addNote(context, alarm, text, done)) {
+      stored();
+    }
+  });
 }

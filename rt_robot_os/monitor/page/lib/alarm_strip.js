@@ -1,12 +1,14 @@
 /**
- * The line under the head of each view: calm when nothing is open, else the worst alarm with what
- * to do about it. It is always there, so that nothing moves when an alarm comes.
+ * The line under the head of each view: the worst alarm with what to do about it; without one calm,
+ * but only while alarms would be known. It is always there, so that nothing moves when an alarm
+ * comes.
  */
 
 import {acknowledge, confirmAlarm} from './alarm_actions.js';
 import {isLoud, kindsText, openedNs} from './alarms.js';
 import {framed, h, replace, tone, write} from './dom.js';
 import {icon} from './icons.js';
+import {outageOf, outageWords, robotsUp} from './outage.js';
 import {button, levelIcon} from './parts.js';
 
 /**
@@ -19,18 +21,20 @@ export function alarmStrip(context) {
   let shown = null;
   const draw = framed(() => {
     const open = context.state.openAlarms();
-    const key = keyOf(context, open);
+    const outage = outageOf(context.state);
+    const key = keyOf(context, open, outage);
     if (key !== shown) {
       shown = key;
-      tone(element, 'strip', kind(context, open));
-      replace(element, ...(open.length ? loud(context, open, age) : calm(context)));
+      tone(element, 'strip', kind(open, outage));
+      replace(element, ...(open.length ? loud(context, open, outage, age)
+        : outage ? unknown(context, outage) : calm(context)));
     }
     if (open.length) {
       const ageS = (context.state.nowNs() - openedNs(open[0])) / 1e9;
       write(age, context.format.ago(ageS));
     }
   });
-  const off = context.state.on('alarms robots connection tick', draw);
+  const off = context.state.on('alarms robots server connection tick', draw);
   draw();
   return {element, close: () => {
     draw.stop();
@@ -38,42 +42,49 @@ export function alarmStrip(context) {
   }};
 }
 
-function kind(context, open) {
-  if (!open.length) {
-    return context.state.isKnown ? 'calm' : 'unknown';
+// The worse of what can be unknown is shown like a technical alarm.
+const OUTAGES = {start: 'unknown', none: 'unknown', storing: 'partly', server: 'outage'};
+
+function kind(open, outage) {
+  if (open.length) {
+    return isLoud(open[0]) ? open[0].level : `taken-${open[0].level}`;
   }
-  return isLoud(open[0]) ? open[0].level : `taken-${open[0].level}`;
+  return outage ? OUTAGES[outage.kind] || 'outage' : 'calm';
 }
 
-function keyOf(context, open) {
+function keyOf({state, silence, sound}, open, outage) {
   const [worst] = open;
-  return JSON.stringify([context.state.isKnown, context.live.isOpen, open.length,
-    open.filter(isLoud).length, worst && [worst.robot, worst.id, worst.state, worst.level, worst.kinds,
-      worst.text, worst.by], worst ? null : robotsUp(context)]);
+  return JSON.stringify([outage && [outage.kind, outage.kind === 'server' && outage.sinceMs,
+    outage.away.map((each) => each.name), sound.isWanted && silence.sounds(outage)], open.length,
+  open.filter(isLoud).length, worst && [worst.robot, worst.id, worst.state, worst.level,
+    worst.kinds, worst.text, worst.by], worst ? null : robotsUp(state)]);
 }
 
-function robotsUp(context) {
-  const robots = [...context.state.robots.values()];
-  return [robots.filter((each) => each.connected).length, robots.length];
-}
-
-function calm(context) {
-  const {t, state} = context;
-  if (!state.isKnown) {
-    return [icon('clock'), h('p.strip-words', t('shell.connecting'))];
-  }
-  const [up, all] = robotsUp(context);
+function calm({t, state}) {
+  const [up, n] = robotsUp(state);
   return [icon('check'), h('p.strip-words', h('strong', t('shell.no_alarm')),
-    h('span.strip-more', all ? t('shell.robots_up', {n: all, up}) : t('shell.no_robot')))];
+    h('span.strip-more', t('shell.robots_up', {n, up})))];
 }
 
-function loud(context, open, age) {
+function unknown(context, outage) {
+  const {t, silence} = context;
+  const {title, text} = outageWords(outage, context);
+  const hush = context.sound.isWanted && silence.sounds(outage) && h('div.strip-actions', button(t('shell.silence'), () => {
+    silence.silence(outage);
+    context.state.tell('connection');
+  }, {icon: 'muted'}));
+  return [icon(outage.kind === 'start' ? 'clock' : outage.kind === 'storing' ? 'warn' : 'offline'),
+    h('p.strip-words', h('strong', title), text && h('span.strip-more', text)), hush];
+}
+
+function loud(context, open, outage, age) {
   const {t} = context;
   const [worst] = open;
   const state = t.word('state', worst.state) + (worst.state === 'acknowledged' && worst.by
     ? ` (${worst.by})` : '');
+  const lost = outage?.kind === 'server' && outageWords(outage, context).text;
   const words = h('p.strip-words', h('strong', `${t.word('level', worst.level)}: ${worst.subject} – ${
-    kindsText(worst, t)}`), h('span.strip-more', [state, worst.text].filter(Boolean).join(' · ')));
+    kindsText(worst, t)}`), h('span.strip-more', [lost, state, worst.text].filter(Boolean).join(' · ')));
   const others = open.length > 1 && h('a.strip-others', {href: '#/alarms'},
     t('shell.more_alarms', {n: open.length - 1}));
   return [icon(levelIcon(worst.level)), words, age, others, h('div.strip-actions',

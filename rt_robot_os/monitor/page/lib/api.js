@@ -1,6 +1,8 @@
 /** Requests to the server: JSON both ways, the CSRF token on what changes something, clear errors. */
 
 const TIMEOUT_MS = 15000;
+// Browsers send no more than 64 KiB of all pages that were left.
+const KEPT_CHARACTERS = 8192;
 
 /** What a request was refused with: what happened (message) and what to do (remedy). */
 export class ApiError extends Error {
@@ -8,19 +10,25 @@ export class ApiError extends Error {
    * @param {number} status of HTTP; 0: the server did not answer
    * @param {string} text
    * @param {string} remedy
+   * @param {string} reason for the page: login, locked, csrf, password; or none
    */
-  constructor(status, text, remedy = '') {
+  constructor(status, text, remedy = '', reason = '') {
     super(text);
     this.status = status;
     this.remedy = remedy;
+    this.reason = reason;
   }
 }
 
 export class Api {
   constructor() {
     this.csrf = '';
-    /** Called when the server no longer knows who we are: reason login, or locked. */
+    /** Called when the server no longer knows who we are. */
     this.onSignedOut = () => {};
+    /** Called when the session is locked; isAsked: somebody waits. Resolves to: unlocked. */
+    this.onLocked = async () => false;
+    /** Called when the token of the page is no longer that of the session: get the new one. */
+    this.onStale = async () => false;
   }
 
   /**
@@ -57,6 +65,31 @@ export class Api {
    * @throws {ApiError}
    */
   async send(method, path, body, more = {}) {
+    try {
+      return await this.sendOnce(method, path, body, more);
+    } catch (error) {
+      if (await this.isHelped(error, method, path)) {
+        return this.sendOnce(method, path, body, more);
+      }
+      throw error;
+    }
+  }
+
+  /** Whether what a request was refused for is put right, so that it may be sent once more. */
+  async isHelped({status, reason}, method, path) {
+    if (status === 403 && reason === 'csrf') {
+      return this.onStale();
+    }
+    if (status === 401 && reason === 'locked') {
+      return this.onLocked(method !== 'GET');
+    }
+    if (status === 401 && !path.startsWith('/api/session')) {
+      this.onSignedOut();
+    }
+    return false;
+  }
+
+  async sendOnce(method, path, body, more) {
     const headers = {Accept: 'application/json', ...more};
     if (method !== 'GET') {
       headers['X-CSRF-Token'] = this.csrf;
@@ -64,12 +97,15 @@ export class Api {
     if (body !== undefined) {
       headers['Content-Type'] = 'application/json';
     }
+    const text = body === undefined ? undefined : JSON.stringify(body);
     let answer;
     try {
       answer = await fetch(path, {
         method,
         headers,
-        body: body === undefined ? undefined : JSON.stringify(body),
+        body: text,
+        // What was ordered is sent to its end, also when the page is left in that moment.
+        keepalive: method !== 'GET' && (text || '').length <= KEPT_CHARACTERS,
         credentials: 'same-origin',
         cache: 'no-store',
         signal: AbortSignal.timeout(TIMEOUT_MS),
@@ -82,11 +118,8 @@ export class Api {
       return found;
     }
     const detail = (found && found.detail) || {};
-    if (answer.status === 401 && !path.startsWith('/api/session')) {
-      this.onSignedOut(detail.reason || 'login');
-    }
     throw new ApiError(answer.status, detail.text || String(detail.message || answer.status),
-      detail.remedy || '');
+      detail.remedy || '', detail.reason || '');
   }
 }
 

@@ -13,12 +13,13 @@ export function connectionMark(context) {
   const element = h('p.link.link-wait', h('span.link-dot', {'aria-hidden': 'true'}), text);
   let lost = false;
   const draw = () => {
-    const isLost = !live.isOpen && live.lostMs !== null;
-    document.documentElement.classList.toggle('is-offline', isLost);
-    tone(element, 'link', live.isOpen ? 'live' : isLost ? 'lost' : 'wait');
+    const isLost = live.isOpen ? !live.isCurrent && live.contact !== null
+      : live.lostMs !== null;
+    const isLive = live.isOpen && !isLost;
+    tone(element, 'link', isLive ? 'live' : isLost ? 'lost' : 'wait');
     if (isLost) {
-      write(text, t('shell.lost_since', {time: format.time(live.lostMs)}));
-    } else if (!live.isOpen) {
+      write(text, t('shell.lost_since', {time: format.time(live.lostMs || live.contactMs)}));
+    } else if (!isLive) {
       write(text, t('shell.connecting'));
     } else {
       write(text, live.rttMs > SLOW_MS ? t('shell.slow', {ms: Math.round(live.rttMs)})

@@ -50,7 +50,7 @@ function said(error, t) {
   if (error.status === 0) {
     return t('login.no_answer');
   }
-  if (error.status === 401) {
+  if (error.status === 401 || error.reason === 'password') {
     return t('login.wrong');
   }
   if (error.status === 429) {

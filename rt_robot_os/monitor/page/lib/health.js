@@ -4,6 +4,7 @@
  */
 
 import {isLoud, rank} from './alarms.js';
+import {isUp} from './outage.js';
 
 /** Signs in the order in which they are shown. */
 export const SIGNS = ['pulse_per_min', 'spo2_percent', 'respiration_per_min', 'body_temperature',
@@ -108,14 +109,17 @@ function quiet(state, person, alarms) {
   if (!(ageS <= STALE_S)) {
     return {key: 'old_signs', tone: 'stale', badness: 25};
   }
-  return score && score.total !== null ? {key: 'well', tone: 'ok', badness: 0}
-    : {key: 'no_score', tone: 'ok', badness: 5};
+  if (!score || score.total === null || !(score.ageS <= STALE_S)) {
+    return {key: 'no_score', tone: 'none', badness: 5};
+  }
+  return score.risk === 'low-medium' ? {key: 'risk_some', tone: 'warn', badness: 20}
+    : {key: 'well', tone: 'ok', badness: 0};
 }
 
-/** Whether a robot that tells of a person is connected. */
+/** Whether a robot that tells of a person is reached. */
 export function isReached(state, person) {
   for (const robot of state.robots.values()) {
-    if (robot.connected && !robot.silent && (robot.people || []).includes(person)) {
+    if (isUp(state, robot) && (robot.people || []).includes(person)) {
       return true;
     }
   }

@@ -11,6 +11,8 @@ const SILENT_MS = 5000;
 const CONNECT_MS = 5000;
 // The server says so when the session is no more.
 const REVOKED = 4401;
+// What the session may do has changed: it was locked or unlocked, or somebody changed the role.
+const RIGHTS = 4403;
 
 export class Live extends EventTarget {
   /** @param {string} path such as '/live' */
@@ -29,6 +31,9 @@ export class Live extends EventTarget {
     this.waitMs = FIRST_WAIT_MS;
     this.timer = 0;
     this.heardMs = 0;
+    this.startedMs = Date.now();
+    /** When the last message of the server came, by this computer's clocks; null: none yet. */
+    this.contact = null;
     this.onOnline = () => this.hurry();
   }
 
@@ -37,6 +42,8 @@ export class Live extends EventTarget {
       return;
     }
     this.isStarted = true;
+    this.startedMs = Date.now();
+    this.contact = null;
     addEventListener('online', this.onOnline);
     document.addEventListener('visibilitychange', this.onOnline);
     this.ticker = setInterval(() => this.tick(), PING_MS);
@@ -56,6 +63,28 @@ export class Live extends EventTarget {
     if (socket) {
       socket.close(1000);
     }
+  }
+
+  /** When the last message of the server came, by this computer's clock; without one the start. */
+  get contactMs() {
+    return this.contact ? this.contact.dateMs : this.startedMs;
+  }
+
+  /** For how long nothing has come from the server. */
+  get silentMs() {
+    // One clock stands while a computer sleeps, the other may be set back.
+    return this.contact ? Math.max(Date.now() - this.contact.dateMs,
+      performance.now() - this.contact.atMs) : Infinity;
+  }
+
+  /** Whether what is known is of now: the server said something a moment ago. */
+  get isCurrent() {
+    return this.silentMs <= SILENT_MS;
+  }
+
+  /** Whether it was started so recently that no answer means nothing yet. */
+  get isYoung() {
+    return Date.now() - this.startedMs <= SILENT_MS;
   }
 
   /** Now, by the server's clock, in ns since 1970. */
@@ -122,6 +151,7 @@ export class Live extends EventTarget {
       return;
     }
     this.heardMs = performance.now();
+    this.contact = {atMs: this.heardMs, dateMs: Date.now()};
     let message;
     try {
       message = JSON.parse(text);
@@ -149,7 +179,10 @@ export class Live extends EventTarget {
       this.tell('revoked');
       return;
     }
-    this.lostMs = this.lostMs || Date.now();
+    this.lostMs = this.lostMs || this.contactMs;
+    if (code === RIGHTS) {
+      this.tell('rights');
+    }
     this.timer = setTimeout(() => this.connect(), this.waitMs * (0.8 + 0.4 * Math.random()));
     this.waitMs = Math.min(this.waitMs * 1.7, LONGEST_WAIT_MS);
     this.tell(wasOpen ? 'connection' : 'retry');

@@ -69,7 +69,8 @@ export function levelIcon(level) {
  * @param {?HTMLElement} [action]
  */
 export function notice(kind, title, text = '', action = null) {
-  const icons = {empty: 'info', loading: 'clock', error: 'warn', offline: 'offline', calm: 'check'};
+  const icons = {empty: 'info', loading: 'clock', error: 'warn', offline: 'offline', calm: 'check',
+    locked: 'locked'};
   return h(`div.notice.notice-${kind}`, {role: kind === 'error' ? 'alert' : null},
     icon(icons[kind] || 'info'), h('div.notice-words', h('p.notice-title', title),
       text && h('p.notice-text', text), action));

@@ -7,6 +7,9 @@ export function problemText(error, t) {
   if (error.status === 0) {
     return t('shell.no_answer');
   }
+  if (error.reason === 'locked') {
+    return t('shell.still_locked');
+  }
   if (error.status === 403) {
     return t('shell.not_allowed');
   }

@@ -8,8 +8,11 @@ import {openDialog} from './dialog.js';
 import {attribute, h, replace} from './dom.js';
 import {icon} from './icons.js';
 import {openMenu} from './menu.js';
+import {outageWords} from './outage.js';
+import {watchOutages} from './outage_watch.js';
 import {button, iconButton, notice} from './parts.js';
 import {stopButton} from './stop.js';
+import {lockedNotice, unlock} from './unlock.js';
 import {mayOpen, viewNamed, viewsFor} from './views.js';
 
 // What the line of alarms, the overview and the stop button live on.
@@ -17,6 +20,8 @@ const SIGNALS = ['battery', 'agent/state', 'stop_reason', 'health/*/signs', 'hea
   'health/*/place_details'];
 // Narrow screens show so many views; the others are behind "more".
 const FIRST_VIEWS = 4;
+// Of these title and icon of the window tell.
+const OUT_OF_SIGHT = new Set(['server', 'robots']);
 // A view that is there sooner shows no sign of loading.
 const PATIENCE_MS = 200;
 
@@ -58,15 +63,43 @@ export class Shell {
       t('shell.skip'));
     const head = h('header.head', skip, h('a.brand', {href: '#/overview', 'aria-label':
       t('shell.brand')}, h('img', {src: asset('style/icon.svg'), alt: '', width: 32, height: 32})),
-    this.heading, mark.element, this.soundButton(), iconButton('account', t('shell.account'),
+    this.heading, mark.element, this.lockButton(), this.soundButton(), iconButton('account', t('shell.account'),
       () => openMenu(context)), stop && stop.element);
     replace(this.root, head, strip.element, this.rail(), this.main);
     this.root.className = 'shell';
-    this.ends.push(strip.close, mark.close, watchAlarms(context),
+    this.ends.push(strip.close, mark.close, watchAlarms(context), watchOutages(context),
+      context.state.on('session', () => this.sessionChanged()),
       context.live.watch('shell', null, SIGNALS, 1));
     if (stop) {
       this.ends.push(stop.close);
     }
+    // Alarms can be looked at also when the server no longer gives out the view of them.
+    load(viewNamed('alarms'), context).catch(() => {});
+  }
+
+  /** That the session is locked, and the way out; not there while it is not. */
+  lockButton() {
+    const {context} = this;
+    const {t} = context;
+    const made = h('button.button.locked-mark', {type: 'button', title: t('shell.locked_tip'),
+      onclick: () => unlock(context)}, icon('locked'), h('span.label', t('shell.locked')));
+    const show = () => {
+      made.hidden = !context.isLocked;
+    };
+    this.ends.push(context.state.on('session', show));
+    show();
+    return made;
+  }
+
+  /** Locked or unlocked: a view that needs more than is left gives way to a word about it. */
+  sessionChanged() {
+    if (this.isShut !== this.mustUnlock(this.view)) {
+      this.route();
+    }
+  }
+
+  mustUnlock(view) {
+    return this.isSignedIn && !mayOpen(view, this.context.allowed);
   }
 
   soundButton() {
@@ -119,8 +152,12 @@ export class Shell {
     const mine = this.shown;
     this.end();
     this.mark(view);
-    const timer = setTimeout(() => mine === this.shown && this.put(
-      notice('loading', this.context.t('shell.loading'))), PATIENCE_MS);
+    this.isShut = this.mustUnlock(view);
+    if (this.isShut) {
+      this.put(lockedNotice(this.context));
+      return;
+    }
+    const timer = setTimeout(() => mine === this.shown && this.put(this.waiting()), PATIENCE_MS);
     try {
       const {view: found} = await load(view, this.context);
       if (mine === this.shown) {
@@ -138,6 +175,14 @@ export class Shell {
     }
   }
 
+  /** What stands where a view will be. */
+  waiting() {
+    const {t, outage} = this.context;
+    return outage?.kind === 'server'
+      ? notice('offline', t('shell.no_answer'), t('shell.no_answer_text'))
+      : notice('loading', t('shell.loading'));
+  }
+
   /** Show this; who went by keys in what was there before is at its beginning. */
   put(shown) {
     const wasThere = this.main.contains(document.activeElement);
@@ -151,9 +196,7 @@ export class Shell {
     if (!this.isSignedIn) {
       return view && view.place === 'alone' ? view : viewNamed('login');
     }
-    // Alone inside of the shell: a session that is locked asks for the password again.
-    if (view && (view.place !== 'alone' || this.context.lockedAt !== null)
-        && mayOpen(view, this.context.permissions)) {
+    if (view && view.place !== 'alone' && mayOpen(view, this.context.permissions)) {
       return view;
     }
     return viewsFor('rail', this.context.permissions)[0] || viewNamed('account');
@@ -178,11 +221,14 @@ export class Shell {
 
   /** The title of the window: alarms first, since it is cut at its end. */
   showTitle() {
-    const {count, text} = this.context.badge;
-    const view = this.heading.textContent;
-    document.title = count ? `(${count}) ${text}` : `${view} – ${this.context.t('shell.brand')}`;
-    attribute(document.getElementById('icon'), 'href',
-      asset(count ? 'style/icon_alarm.svg' : 'style/icon.svg'));
+    const {badge: {count, text}, outage, t} = this.context;
+    const isUnknown = outage && OUT_OF_SIGHT.has(outage.kind);
+    const view = [this.heading.textContent, t('shell.brand')].join(' – ');
+    const lost = isUnknown && outageWords(outage, this.context).title;
+    document.title = [count && `(${count}) ${text}`, lost, !count && view].filter(Boolean)
+      .join(' – ');
+    attribute(document.getElementById('icon'), 'href', asset(count ? 'style/icon_alarm.svg'
+      : isUnknown ? 'style/icon_unknown.svg' : 'style/icon.svg'));
   }
 
   failed(error) {

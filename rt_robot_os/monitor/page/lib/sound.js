@@ -8,6 +8,8 @@ const BURSTS = {
   critical: {tones: [660, 830, 990, 660, 990], againS: 8},
   urgent: {tones: [590, 740, 590], againS: 20},
   warning: {tones: [520, 520], againS: 60},
+  // Falling: alarms may be missed.
+  outage: {tones: [440, 330, 262], againS: 20},
 };
 const TONE_S = 0.16;
 const GAP_S = 0.07;
@@ -19,6 +21,7 @@ export class Sound extends EventTarget {
     this.isWanted = isWanted;
     this.audio = null;
     this.level = null;
+    this.isOutage = false;
     this.timer = 0;
     // Any touch of the page counts for the browser.
     const wake = () => this.isWanted && this.wake();
@@ -66,10 +69,20 @@ export class Sound extends EventTarget {
     }
   }
 
+  /** Sound while alarms may be missed and no alarm sounds by itself. */
+  outage(isOutage) {
+    if (isOutage !== this.isOutage) {
+      this.isOutage = isOutage;
+      if (!this.level) {
+        this.schedule();
+      }
+    }
+  }
+
   schedule() {
     clearInterval(this.timer);
-    if (this.level && this.isWanted) {
-      const level = this.level;
+    const level = this.level || (this.isOutage ? 'outage' : null);
+    if (level && this.isWanted) {
       this.play(level);
       this.timer = setInterval(() => this.play(level), BURSTS[level].againS * 1000);
     }

@@ -18,6 +18,7 @@ export class State {
     live.addEventListener('robot', (event) => this.takeRobot(event.detail));
     live.addEventListener('alarm', (event) => this.takeAlarm(event.detail));
     live.addEventListener('signals', (event) => this.takeSignals(event.detail));
+    live.addEventListener('server', (event) => this.takeServer(event.detail));
     live.addEventListener('gap', (event) => this.takeGap(event.detail));
     live.addEventListener('connection', () => this.tell('connection'));
     live.addEventListener('rtt', () => this.tell('rtt'));
@@ -27,6 +28,8 @@ export class State {
   clear() {
     /** Whether the server has told how everything is. */
     this.isKnown = false;
+    /** What the server says of itself: whether it can store. */
+    this.server = {};
     this.robots = new Map();
     this.people = new Map();
     this.alarms = new Map();
@@ -36,7 +39,8 @@ export class State {
 
   /**
    * Hear of changes.
-   * @param {string} kinds of robots, people, alarms, signals, gap, connection, tick; with blanks
+   * @param {string} kinds of robots, people, alarms, signals, gap, server, connection, session,
+   *   tick; with blanks
    * @param {function(string, *): void} listener gets the kind and what changed
    * @returns {function(): void} hear no more
    */
@@ -55,6 +59,11 @@ export class State {
     for (const listener of [...(this.listeners.get(kind) || [])]) {
       listener(kind, detail);
     }
+  }
+
+  /** Whether all that is known here is of now; else it is what was last known. */
+  get isCurrent() {
+    return this.isKnown && this.live.isCurrent;
   }
 
   /** Now by the server's clock, in ns. */
@@ -85,7 +94,13 @@ export class State {
     return [...this.alarms.values()].sort(order);
   }
 
-  takeState({robots = [], people = [], alarms = []}) {
+  takeServer(server) {
+    this.server = server;
+    this.tell('server');
+  }
+
+  takeState({robots = [], people = [], alarms = [], server = {}}) {
+    this.server = server;
     this.robots = new Map(robots.map((each) => [each.id, each]));
     this.people = new Map(people.map((each) => [nameOf(each), asPerson(each)]));
     const open = alarms.filter(isOpen);

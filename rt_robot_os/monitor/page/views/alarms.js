@@ -3,6 +3,7 @@
 import {Detail} from './alarms/detail.js';
 import {list} from './alarms/list.js';
 import {h, replace, write} from '../lib/dom.js';
+import {outageOf} from '../lib/outage.js';
 import {segments} from '../lib/parts.js';
 
 const HISTORY = 100;
@@ -69,7 +70,10 @@ class Alarms {
   }
 
   show(kind) {
-    write(this.count, this.context.t('alarms.count', {n: this.context.state.openAlarms().length}));
+    const n = this.context.state.openAlarms().length;
+    // None is an answer only where there would be another one.
+    write(this.count, n || !outageOf(this.context.state) ? this.context.t('alarms.count', {n})
+      : this.context.t('alarms.count_unknown'));
     list(this.items, this.context, this.found(), {isAll: this.isAll, chosen: this.chosen,
       isLoading: this.isAll && !this.past && !this.problem, problem: this.problem});
     this.detail.show(kind);

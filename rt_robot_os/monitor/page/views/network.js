@@ -2,6 +2,7 @@
 
 import {attribute, framed, h, keep, replace, write} from '../lib/dom.js';
 import {icon} from '../lib/icons.js';
+import {isUp} from '../lib/outage.js';
 import {badge, notice, setBadge} from '../lib/parts.js';
 import {robotChoice} from '../lib/robot_choice.js';
 
@@ -86,21 +87,22 @@ class Network {
     const nodes = found?.value?.nodes || [];
     this.box.hidden = !nodes.length;
     const ageS = found ? (state.nowNs() - found.utcNs) / 1e9 : NaN;
-    this.box.classList.toggle('is-stale', ageS > STALE_S);
-    this.explain(found, nodes, ageS);
+    const isOld = ageS > STALE_S || !isUp(state, state.robots.get(this.choice.robot) || {});
+    this.box.classList.toggle('is-stale', isOld);
+    this.explain(found, nodes, isOld);
     COLUMNS.forEach((each, index) => attribute(this.heads[index], 'aria-sort',
       each === this.column ? (this.isUp ? 'ascending' : 'descending') : null));
     keep(this.body, this.sorted(nodes), (node) => String(node.id), (node) => row(node),
-      (element, node) => update(element, node, context, nodes), isAsked);
+      (element, node) => update(element, node, context, nodes, isOld), isAsked);
     const bad = nodes.filter((each) => BADNESS[stateOf(each)] > 3).length;
     write(this.summary, nodes.length ? `${t('network.nodes', {n: nodes.length})} · ${
       t('network.bad', {n: bad})} · ${t('network.as_of', {ago: format.ago(ageS)})}` : '');
   }
 
-  explain(found, nodes, ageS) {
+  explain(found, nodes, isOld) {
     const {t, state, format} = this.context;
     const key = !state.isKnown ? 'loading' : !found ? 'none' : !nodes.length ? 'empty'
-      : ageS > STALE_S ? 'old' : '';
+      : isOld ? 'old' : '';
     if (key !== this.explained) {
       this.explained = key;
       const kind = {loading: 'loading', old: 'offline'}[key] || 'empty';
@@ -144,11 +146,13 @@ function row() {
   return made;
 }
 
-function update(element, node, {t, format}, nodes) {
+function update(element, node, {t, format}, nodes, isOld) {
   const [name, state, battery, days, delivery, packets, lost, heard, parent] = element.children;
   const word = stateOf(node);
   write(name, nameOf(node));
-  setBadge(state.firstChild, TONES[word] || 'none', t.word('node_state', word), ICONS[word]);
+  // What a node was is not what it is.
+  setBadge(state.firstChild, isOld ? 'stale' : TONES[word] || 'none', t.word('node_state', word),
+    isOld ? 'clock' : ICONS[word]);
   write(battery, Number.isFinite(node.battery_v) ? `${format.number(node.battery_v, 2)} V` : '–');
   write(days, Number.isFinite(node.days_left) ? format.number(node.days_left) : '–');
   days.classList.toggle('is-low', node.days_left !== null && node.days_left < 14);

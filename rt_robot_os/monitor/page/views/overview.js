@@ -5,6 +5,7 @@ import {robotCard, updateRobot} from './overview/robot_card.js';
 import {badnessOf} from './overview/robot_words.js';
 import {framed, h, keep, replace, write} from '../lib/dom.js';
 import {stateOf} from '../lib/health.js';
+import {robotsUp} from '../lib/outage.js';
 import {notice} from '../lib/parts.js';
 import {Trends} from '../lib/trends.js';
 
@@ -57,8 +58,8 @@ function showRobots(context, body, count) {
   keep(body, robots, (each) => each.id, (each) => robotCard(context, each),
     (element, each) => updateRobot(element, each, context));
   body.parentNode.hidden = !robots.length;
-  const up = robots.filter((each) => each.connected).length;
-  write(count, t('shell.robots_up', {n: robots.length, up}));
+  const [up, n] = robotsUp(state);
+  write(count, t(state.isCurrent ? 'shell.robots_up' : 'overview.robots_unknown', {n, up}));
 }
 
 function explain(context, parts) {

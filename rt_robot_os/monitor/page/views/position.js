@@ -2,6 +2,7 @@
 
 import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
+import {isUp} from '../lib/outage.js';
 import {button, notice} from '../lib/parts.js';
 import {robotChoice} from '../lib/robot_choice.js';
 import {onTheme} from './data/look.js';
@@ -12,7 +13,7 @@ import {legend, PlaceList} from './position/list.js';
 import {pictureOf, unpacked} from './position/map.js';
 import {paletteOf} from './position/palette.js';
 import {Pointers, pressed} from './position/pointer.js';
-import {Scene, SIGNALS, OLD_MS} from './position/scene.js';
+import {isOld, Scene, SIGNALS} from './position/scene.js';
 import {alarmShape, goalShape, nodeShape, personShape, robotShape} from './position/symbols.js';
 import {boundsOf, Viewport} from './position/transform.js';
 
@@ -188,14 +189,20 @@ class PositionView {
   write() {
     const {context, scene} = this;
     this.load();
-    const nowMs = context.live.nowNs() / NS_PER_MS;
     const robot = context.state.robots.get(this.choice.robot);
     if (!robot && context.state.isKnown) {
       this.explain('no_robot');
     }
-    this.list.show(scene, robot, this.alarms(), nowMs);
+    this.list.show(scene, robot, this.alarms(), this.now());
     this.goal.show();
     this.change();
+  }
+
+  /** Now, and whether nothing comes any more from the robot: all that is shown was so. */
+  now() {
+    const {live, state} = this.context;
+    return {nowMs: live.nowNs() / NS_PER_MS,
+      isLost: !isUp(state, state.robots.get(this.choice.robot) || {})};
   }
 
   change() {
@@ -298,8 +305,7 @@ class PositionView {
     const {view, scene, palette, context, labels} = this;
     const {t, format} = context;
     const ctx = this.canvas.getContext('2d');
-    const nowMs = context.live.nowNs() / NS_PER_MS;
-    const pen = {ctx, view, palette, nowMs, labels};
+    const pen = {ctx, view, palette, labels, ...this.now()};
     ctx.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     const step = layers.drawMap(pen, this.map, this.picture);
     const on = this.layers;
@@ -308,12 +314,12 @@ class PositionView {
     on.plan && layers.drawPlan(pen, scene);
     on.nodes && layers.drawNodes(pen, scene, (node) => format.percent(
       node.recent ?? node.delivery));
-    on.people && layers.drawPeople(pen, scene, (person) => this.aged(person.person,
-      nowMs - person.t, OLD_MS.person));
+    on.people && layers.drawPeople(pen, scene, (person) => this.aged(pen, person.person,
+      person.t, 'person'));
     on.alarms && layers.drawAlarms(pen, this.alarms().filter((each) => Number.isFinite(each.x)
       && Number.isFinite(each.y)));
-    layers.drawRobot(pen, scene, this.aged(context.state.robots.get(this.choice.robot)?.name || '',
-      nowMs - (scene.pose?.t ?? nowMs), OLD_MS.robot));
+    layers.drawRobot(pen, scene, this.aged(pen, context.state.robots.get(this.choice.robot)?.name
+      || '', scene.pose?.t ?? pen.nowMs, 'robot'));
     if (this.goal.target) {
       goalShape(ctx, ...view.toScreen(this.goal.target.x, this.goal.target.y),
         this.goal.target.yaw, Goal.ARROW_PX, palette.goal, palette);
@@ -323,8 +329,9 @@ class PositionView {
     this.drawn += 1;
   }
 
-  aged(name, ageMs, oldMs) {
-    return ageMs > oldMs ? `${name}, ${this.context.format.ago(ageMs / 1000)}` : name;
+  aged(pen, name, t, kind) {
+    return isOld(pen, t, kind)
+      ? `${name}, ${this.context.format.ago((pen.nowMs - t) / 1000)}` : name;
   }
 
   legendWords() {

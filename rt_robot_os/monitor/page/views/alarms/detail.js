@@ -3,7 +3,7 @@
 import {stateText} from './list.js';
 import {pictures} from './pictures.js';
 import {timeline} from './timeline.js';
-import {acknowledge, cancelAlarm, confirmAlarm, escalate, keepNote, resolve}
+import {acknowledge, cancelAlarm, confirmAlarm, escalate, resolve, submitNote}
   from '../../lib/alarm_actions.js';
 import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
 import {framed, h, replace, tone, write} from '../../lib/dom.js';
@@ -156,10 +156,10 @@ function noteForm(context, current, done) {
     t('alarms.note_add')));
   form.onsubmit = (event) => {
     event.preventDefault();
-    const text = input.value.trim();
-    if (text && current()) {
-      input.value = '';
-      keepNote(context, current(), text, done);
+    if (current()) {
+      submitNote(context, form, current(), done, () => {
+        input.value = '';
+      });
     }
   };
   return form;

@@ -4,6 +4,7 @@ import {acknowledge} from '../../lib/alarm_actions.js';
 import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
 import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
+import {outageOf, outageWords} from '../../lib/outage.js';
 import {button, levelIcon, notice} from '../../lib/parts.js';
 import {problemText} from '../../lib/problem.js';
 
@@ -75,14 +76,21 @@ export function stateText(alarm, t) {
 
 function explain(element, context, alarms, {isAll, isLoading, problem}) {
   const {t} = context;
+  const outage = outageOf(context.state);
   const key = isLoading ? 'loading' : problem && isAll ? 'problem' : alarms.length ? ''
-    : isAll ? 'none_ever' : 'none_open';
+    : isAll ? 'none_ever' : outage ? `outage_${outage.kind}` : 'none_open';
   if (element.dataset.key === key) {
     return;
   }
   element.dataset.key = key;
   replace(element, key === 'loading' ? notice('loading', t('shell.loading'))
     : key === 'problem' ? notice('error', t('alarms.no_past'), problemText(problem, t))
+      : key.startsWith('outage') ? outageNotice(context, outage)
       : key === 'none_open' ? notice('calm', t('alarms.none_open'), t('alarms.none_open_text'))
         : key && notice('empty', t('alarms.none_ever'), t('alarms.none_ever_text')));
+}
+
+function outageNotice(context, outage) {
+  const {title, text} = outageWords(outage, context);
+  return notice(outage.kind === 'start' ? 'loading' : 'offline', title, text);
 }

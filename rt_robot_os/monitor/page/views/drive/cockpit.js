@@ -3,6 +3,7 @@
 import {ask} from '../../lib/dialog.js';
 import {attribute, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
+import {isUp} from '../../lib/outage.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
 import {release} from '../../lib/stop.js';
 import {announce} from '../../lib/toast.js';
@@ -32,7 +33,7 @@ export class Cockpit {
     this.gamepads = new Gamepads(this.hand);
     this.ends = [letGoUnseen(this.hand),
       context.live.watch('drive', robot.id, SIGNALS, 5),
-      context.state.on('signals', () => this.showRobot())];
+      context.state.on('signals robots tick', () => this.showRobot())];
     this.listen();
     this.show();
   }
@@ -223,7 +224,15 @@ export class Cockpit {
     if (this.line.beat) {
       return;
     }
-    const value = (name) => this.context.state.signal(this.robot.id, name)?.value;
+    const {state} = this.context;
+    if (!isUp(state, state.robots.get(this.robot.id) || {})) {
+      // What it said last is not what it does.
+      write(this.reason, '');
+      write(this.speed, '–');
+      this.released.hidden = true;
+      return;
+    }
+    const value = (name) => state.signal(this.robot.id, name)?.value;
     this.showReason(value('stop_reason'), value('steering'));
     if (value('speed')) {
       this.showSpeed(value('speed'));

@@ -3,7 +3,8 @@
 import {acknowledge} from '../../lib/alarm_actions.js';
 import {isLoud, kindsText, openedNs} from '../../lib/alarms.js';
 import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
-import {DECIMALS, news2Of, placeOf, riskTone, signsOf, STALE_S} from '../../lib/health.js';
+import {DECIMALS, isReached, news2Of, placeOf, riskTone, signsOf, STALE_S}
+  from '../../lib/health.js';
 import {icon} from '../../lib/icons.js';
 import {badge, button, levelIcon, setBadge} from '../../lib/parts.js';
 import {drawSpark, sparkline} from '../../lib/spark.js';
@@ -18,7 +19,7 @@ const SPANS = {pulse_per_min: 20, spo2_percent: 6, respiration_per_min: 6, body_
   systolic_mmhg: 30};
 const ICONS = {critical: 'critical', urgent: 'urgent', suspected: 'urgent', warning: 'warn',
   taken: 'person', technical: 'technical', unreached: 'offline', old_signs: 'clock', well: 'check',
-  no_score: 'check', no_signs: 'info', risk_high: 'critical', risk_medium: 'urgent'};
+  no_score: 'info', risk_some: 'warn', no_signs: 'info', risk_high: 'critical', risk_medium: 'urgent'};
 
 /** Make the card of a person. */
 export function personCard(context, person) {
@@ -57,33 +58,34 @@ export function updatePerson(card, {person, now}, context, trends) {
   const {parts} = card;
   tone(card, 'edge', now.tone);
   setBadge(parts.state, now.tone, t(`overview.is_${now.key}`), ICONS[now.key] || 'info');
-  write(parts.place, placeText(context, placeOf(state, person)));
+  const isLost = !isReached(state, person);
+  write(parts.place, placeText(context, placeOf(state, person), isLost));
   alarmRows(parts.alarms, now.alarms, context);
   if (permissions.has('health')) {
-    showScore(parts.score, news2Of(state, person), t);
+    showScore(parts.score, news2Of(state, person), t, isLost);
     const found = signsOf(state, person);
     for (const [name, each] of parts.signs) {
       const reading = found.signs.find((one) => one.sign === name);
-      showSign(each, reading, t, format, name);
+      showSign(each, reading, context, name, isLost);
       drawSpark(each.spark, trends.of(person, name), trends.startNs, state.nowNs(), SPANS[name],
         trends.gapNs);
     }
   }
 }
 
-function placeText({t, format}, place) {
+function placeText({t, format}, place, isLost) {
   if (!place || !(place.room || place.near)) {
     return t('overview.place_unknown');
   }
   const where = place.room ? t.word('room', place.room) : t('overview.near', {node: place.near});
-  return place.ageS > STALE_S ? t('overview.was_in', {where, ago: format.ago(place.ageS)})
+  return isLost || place.ageS > STALE_S ? t('overview.was_in', {where, ago: format.ago(place.ageS)})
     : t('overview.is_in', {where});
 }
 
-function showScore(element, score, t) {
+function showScore(element, score, t, isLost) {
   const [, total, risk] = element.children;
   const isKnown = score && score.total !== null;
-  const isOld = score && score.ageS > STALE_S;
+  const isOld = score && (isLost || score.ageS > STALE_S);
   const isPart = score && !isKnown && score.atLeast > 0;
   tone(element, 'tone', isOld || !score ? 'none' : riskTone(isKnown || isPart ? score.risk : ''));
   write(total, isKnown ? score.total : isPart ? `≥ ${score.atLeast}` : '–');
@@ -94,16 +96,16 @@ function showScore(element, score, t) {
     {which: score.missing.map((each) => t.word('sign', each)).join(', ')}) : null);
 }
 
-function showSign(parts, reading, t, format, name) {
+function showSign(parts, reading, {t, format}, name, isLost) {
   const isThere = reading && Number.isFinite(reading.value);
-  const isGood = isThere && reading.quality === 'good' && reading.ageS <= 120;
+  const isGood = isThere && !isLost && reading.quality === 'good' && reading.ageS <= 120;
   const value = isThere ? format.number(reading.value, DECIMALS[name] || 0) : '–';
   write(parts.value, value);
   parts.row.classList.toggle('is-stale', !isGood);
   parts.row.classList.toggle('is-missing', !isThere);
   const quality = reading ? t.word('quality', reading.quality) : t('overview.not_measured');
   const isBad = !isThere || reading.quality !== 'good';
-  const age = !isThere ? '' : reading.ageS < FRESH_S ? t('overview.now')
+  const age = !isThere ? '' : !isLost && reading.ageS < FRESH_S ? t('overview.now')
     : format.duration(reading.ageS);
   // What is bad and fresh says why; what is bad and old says that as well.
   write(parts.note, [isBad && quality, (!isBad || reading?.ageS >= FRESH_S) && age]

@@ -1,12 +1,15 @@
 /** A robot: connected, battery, what it does, when it was heard last. */
 
 import {alarmRows} from './person_card.js';
-import {charge, doing, isUp, LOW_BATTERY, otherAlarms} from './robot_words.js';
+import {charge, chargeAgeS, doing, LOW_BATTERY, otherAlarms} from './robot_words.js';
 import {attribute, h, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
+import {isUp} from '../../lib/outage.js';
 import {badge, setBadge} from '../../lib/parts.js';
 import {mayOpen, viewNamed} from '../../lib/views.js';
 
+// Drivers tell the charge each few seconds; one that is older is of the past.
+const CHARGE_STALE_S = 120;
 // Views about one robot, as far as they may be opened.
 const LINKS = ['position', 'camera', 'drive', 'network'];
 
@@ -35,18 +38,20 @@ export function robotCard(context, robot) {
 
 /** Show how a robot is now. */
 export function updateRobot(card, robot, context) {
-  const {t, state, format, live} = context;
+  const {t, state, format} = context;
   const {parts} = card;
-  const up = isUp(robot);
+  const up = isUp(state, robot);
   tone(card, 'edge', up ? 'none' : 'stale');
   card.classList.toggle('is-away', !up);
-  setBadge(parts.state, up ? 'ok' : 'urgent', t(up ? 'overview.connected' : robot.connected
-    ? 'overview.silent' : 'overview.away'), up ? 'check' : 'offline');
+  setBadge(parts.state, up ? 'ok' : state.isCurrent ? 'urgent' : 'stale', t(up
+    ? 'overview.connected' : !state.isCurrent ? 'overview.unknown' : robot.connected
+      ? 'overview.silent' : 'overview.away'), up ? 'check' : 'offline');
   write(parts.doing, up ? doing(state, robot, t) : t('overview.last_doing',
     {doing: doing(state, robot, t)}));
-  showBattery(parts, charge(state, robot), t, format);
+  const isOld = !up || chargeAgeS(state, robot) > CHARGE_STALE_S;
+  showBattery(parts, charge(state, robot), isOld, context);
   const ageS = (state.nowNs() - (robot.last_seen_ns || NaN)) / 1e9;
-  write(parts.seen, up && live.isOpen ? t('overview.now') : Number.isFinite(ageS)
+  write(parts.seen, up ? t('overview.now') : Number.isFinite(ageS)
     ? format.ago(ageS) : t('overview.never'));
   write(parts.people, (robot.people || []).join(', ') || '–');
   const stop = String(state.signal(robot.id, 'stop_reason')?.value ?? '');
@@ -55,12 +60,15 @@ export function updateRobot(card, robot, context) {
   alarmRows(parts.alarms, otherAlarms(state, robot), context);
 }
 
-function showBattery(parts, share, t, format) {
+function showBattery(parts, share, isOld, {t, format}) {
   const isKnown = Number.isFinite(share);
   const isLow = share < LOW_BATTERY;
   parts.level.style.setProperty('width', `${Math.round(100 * Math.min(1, isKnown ? share : 0))}%`);
   parts.battery.classList.toggle('is-low', isLow);
-  write(parts.charge, !isKnown ? t('overview.battery_unknown') : isLow
-    ? t('overview.battery_low', {share: format.percent(share)}) : format.percent(share));
+  parts.battery.classList.toggle('is-old', isKnown && isOld);
+  const words = isLow ? t('overview.battery_low', {share: format.percent(share)})
+    : format.percent(share);
+  write(parts.charge, !isKnown ? t('overview.battery_unknown') : isOld
+    ? t('overview.battery_last', {charge: words}) : words);
   attribute(parts.battery, 'data-share', isKnown ? share : null);
 }

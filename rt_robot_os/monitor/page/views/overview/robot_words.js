@@ -1,20 +1,21 @@
 /** How a robot is, in words and as a number to sort by. */
 
 import {isLoud, rank} from '../../lib/alarms.js';
+import {isUp} from '../../lib/outage.js';
 
 /** Below this share of its battery a robot should be charged. */
 export const LOW_BATTERY = 0.2;
-
-/** Whether a robot is reached: connected, and heard of. */
-export function isUp(robot) {
-  return Boolean(robot.connected) && !robot.silent;
-}
 
 /** The charge as a share from 0 to 1, or NaN; some drivers say percent. */
 export function charge(state, robot) {
   const value = state.signal(robot.id, 'battery')?.value;
   const share = typeof value === 'number' ? value : Number(value?.percentage ?? NaN);
   return share > 1.5 ? share / 100 : share;
+}
+
+/** How old the charge is, in s; NaN without one. */
+export function chargeAgeS(state, robot) {
+  return (state.nowNs() - (state.signal(robot.id, 'battery')?.utcNs ?? NaN)) / 1e9;
 }
 
 /** What it does: the state of the agent and the rest of the text. */
@@ -37,6 +38,6 @@ export function otherAlarms(state, robot) {
 /** The larger, the more a robot needs somebody. */
 export function badnessOf(state, robot) {
   const worst = otherAlarms(state, robot).find(isLoud);
-  return (worst ? 10 + 10 * rank(worst.level) : 0) + (isUp(robot) ? 0 : 35)
+  return (worst ? 10 + 10 * rank(worst.level) : 0) + (isUp(state, robot) ? 0 : 35)
     + (charge(state, robot) < LOW_BATTERY ? 5 : 0);
 }

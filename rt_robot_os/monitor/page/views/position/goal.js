@@ -1,6 +1,7 @@
 /** Send the robot to a place: choose, turn, confirm; then how far it is, and cancel. */
 
 import {h, tone, write} from '../../lib/dom.js';
+import {isUp} from '../../lib/outage.js';
 import {button, field} from '../../lib/parts.js';
 import {kindAt} from './map.js';
 import {wrapped, worldToCell} from './transform.js';
@@ -160,6 +161,9 @@ export class Goal {
 
   _progress(state) {
     const {t, format} = this.context;
+    if (!isUp(this.context.state, this.context.state.robots.get(this.place.robot()) || {})) {
+      return t('position.progress_unknown');
+    }
     const far = this.place.scene.distanceM();
     const word = /^\w+/.exec(state)?.[0] || 'idle';
     const rest = state.slice(word.length).replace(/^[:,\s]+/, '');

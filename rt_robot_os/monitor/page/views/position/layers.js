@@ -1,11 +1,11 @@
 /**
  * What is drawn on the map, a function a layer; all in CSS pixels.
  *
- * Each gets a pen: {ctx, view, palette, nowMs, labels}, with the viewport and what is written at
- * the end.
+ * Each gets a pen: {ctx, view, palette, nowMs, isLost, labels}, with the viewport and what is
+ * written at the end.
  */
 
-import {linkOf, OLD_MS} from './scene.js';
+import {isOld, linkOf, OLD_MS} from './scene.js';
 import {alarmShape, nodeShape, personShape, robotShape} from './symbols.js';
 
 const DASHES = {good: [], fair: [8, 5], poor: [2, 5], unknown: [2, 8]};
@@ -63,12 +63,13 @@ export function drawScale({ctx, view, palette, labels}, step, words) {
 }
 
 /** Draw what the scanner sees, from where the robot is. */
-export function drawScan({ctx, view, palette, nowMs}, scene) {
+export function drawScan(pen, scene) {
+  const {ctx, view, palette, nowMs} = pen;
   const {scan, pose} = scene;
   if (!scan || !pose || nowMs - scan.t > OLD_MS.scan * 5) {
     return;
   }
-  ctx.globalAlpha = nowMs - scan.t > OLD_MS.scan ? 0.35 : 1;
+  ctx.globalAlpha = isOld(pen, scan.t, 'scan') ? 0.35 : 1;
   ctx.fillStyle = palette.scan;
   scan.ranges.forEach((range, index) => {
     if (Number.isFinite(range)) {
@@ -95,12 +96,13 @@ export function drawTrack({ctx, view, palette, nowMs}, scene) {
 }
 
 /** Draw where it means to drive. */
-export function drawPlan({ctx, view, palette, nowMs}, scene) {
+export function drawPlan(pen, scene) {
+  const {ctx, view, palette} = pen;
   const points = scene.plan?.points || [];
   if (points.length < 2) {
     return;
   }
-  ctx.globalAlpha = nowMs - scene.plan.t > OLD_MS.plan ? 0.5 : 1;
+  ctx.globalAlpha = isOld(pen, scene.plan.t, 'plan') ? 0.5 : 1;
   ctx.strokeStyle = palette.robot;
   ctx.lineWidth = 2;
   ctx.setLineDash([9, 6]);
@@ -123,9 +125,9 @@ export function drawNodes(pen, scene, words) {
   if (!scene.nodes) {
     return;
   }
-  const {ctx, view, palette, nowMs, labels} = pen;
+  const {ctx, view, palette, labels} = pen;
   const {nodes, t} = scene.nodes;
-  const isOld = nowMs - t > OLD_MS.nodes;
+  const areOld = isOld(pen, t, 'nodes');
   const places = new Map();
   for (const node of nodes) {
     const place = placeOf(node, scene);
@@ -133,14 +135,14 @@ export function drawNodes(pen, scene, words) {
       places.set(node.id, view.toScreen(...place));
     }
   }
-  ctx.globalAlpha = isOld ? 0.45 : 1;
+  ctx.globalAlpha = areOld ? 0.45 : 1;
   for (const node of nodes) {
-    drawLink(pen, places.get(node.id), places.get(node.parent), node, words);
+    drawLink(pen, places.get(node.id), places.get(node.parent), node, words, areOld);
   }
   for (const node of nodes) {
     const at = places.get(node.id);
     if (at) {
-      nodeShape(ctx, at[0], at[1], node.state, palette);
+      nodeShape(ctx, at[0], at[1], areOld ? 'unheard' : node.state, palette);
       labels.add(node.name || String(node.id), at[0], at[1] + 22, 2, at[1] - 14);
     }
   }
@@ -155,11 +157,11 @@ function placeOf(node, {pose}) {
   return node.state === 'sink' && pose ? [pose.x, pose.y] : null;
 }
 
-function drawLink({ctx, palette, labels}, from, to, node, words) {
+function drawLink({ctx, palette, labels}, from, to, node, words, areOld) {
   if (!from || !to) {
     return;
   }
-  const quality = linkOf(node);
+  const quality = areOld ? 'unknown' : linkOf(node);
   ctx.strokeStyle = palette.links[quality];
   ctx.lineWidth = quality === 'good' ? 2 : 2.5;
   ctx.setLineDash(DASHES[quality]);
@@ -175,48 +177,50 @@ function drawLink({ctx, palette, labels}, from, to, node, words) {
 }
 
 /** Draw people, with how uncertain their place is. */
-export function drawPeople({ctx, view, palette, nowMs, labels}, scene, words) {
+export function drawPeople(pen, scene, words) {
+  const {ctx, view, palette, labels} = pen;
   for (const person of scene.people.values()) {
     if (!Number.isFinite(person.x)) {
       continue;
     }
     const [px, py] = view.toScreen(person.x, person.y);
-    const isOld = nowMs - person.t > OLD_MS.person;
+    const wasThere = isOld(pen, person.t, 'person');
     const radius = (person.uncertaintyM || person.stddevM || 0) * view.scale;
     if (radius > 10) {
-      ctx.fillStyle = isOld ? palette.oldArea : palette.personArea;
-      ctx.strokeStyle = isOld ? palette.stale : palette.person;
+      ctx.fillStyle = wasThere ? palette.oldArea : palette.personArea;
+      ctx.strokeStyle = wasThere ? palette.stale : palette.person;
       ctx.lineWidth = 1;
-      ctx.setLineDash(isOld ? [4, 4] : []);
+      ctx.setLineDash(wasThere ? [4, 4] : []);
       ctx.beginPath();
       ctx.arc(px, py, Math.min(radius, 4000), 0, 2 * Math.PI);
       ctx.fill();
       ctx.stroke();
       ctx.setLineDash([]);
     }
-    personShape(ctx, px, py, isOld ? palette.stale : palette.person, palette);
+    personShape(ctx, px, py, wasThere ? palette.stale : palette.person, palette);
     labels.add(words(person), px, py + 30, 1, py - 20);
   }
 }
 
 /** Draw the robot, and how sure it is of its place. */
-export function drawRobot({ctx, view, palette, nowMs, labels}, scene, words) {
+export function drawRobot(pen, scene, words) {
+  const {ctx, view, palette, labels} = pen;
   const {pose} = scene;
   if (!pose) {
     return;
   }
   const [px, py] = view.toScreen(pose.x, pose.y);
-  const isOld = nowMs - pose.t > OLD_MS.robot;
+  const wasThere = isOld(pen, pose.t, 'robot');
   const radius = (pose.stddevM || 0) * 2 * view.scale;
   if (radius > 16) {
-    ctx.strokeStyle = isOld ? palette.stale : palette.robot;
+    ctx.strokeStyle = wasThere ? palette.stale : palette.robot;
     ctx.lineWidth = 1;
     ctx.beginPath();
     ctx.arc(px, py, radius, 0, 2 * Math.PI);
     ctx.stroke();
   }
   robotShape(ctx, px, py, pose.yaw, Math.max(13, 0.22 * view.scale),
-    isOld ? palette.stale : palette.robot, palette, isOld);
+    wasThere ? palette.stale : palette.robot, palette, wasThere);
   const below = Math.max(13, 0.22 * view.scale) * 1.5;
   labels.add(words, px, py - below - 4, 1, py + below + 14);
 }

@@ -2,7 +2,7 @@
 
 import {h, keep, replace, write} from '../../lib/dom.js';
 import {kindsText} from '../../lib/alarms.js';
-import {linkOf, OLD_MS} from './scene.js';
+import {isOld, linkOf} from './scene.js';
 
 export class PlaceList {
   /**
@@ -21,12 +21,12 @@ export class PlaceList {
     this.element = h('div.position-lists', Object.values(this.parts).map((each) => each.element));
   }
 
-  /** Write it anew. */
-  show(scene, robot, alarms, nowMs) {
-    this._part('robot', robot && scene.pose ? [this._robot(scene, robot, nowMs)] : []);
-    this._part('people', [...scene.people.values()].map((each) => this._person(each, nowMs)));
+  /** Write it again; now: {nowMs, isLost}. */
+  show(scene, robot, alarms, now) {
+    this._part('robot', robot && scene.pose ? [this._robot(scene, robot, now)] : []);
+    this._part('people', [...scene.people.values()].map((each) => this._person(each, now)));
     this._part('alarms', alarms.map((each) => this._alarm(each)));
-    this._part('nodes', (scene.nodes?.nodes || []).map((each) => this._node(each, scene, nowMs)));
+    this._part('nodes', (scene.nodes?.nodes || []).map((each) => this._node(each, scene, now)));
   }
 
   _part(name, items) {
@@ -44,25 +44,26 @@ export class PlaceList {
     });
   }
 
-  _robot({pose, texts}, robot, nowMs) {
+  _robot({pose, texts}, robot, now) {
     const {t, format} = this.context;
-    const ageMs = nowMs - pose.t;
+    const ageMs = now.nowMs - pose.t;
+    const wasThere = isOld(now, pose.t, 'robot');
     const degrees = Math.round((((pose.yaw || 0) * 180) / Math.PI + 360) % 360);
     const stop = texts.get('stop_reason')?.value;
     const parts = [this._place(pose), t('position.looks', {degrees})];
     if (stop && stop !== 'none') {
       parts.push(t('position.stands', {why: stop}));
     }
-    if (ageMs > OLD_MS.robot) {
+    if (wasThere) {
       parts.push(t('position.since', {ago: format.ago(ageMs / 1000)}));
     }
     return {key: robot.id, name: robot.name || robot.id, text: parts.join(' · '),
-            isOld: ageMs > OLD_MS.robot, ...pose};
+            isOld: wasThere, ...pose};
   }
 
-  _person(person, nowMs) {
+  _person(person, now) {
     const {t, format} = this.context;
-    const ageMs = nowMs - person.t;
+    const ageMs = now.nowMs - person.t;
     const isKnown = Number.isFinite(person.x);
     const parts = [person.room ? t.word('room', person.room) : t(isKnown ? 'position.no_room'
       : 'position.no_place')];
@@ -70,11 +71,11 @@ export class PlaceList {
     if (isKnown) {
       parts.push(this._place(person) + (stddev ? ` ± ${format.number(stddev, 1)} m` : ''));
     }
-    if (ageMs > 10_000) {
+    if (now.isLost || ageMs > 10_000) {
       parts.push(t('position.seen', {ago: format.ago(ageMs / 1000)}));
     }
     return {key: person.person, name: person.person, text: parts.join(' · '),
-            isOld: ageMs > OLD_MS.person, x: person.x, y: person.y};
+            isOld: isOld(now, person.t, 'person'), x: person.x, y: person.y};
   }
 
   _alarm(alarm) {
@@ -86,7 +87,7 @@ export class PlaceList {
               : t('position.no_place')].join(' · ')};
   }
 
-  _node(node, scene, nowMs) {
+  _node(node, scene, now) {
     const {t, format} = this.context;
     const parts = [t.word('node_state', node.state)];
     const parent = scene.nodes.nodes.find(({id}) => id === node.parent);
@@ -94,14 +95,15 @@ export class PlaceList {
       parts.push(t(`position.over_${linkOf(node)}`, {parent: parent.name || parent.id,
         share: format.percent(node.recent ?? node.delivery)}));
     }
-    if (node.age_s > 60) {
-      parts.push(t('position.seen', {ago: format.ago(node.age_s)}));
+    const ageS = (node.age_s || 0) + (now.nowMs - scene.nodes.t) / 1000;
+    if (now.isLost || ageS > 60) {
+      parts.push(t('position.seen', {ago: format.ago(ageS)}));
     }
     if (!Number.isFinite(node.x)) {
       parts.push(t('position.no_place'));
     }
     return {key: String(node.id), name: node.name || String(node.id), text: parts.join(' · '),
-            isOld: nowMs - scene.nodes.t > OLD_MS.nodes || node.state === 'silent',
+            isOld: isOld(now, scene.nodes.t, 'nodes') || node.state === 'silent',
             x: node.x, y: node.y};
   }
 

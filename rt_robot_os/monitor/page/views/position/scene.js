@@ -11,6 +11,11 @@ const DETAILS_MS = 60_000;
 /** From this age on it is shown as old, in ms. */
 export const OLD_MS = {robot: 5_000, person: 120_000, nodes: 60_000, scan: 2_000, plan: 10_000};
 
+/** Whether what is of a moment t is old; isLost: nothing comes any more, so that all is. */
+export function isOld({nowMs, isLost}, t, kind) {
+  return isLost || nowMs - t > OLD_MS[kind];
+}
+
 export const SIGNALS = ['pose', 'plan', 'planner/state', 'trajectory/state', 'trajectory/progress',
   'stop_reason', 'battery', 'wsn/nodes', 'health/*/place', 'health/*/place_details'];
 
