@@ -239,7 +239,8 @@ def test_a_record_is_read_in_its_units(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('header, message', [
     ('x 1 125 2\nx.dat 310 200 10 0 0 0 0 II', 'format 310: only 16, 61'),
-    ('x 1 125 2\nx.dat 16x4 200 16 0 0 0 0 II', 'format 16x4: only 16'),
+    ('x 1 125 2\nx.dat 16x99999 200 16 0 0 0 0 II', '99999 samples in a frame are more'),
+    ('x 1 125 2\nx.dat 310x4 200 16 0 0 0 0 II', 'format 310x4: only 16'),
     ('x 1 125 9\nx.dat 16 200 16 0 0 3 0 II', 'holds 2 samples .* says 9: it is cut short'),
     ('x 1 125 2\nx.dat 16 200 16 0 0 4 0 II', 'checksum 3 and its header says 4: it is damaged'),
     ('x 2 125 2\nx.dat 16 200 16 0 0 3 0 II', 'announces 2 signals and describes 1'),
