@@ -19,7 +19,9 @@ A beat is where the wave rises: the *slope sum*, the rises of the last 128 ms ad
 the foot of each pulse and low elsewhere (Zong et al., "An open-source algorithm to detect onset of
 arterial blood pressure pulses", Computers in Cardiology 2003). Of an ECG the falls count as well.
 Where a beat is missing a weaker one is looked for (Pan and Tompkins, "A real-time QRS detection
-algorithm", IEEE Trans. Biomed. Eng. 32(3), 1985).
+algorithm", IEEE Trans. Biomed. Eng. 32(3), 1985). The dicrotic wave, the second rise of a pulse
+when the aortic valve closes, is no beat: it follows one within 0.42 s and is weaker than both its
+neighbours.
 
 They are believed when they could be a pulse and look like each other (Orphanidou et al.,
 "Signal-quality indices for the electrocardiogram and photoplethysmogram", IEEE J. Biomed. Health
@@ -45,6 +47,18 @@ REFRACTORY_S: Final = 0.25
 THRESHOLD: Final = 0.5
 #: After a longer interval, as a multiple of the usual one, a beat of half the threshold counts.
 SEARCH_BACK: Final = 1.66
+#: The dicrotic wave begins at most so long after its beat: ejection of the left ventricle takes
+#: 0.42 s minus 1.7 ms for each beat a minute (Weissler et al., Circulation 37(2), 1968).
+DICROTIC_S: Final = 0.42
+#: It is weaker than the beats on both sides, at most this share of them.
+DICROTIC_SHARE: Final = 0.8
+#: Or just weaker, where it divides an interval that is no longer than the usual one but for this.
+DIVIDED: Final = 1.25
+#: Share of the usual interval; a weak beat at the beginning that is nearer to the next is none.
+EARLY: Final = 0.8
+#: A gap in the samples is bridged by a line up to this length, in all gaps up to that share.
+BRIDGED_S: Final = 0.1
+BRIDGED_SHARE: Final = 0.05
 #: A pulse is not that many times stronger than the usual one: somebody moves.
 STRONGEST: Final = 3.0
 LONGEST_GAP_S: Final = 3.0
@@ -89,7 +103,8 @@ def pulse_beats(wave: Floats, rate_hz: float) -> Beats:
     """
     Find the beats in a pulse wave.
 
-    :param wave: shape (n,), some seconds, in any unit, systole upwards; NaN: none.
+    :param wave: shape (n,), some seconds, in any unit, systole upwards; NaN: no sample, bridged
+        up to :data:`BRIDGED_S`.
     :param rate_hz: samples a second, 25 or more.
     """
     return _beats(wave, rate_hz, False)
@@ -99,7 +114,7 @@ def ecg_beats(wave: Floats, rate_hz: float) -> Beats:
     """
     Find the beats in an ECG.
 
-    :param wave: shape (n,), some seconds of a lead; NaN: none.
+    :param wave: shape (n,), some seconds of a lead; NaN: no sample.
     :param rate_hz: samples a second, 100 or more.
     """
     return _beats(wave, rate_hz, True)
@@ -109,13 +124,15 @@ def _beats(wave: Floats, rate_hz: float, ecg: bool) -> Beats:
     nothing = np.empty(0)
     if wave.size < 2 * _PART_S * rate_hz:
         return Beats(nothing, np.nan, np.nan, 'too short')
+    if not ecg:
+        wave = bridged(wave, rate_hz)
     if not np.isfinite(wave).all():
         return Beats(nothing, np.nan, np.nan, 'samples are missing')
     low, high = float(wave.min()), float(wave.max())
     if low == high:
         return Beats(nothing, np.nan, np.nan, 'flat')
     sums = slope_sum(wave, rate_hz, ecg)
-    found = _places(sums, rate_hz)
+    found = _places(sums, rate_hz, ecg)
     at_s = found / rate_hz
     rate = np.nan
     if found.size > 1:
@@ -130,6 +147,27 @@ def _beats(wave: Floats, rate_hz: float, ecg: bool) -> Beats:
     least = ALIKE_ECG if ecg else ALIKE_PULSE
     # Written so that a NaN is a doubt.
     return Beats(at_s, rate, alike, '' if alike >= least else 'the beats are not alike')
+
+
+def bridged(wave: Floats, rate_hz: float) -> Floats:
+    """
+    Replace short gaps by the line between their neighbours.
+
+    :param wave: shape (n,), NaN where a sample is missing.
+    :return: the wave itself where nothing is missing; what is too long or too much stays NaN.
+    """
+    missing = ~np.isfinite(wave)
+    if not missing.any() or missing.mean() > BRIDGED_SHARE:
+        return wave
+    edges = np.diff(np.concatenate(([False], missing, [False])).astype(np.int8))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    whole = wave.copy()
+    there = np.flatnonzero(~missing)
+    for begin, end in zip(begins.tolist(), ends.tolist()):
+        # At least one sample, at the slowest rate too.
+        if end - begin <= max(BRIDGED_S * rate_hz, 1.0):
+            whole[begin:end] = np.interp(np.arange(begin, end), there, wave[there])
+    return whole
 
 
 def slope_sum(wave: Floats, rate_hz: float, ecg: bool = False) -> Floats:
@@ -157,7 +195,7 @@ def usual_peak(sums: Floats, rate_hz: float) -> float:
     return float(np.median(whole.reshape(-1, part).max(axis=1)))
 
 
-def _places(sums: Floats, rate_hz: float) -> Indices:
+def _places(sums: Floats, rate_hz: float, ecg: bool) -> Indices:
     """Return where the slope sum has its peaks, one a beat."""
     inner = sums[1:-1]
     least = THRESHOLD * usual_peak(sums, rate_hz)
@@ -170,7 +208,35 @@ def _places(sums: Floats, rate_hz: float) -> Indices:
             kept.append(place)
         elif sums[place] > sums[kept[-1]]:
             kept[-1] = place
+    if not ecg:
+        kept = _without_dicrotic(kept, sums, DICROTIC_S * rate_hz)
     return _searched_back(kept, weak, sums, apart)
+
+
+def _without_dicrotic(places: list[int], sums: Floats, within: float) -> list[int]:
+    """Leave out the second rise of a pulse: soon after a beat, and weaker than both neighbours."""
+    places = _without_weak(places, sums, within, DICROTIC_SHARE, np.inf)
+    if len(places) < _FEWEST_BEATS:
+        return places
+    usual = float(np.median(np.diff(places)))
+    if places[1] - places[0] < EARLY * usual and sums[places[0]] < DICROTIC_SHARE * sums[places[1]]:
+        places = places[1:]  # its beat was before the window
+    return _without_weak(places, sums, within, 1.0, DIVIDED * usual)
+
+
+def _without_weak(places: list[int], sums: Floats, within: float, share: float, longest: float
+                  ) -> list[int]:
+    kept = places[:1]
+    for place, following in zip(places[1:], [*places[2:], None]):
+        before = kept[-1]
+        if following is None:
+            weak = share < 1.0 and sums[place] < share * sums[before]
+        else:
+            weak = following - before <= longest and sums[place] < share * min(
+                sums[before], sums[following])
+        if place - before > within or not weak:
+            kept.append(place)
+    return kept
 
 
 def _searched_back(kept: list[int], weak: Indices, sums: Floats, apart: float) -> Indices:

@@ -46,6 +46,7 @@ class FallLimits(NamedTuple):
     posture_from_deg: float = 30.0
     posture_full_deg: float = 70.0
     posture_least_deg: float = 40.0
+    upright_deg: float = 40.0
     descent_from_m_s: float = 0.5
     descent_full_m_s: float = 1.5
     descent_weight: float = 0.5
@@ -86,6 +87,8 @@ FALL_FIELDS: Final = (
     _limit('posture_full_deg', 'from here on the turn counts fully, as 1', 'deg', 1.0, 180.0),
     _limit('posture_least_deg', 'who has turned less has not fallen, whatever the impact',
            'deg', 0.0, 180.0),
+    _limit('upright_deg', 'a person who ends within this of upright has not fallen; applies as '
+           'soon as steps have shown which way is up', 'deg', 0.0, 90.0),
     _limit('descent_from_m_s', 'speed downwards before the impact: from here on it counts',
            'm/s', 0.0, 5.0),
     _limit('descent_full_m_s', 'from here on the descent counts fully', 'm/s', 0.1, 10.0),

@@ -18,8 +18,9 @@ Detection of falls from a worn accelerometer: a descent, an impact, another post
 The detector is fed sample by sample. Each blow is kept for some seconds; as soon as the wearer has
 come to rest after it, what is known of it is weighed (:class:`Evidence`): how much speed it took
 away, how far the body has turned between before and after, how fast it went down. Nothing depends
-on how the sensor is mounted, for only angles between two postures are looked at, nor on its rate,
-for samples count in blocks of a length of time.
+on how the sensor is mounted: which way is up is learned from steps (:mod:`.upright`), and until
+then only angles between two postures count. Nothing depends on its rate, for samples count in
+blocks of a length of time.
 """
 
 from __future__ import annotations
@@ -34,8 +35,11 @@ from typing import NamedTuple
 from rt_robot_os.health.fall_limits import FallLimits
 from rt_robot_os.health.motion_history import angle_deg
 from rt_robot_os.health.motion_history import MotionHistory
+from rt_robot_os.health.motion_history import Span
 from rt_robot_os.health.motion_history import Vector
+from rt_robot_os.health.not_worn import NotWorn
 from rt_robot_os.health.recovery import Recovery
+from rt_robot_os.health.upright import UprightDirection
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -55,6 +59,13 @@ _LAST_SETTLE_NS: Final = 100 * NS_PER_MS
 # A clock that steps back further than that was set: what was before is of another time.
 _CLOCK_SET_NS: Final = NS_PER_S
 _TURN_BEFORE_NS: Final = 1_500 * NS_PER_MS
+# After such a silence it may be mounted otherwise.
+_REMOUNTED_NS: Final = 30 * NS_PER_S
+# At rest a sensor measures gravity; one that measures much more or less is saturated or broken.
+# A person who leans by less and moves is on their feet; one who rises by more is getting up.
+_LEANING_DEG: Final = 50.0
+_RISING_DEG: Final = 20.0
+_REST_G: Final = (0.7, 1.35)
 
 
 class State(Enum):
@@ -64,6 +75,8 @@ class State(Enum):
     #: There was a blow, and the posture after it is not known yet.
     IMPACT = 'impact'
     FALLEN = 'fallen'
+    #: The sensor is stiller than any person: it is not worn, and falls are not detected.
+    TAKEN_OFF = 'taken off'
 
 
 class What(Enum):
@@ -83,6 +96,8 @@ class Evidence(NamedTuple):
     :ivar stop_m_s: how much speed it took away: what was felt beyond the 1 g of rest, summed.
     :ivar descent_m_s: how fast it went down.
     :ivar turned_deg: the angle between the postures before and after.
+    :ivar tilt_before_deg: the angle of the posture before to upright; NaN while that is unknown.
+    :ivar tilt_deg: that of the posture after.
     :ivar turn_deg_s: the fastest turn around it; 0 without a gyroscope.
     :ivar score: all this weighed, from 0 to ``FallLimits.most_evidence``.
     :ivar confidence: the part that this is of the most that there can be, 0 to 1.
@@ -94,6 +109,8 @@ class Evidence(NamedTuple):
     stop_m_s: float
     descent_m_s: float
     turned_deg: float
+    tilt_before_deg: float
+    tilt_deg: float
     turn_deg_s: float
     score: float
     confidence: float
@@ -151,6 +168,8 @@ class FallDetector:
         self._history = MotionHistory(self._blocks)
         self._blows: deque[_Blow] = deque(maxlen=_BLOWS_KEPT)
         self._recovery: Recovery | None = None
+        self._upright = UprightDirection()
+        self._not_worn = NotWorn()
         self._count = 0
         self._x = self._y = self._z = self._turn = 0.0
         self._first_ns = 0
@@ -184,6 +203,8 @@ class FallDetector:
                 self.out_of_order += 1
                 return None
             self._begin()
+        elif self._last_ns >= 0 and stamp_ns - self._last_ns > _REMOUNTED_NS:
+            self._upright.forget()
         happened = None
         if self._count and stamp_ns - self._first_ns >= self._block_ns:
             happened = self._close_block()
@@ -206,10 +227,9 @@ class FallDetector:
         A sensor that falls silent right after an impact may have broken in a fall. When more does
         come, it goes on as if nothing had been asked.
         """
-        if self._count:
-            happened = self._close_block()
-            if happened is not None:
-                return happened
+        happened = self._close_block() if self._count else None
+        if happened is not None:
+            return happened
         if self.state is not State.IMPACT:
             return None
         best: Evidence | None = None
@@ -231,14 +251,27 @@ class FallDetector:
         size = self._history.add(now_ns, x, y, z, self._turn)
         self._count = 0
         self._x = self._y = self._z = self._turn = 0.0
+        self._not_worn.add(now_ns, x, y, z)
         if self._recovery is not None:
             return self._fallen(now_ns, size)
+        self._upright.add(self._history, now_ns, size)
+        if self._not_worn.off is not (self.state is State.TAKEN_OFF):
+            self._wear()
         if size >= self._limits.impact_from_g:
             self._blow(now_ns, size)
         if self.state is State.IMPACT and now_ns - self._looked_ns >= _LOOKED_AT_EVERY_NS:
             self._looked_ns = now_ns
             return self._look(now_ns)
         return None
+
+    def _wear(self) -> None:
+        """Enter or leave the state in which the sensor is not worn."""
+        if self._not_worn.off:
+            self.state = State.TAKEN_OFF
+            self._upright.forget()
+            self._blows.clear()
+        else:
+            self.state = State.WATCHING
 
     def _blow(self, now_ns: int, size: float) -> None:
         self.state = State.IMPACT
@@ -278,9 +311,19 @@ class FallDetector:
         after = self._history.span(now_ns - times * self._after_ns, now_ns)
         if (after is None or after.lasts_s < _COVERED * times * limits.after_s
                 or after.spread_g > times * limits.restless_g
-                or after.turning_deg > times * limits.turning_deg):
+                or after.turning_deg > times * limits.turning_deg
+                or not _REST_G[0] <= math.hypot(*after.mean) <= _REST_G[1]
+                or self._is_up(now_ns, after)):
             return None
         return after.mean
+
+    def _is_up(self, now_ns: int, after: Span) -> bool:
+        """Return whether the wearer leans and moves, or is rising; false while up is unknown."""
+        tilt = self._upright.tilt_deg(after.mean)
+        if tilt < _LEANING_DEG and after.spread_g > self._limits.restless_g / 2:
+            return True
+        newest = self._history.span(now_ns - self._after_ns // 2, now_ns)
+        return newest is not None and tilt - self._upright.tilt_deg(newest.mean) > _RISING_DEG
 
     @staticmethod
     def _better(one: Evidence | None, two: Evidence | None) -> Evidence | None:
@@ -296,14 +339,30 @@ class FallDetector:
         limits = self._limits
         turned = angle_deg(blow.before, after)
         stop_m_s = self._history.stop_m_s(blow.at_ns, math.hypot(*after))
+        tilt_before = self._upright.tilt_deg(blow.before)
+        tilt = self._upright.tilt_deg(after)
         score = 0.0
-        if turned >= limits.posture_least_deg:
+        if turned >= limits.posture_least_deg and self._has_gone_down(
+                tilt_before, tilt, stop_m_s):
             score = (_part(stop_m_s, limits.stop_from_m_s, limits.stop_full_m_s)
                      + _part(turned, limits.posture_from_deg, limits.posture_full_deg)
                      + limits.descent_weight * _part(
                          blow.descent_m_s, limits.descent_from_m_s, limits.descent_full_m_s))
         return Evidence(blow.at_ns, blow.peak_g, blow.least_g, stop_m_s, blow.descent_m_s, turned,
-                        blow.turn_deg_s, score, score / limits.most_evidence)
+                        tilt_before, tilt, blow.turn_deg_s, score, score / limits.most_evidence)
+
+    def _has_gone_down(self, tilt_before: float, tilt: float, stop_m_s: float) -> bool:
+        """
+        Return whether a turn of the body may be one to the floor; true while up is unknown.
+
+        From lying, as out of a bed, a turn is no sign of a fall: the impact must count in full.
+        """
+        if math.isnan(tilt):
+            return True
+        limits = self._limits
+        if tilt < limits.upright_deg or tilt_before - tilt > limits.posture_from_deg:
+            return False
+        return tilt_before < limits.posture_full_deg or stop_m_s >= limits.stop_full_m_s
 
     def _learn(self, blow: _Blow) -> None:
         """Find out what was before a blow."""

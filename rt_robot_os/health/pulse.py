@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from rt_robot_os.health.beats import bridged
 from rt_robot_os.health.beats import pulse_beats
 from rt_robot_os.health.beats import slope_sum
 from rt_robot_os.health.beats import STRONGEST
@@ -47,6 +48,8 @@ FASTEST_RATE_HZ: Final = 1000.0
 
 # The rises of a wave without a pulse, as a share of those of a pulse.
 _STILL: Final = THRESHOLD / 2
+# After a gap, a piece of so much tells whether there is a pulse.
+_LEAST_S: Final = 1.0
 
 
 class Pulse(NamedTuple):
@@ -119,15 +122,18 @@ class PulseMeter:
         found = pulse_beats(wave, self.rate_hz)
         still_s = 0.0
         if not found.doubt:
-            self._usual = usual_peak(slope_sum(wave, self.rate_hz), self.rate_hz)
-            self._reach = (float(wave.min()), float(wave.max()))
-        elif self._usual and np.isfinite(wave).all():
-            still_s = self._still_s(wave)
+            whole = bridged(wave, self.rate_hz)
+            self._usual = usual_peak(slope_sum(whole, self.rate_hz), self.rate_hz)
+            self._reach = (float(np.nanmin(wave)), float(np.nanmax(wave)))
+        elif self._usual:
+            still_s = self._still_s(_newest(bridged(wave, self.rate_hz)))
         return Pulse(time_s, math.nan if found.doubt else float(found.rate_per_min), found.doubt,
                      float(found.alike), found.at_s.size, still_s)
 
     def _still_s(self, wave: Floats) -> float:
         """Return for how long at the end nothing rises in a wave that is no other than before."""
+        if wave.size < _LEAST_S * self.rate_hz:
+            return 0.0
         low, high = self._reach
         room = high - low
         sums = slope_sum(wave, self.rate_hz)
@@ -142,6 +148,12 @@ class PulseMeter:
                 2 * stuck >= end.size):
             return 0.0
         return still / self.rate_hz
+
+
+def _newest(wave: Floats) -> Floats:
+    """Return what came after the last gap."""
+    missing = np.flatnonzero(~np.isfinite(wave))
+    return wave[missing[-1] + 1:] if missing.size else wave
 
 
 def course(wave: Floats, rate_hz: float, every_s: float = 1.0) -> Iterator[Pulse]:

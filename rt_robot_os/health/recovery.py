@@ -16,13 +16,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Final
 
 from rt_robot_os.health.fall_limits import FallLimits
 from rt_robot_os.health.motion_history import angle_deg
 from rt_robot_os.health.motion_history import MotionHistory
 from rt_robot_os.health.motion_history import Vector
+from rt_robot_os.health.upright import StepCounter
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -30,10 +30,6 @@ from rt_robot_os.units import NS_PER_S
 _MOVES_G: Final = 0.12
 # Breathing stays below it.
 _STIRS_G: Final = 0.04
-_STEP_G: Final = 1.12
-_STEP_NS: Final = 250 * NS_PER_MS
-_STEPS: Final = 8
-_STEPS_WITHIN_NS: Final = 8 * NS_PER_S
 _LOOKED_AT_EVERY_NS: Final = 200 * NS_PER_MS
 
 
@@ -55,8 +51,7 @@ class Recovery:
         self.moved_ns = now_ns
         self._upright_ns = -1
         self._looked_ns = 0
-        self._above = False
-        self._steps: deque[int] = deque(maxlen=_STEPS)
+        self._steps = StepCounter()
 
     def add(self, history: MotionHistory, now_ns: int, size: float) -> bool:
         """
@@ -65,10 +60,7 @@ class Recovery:
         :param size: what is felt, in g.
         :return: whether they have got up.
         """
-        if size >= _STEP_G and not self._above and (
-                not self._steps or now_ns - self._steps[-1] >= _STEP_NS):
-            self._steps.append(now_ns)
-        self._above = size >= _STEP_G
+        self._steps.add(now_ns, size)
         if now_ns - self._looked_ns < _LOOKED_AT_EVERY_NS:
             return False
         self._looked_ns = now_ns
@@ -90,5 +82,5 @@ class Recovery:
 
     def _walks(self, mean: Vector) -> bool:
         # Also of somebody who fell out of bed, and was not upright before.
-        return (len(self._steps) == _STEPS and self._steps[-1] - self._steps[0] <= _STEPS_WITHIN_NS
+        return (self._steps.walk_from_ns is not None
                 and angle_deg(mean, self._lying) >= self._limits.posture_least_deg)

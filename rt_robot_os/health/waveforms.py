@@ -17,7 +17,8 @@ Recorded waveforms of monitors: WFDB records as PhysioNet has them, of one segme
 
 A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16, the usual
 one, is pairs of bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first,
-which is how MATLAB files of version 4 (``NAME.mat``) are read. The header has a checksum of each
+which is how MATLAB files of version 4 (``NAME.mat``) are read; ``212x4`` has four samples of the
+signal in each frame, and ``16:3`` a signal whose samples stand three frames late. The header has a checksum of each
 signal, so a file that is cut short or damaged is not taken for a patient.
 """
 
@@ -39,9 +40,11 @@ Floats = npt.NDArray[np.float64]
 DEFAULT_RATE_HZ: Final = 250.0
 DEFAULT_GAIN: Final = 200.0
 
-_FORMAT: Final = re.compile(r'(\d+)(?:x(\d+))?(?::\d+)?(?:\+(\d+))?').fullmatch
+_FORMAT: Final = re.compile(r'(\d+)(?:x(\d+))?(?::(\d+))?(?:\+(\d+))?').fullmatch
 _GAIN: Final = re.compile(r'([-+.\deE]+)(?:\((-?\d+)\))?(?:/(\S+))?').fullmatch
 _MOST_SIGNALS: Final = 64
+# More samples in a frame than any monitor has: such a header is damaged.
+_MOST_IN_FRAME: Final = 10_000
 
 
 class Signal(NamedTuple):
@@ -63,7 +66,8 @@ class Record(NamedTuple):
     A record.
 
     :ivar name: its own.
-    :ivar rate_hz: samples a second of each signal.
+    :ivar rate_hz: samples a second of each signal. Where they differ it is the highest; of the
+        slower signals each sample stands several times.
     :ivar signals: in the order of the header.
     :ivar comments: the lines of the header that begin with ``#``, without that.
     """
@@ -84,6 +88,8 @@ class _Line(NamedTuple):
 
     file: str
     form: str
+    in_frame: int
+    skew_frames: int
     offset: int
     gain: float
     baseline: int
@@ -115,7 +121,8 @@ def read_record(path: str | Path) -> Record:
             raise ValueError(f'it announces {count} signals and describes {len(signals)}')
     except ValueError as error:
         raise ConfigError([f'{header}: {error}']) from None
-    return Record(name, rate_hz, _samples(header, signals, length), comments)
+    fastest = max(each.in_frame for each in signals)
+    return Record(name, rate_hz * fastest, _samples(header, signals, length), comments)
 
 
 def _first(line: str) -> tuple[str, float, int, int | None]:
@@ -144,10 +151,14 @@ def _signal_line(line: str) -> _Line:
     form = _FORMAT(words[1]) if len(words) > 1 else None
     if form is None:
         raise ValueError(f'{line[:60]!r} describes no signal')
-    if form[1] not in FORMATS or int(form[2] or 1) > 1:
+    in_frame = int(form[2] or 1) or 1  # 0 stands for 1 there
+    if form[1] not in FORMATS:
         raise ValueError(f'{words[0]} has signal format {words[1][:20]}: only '
-                         f'{", ".join(FORMATS)} with one sample a frame are read here; convert '
-                         'it (xform of the WFDB software)')
+                         f'{", ".join(FORMATS)} are read here; convert it (xform of the WFDB '
+                         'software)')
+    if in_frame > _MOST_IN_FRAME:
+        raise ValueError(f'{words[0]} has signal format {words[1][:20]}: {in_frame} samples in a '
+                         f'frame are more than {_MOST_IN_FRAME}')
     gain, baseline, unit = DEFAULT_GAIN, None, 'mV'
     if len(words) > 2 and (told := _GAIN(words[2])):
         gain = float(told[1]) or DEFAULT_GAIN
@@ -155,7 +166,7 @@ def _signal_line(line: str) -> _Line:
         unit = told[3] or unit
     numbers = [int(word) for word in words[3:8] if re.fullmatch(r'-?\d+', word)]
     zero = numbers[1] if len(numbers) > 1 else 0
-    return _Line(words[0], form[1], int(form[3] or 0), gain,
+    return _Line(words[0], form[1], in_frame, int(form[3] or 0), int(form[4] or 0), gain,
                  zero if baseline is None else baseline, unit,
                  numbers[3] if len(numbers) > 3 else None, words[8] if len(words) > 8 else '')
 
@@ -173,13 +184,17 @@ def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Si
         if len({each.form for each in inside}) > 1:
             raise ConfigError([f'{header}: signals in {file} have several formats'])
         data = FORMATS[inside[0].form].decode(octets)
-        frames = data.size // len(inside)
+        width = sum(each.in_frame for each in inside)
+        frames = data.size // width
         if length is not None and frames < length:
             raise ConfigError([f'{place} holds {frames} samples of each signal and {header.name} '
                                f'says {length}: it is cut short'])
-        table = data[:(length or frames) * len(inside)].reshape(-1, len(inside))
-        found += [(each, _checked(each, table[:, column], place))
-                  for column, each in enumerate(inside)]
+        table = data[:(length or frames) * width].reshape(-1, width)
+        begin = 0
+        for each in inside:
+            raw = table[:, begin:begin + each.in_frame]
+            begin += each.in_frame
+            found.append((each, _aligned(each, _checked(each, raw.ravel(), place), signals)))
     order = [each for each, _ in found]
     by_line = {id(each): samples for each, samples in found}
     return tuple(Signal(each.name, each.unit, by_line[id(each)])
@@ -194,3 +209,16 @@ def _checked(line: _Line, raw: Integers, place: Path) -> Floats:
     samples: Floats = (raw.astype(np.float64) - line.baseline) / line.gain
     samples[raw == FORMATS[line.form].missing] = np.nan
     return samples
+
+
+def _aligned(line: _Line, samples: Floats, signals: list[_Line]) -> Floats:
+    """Undo the skew, and bring a signal to the rate of the fastest one of its record."""
+    skew = min(line.skew_frames * line.in_frame, samples.size)
+    if skew:
+        samples = np.concatenate((samples[skew:], np.full(skew, np.nan)))
+    fastest = max(each.in_frame for each in signals)
+    if line.in_frame == fastest:
+        return samples
+    frames = samples.size // line.in_frame
+    inside = np.arange(fastest) * line.in_frame // fastest
+    return samples.reshape(frames, line.in_frame)[:, inside].ravel()

@@ -23,6 +23,7 @@ from typing import Final
 
 from rt_robot_os.health.pulse import Pulse
 from rt_robot_os.health.pulse import PulseMeter
+from rt_robot_os.health.pulse import WINDOW_S
 from rt_robot_os.modules.base import Module
 from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Input
@@ -33,6 +34,8 @@ _FLOAT: Final = 'std_msgs/msg/Float64'
 _TEXT_BYTES: Final = 120
 # The device's own rate is not older than this when it is compared.
 _FRESH_NS: Final = 5 * NS_PER_S
+# A longer gap is a new beginning: the wave before it has left the window.
+_KEPT_NS: Final = round(WINDOW_S * NS_PER_S)
 
 AGREES: Final = 'agrees'
 SUSPECT: Final = 'suspect'
@@ -100,9 +103,14 @@ class PulseCheck(Module):
         samples = self.pleth.msg.data
         length_ns = round(len(samples) * NS_PER_S / self._rate_hz)
         # Half a packet aside is jitter of the line; more is a wave that does not go on.
-        if self._last_ns and abs(stamp_ns - self._last_ns - length_ns) > length_ns // 2:
+        missing_ns = stamp_ns - self._last_ns - length_ns
+        if self._last_ns and abs(missing_ns) > length_ns // 2:
             self._counts['gaps'] += 1
-            self._meter.restart()
+            if 0 < missing_ns <= _KEPT_NS:
+                # The wave before it still tells when the pulse has stopped.
+                self._meter.add([math.nan] * round(missing_ns * self._rate_hz / NS_PER_S))
+            else:
+                self._meter.restart()
         self._last_ns = stamp_ns
         self._meter.add(samples)
 

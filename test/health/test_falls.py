@@ -229,3 +229,95 @@ def test_limits_that_do_not_fit_are_named():
     assert 'stop_from_m_s' in problem_of(FallLimits(stop_from_m_s=4.0))
     assert 'decide_within_s' in problem_of(FallLimits(decide_within_s=1.0))
     assert 'evidence' in problem_of(FallLimits(evidence=3.0))
+
+
+# ---- which way is up ----------------------------------------------------------------------------
+
+def posture(pitch_deg, lasts_s, begun_s, blow_g=0.0):
+    """Return rows of a trunk at rest at a pitch; with a blow of 0.25 s at the beginning."""
+    pitch = math.radians(pitch_deg)
+    rows = []
+    for number in range(round(lasts_s * 50)):
+        at_s = 0.02 * number
+        load = 1.0 + (blow_g * math.sin(math.pi * at_s / 0.25) if at_s < 0.25 else 0.0)
+        rows.append((begun_s + at_s, -math.sin(pitch) * load, 0.0, math.cos(pitch) * load, 0.0))
+    return rows
+
+
+def after(rows, *postures):
+    """Return rows that go on with postures: their pitch, length and blow."""
+    rows = list(rows)
+    for pitch_deg, lasts_s, blow_g in postures:
+        rows += posture(pitch_deg, lasts_s, rows[-1][0] + 0.02, blow_g)
+    return rows
+
+
+WALKED = [('stand', 2.0), ('walk', 8.0), ('stand', 2.0)]
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
+
+
+@settings(max_examples=10, deadline=None)
+@given(ROTATIONS)
+def test_who_gets_up_from_lying_with_a_jolt_has_not_fallen(turned):
+    """Lying for long, then up with a jolt as hard as that of a soft fall."""
+    rows = after(motion(WALKED, turned=UNTURNED), (88.0, 20.0, 0.0), (0.0, 6.0, 1.4))
+    rotated = [(at_s, *rotate(turned, force), turn) for at_s, *force, turn in rows]
+    assert what(rotated) == []
+    # The same turn and the same jolt the other way round are a fall.
+    rows = after(motion(WALKED, turned=UNTURNED), (0.0, 20.0, 0.0), (88.0, 6.0, 1.4))
+    assert what([(at_s, *rotate(turned, force), turn)
+                 for at_s, *force, turn in rows]) == [What.FALL]
+
+
+def test_who_turns_over_in_bed_has_not_fallen_unless_the_impact_is_a_full_one():
+    lying = after(motion(WALKED, turned=UNTURNED), (88.0, 20.0, 0.0))
+    assert what(after(lying, (-85.0, 6.0, 0.9))) == []
+    assert what(after(lying, (-85.0, 6.0, 2.5))) == [What.FALL]
+
+
+def test_before_the_first_walk_any_turn_counts():
+    rows = after(motion([('stand', 3.0)], turned=UNTURNED), (88.0, 20.0, 0.0), (0.0, 6.0, 1.4))
+    assert what(rows) == [What.FALL]
+
+
+def test_a_sensor_that_is_mounted_otherwise_learns_again_from_two_walks():
+    turned = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
+    rows = motion([*WALKED, *WALKED])
+    rows += [(rows[-1][0] + 0.02 + at_s, x, y, z, turn) for at_s, x, y, z, turn in
+             motion([*WALKED, ('walk', 12.0), ('fall', 6.0)], turned=turned)]
+    assert What.FALL in what(rows)
+    # After half a minute without samples nothing is taken for granted.
+    rows = motion(WALKED)
+    rows += [(rows[-1][0] + 40.0 + at_s, x, y, z, turn) for at_s, x, y, z, turn in
+             motion([('stand', 4.0), ('fall', 6.0)], turned=turned)]
+    assert what(rows) == [What.FALL]
+
+
+def test_a_sensor_without_values_is_not_at_rest():
+    """Samples that are all zero: nobody who is at rest feels nothing."""
+    rows = motion([('stand', 3.0), ('fall', 1.0)])
+    rows += [(rows[-1][0] + 0.02 * number, 0.001 * (number % 2), 0.0, 0.0, 0.0)
+             for number in range(1, 300)]
+    assert what(rows) == []
+
+
+def test_a_sensor_on_a_table_is_taken_off_until_it_is_worn_again():
+    random = Random(3)
+    detector = FallDetector()
+    rows = motion([('stand', 2.0), ('walk', 8.0)])
+    happened(rows, detector, finish=False)
+    table = [(rows[-1][0] + 0.02 * number, *(each + random.gauss(0.0, 0.003)
+                                             for each in (1.0, 0.0, 0.0)), 0.0)
+             for number in range(1, 15_600)]
+    assert happened(table, detector, finish=False) == []
+    assert detector.state is State.TAKEN_OFF
+    again = [(table[-1][0] + 0.02 + at_s, *force) for at_s, *force in motion(FALL)]
+    assert [one.what for one in happened(again, detector)] == [What.FALL]
+
+
+def test_who_sleeps_still_wears_it():
+    """Breath tilts the sensor by half a degree to each side."""
+    detector = FallDetector()
+    happened([(0.1 * number, 1.0, 0.008 * math.sin(0.1 * number * 1.3), 0.0, 0.0)
+              for number in range(6000)], detector, finish=False)
+    assert detector.state is State.WATCHING

@@ -135,6 +135,88 @@ def test_the_wave_may_come_in_pieces_of_any_size() -> None:
         PulseMeter(8.0)
 
 
+# ---- gaps and second waves ----------------------------------------------------------------------
+
+@pytest.mark.parametrize('rate_hz', [75.0, 250.0])
+@pytest.mark.parametrize('begin_s', np.linspace(4.0, 5.0, 11))
+def test_a_short_gap_costs_nothing_wherever_it_is(rate_hz: float, begin_s: float) -> None:
+    wave, _ = made(72, rate_hz, 12.0)
+    clean = pulse_beats(wave[:round(10 * rate_hz)], rate_hz)
+    assert not clean.doubt
+    begin = round(begin_s * rate_hz)
+    wave[begin:begin + round(0.1 * rate_hz) - 1] = np.nan
+    found = pulse_beats(wave[:round(10 * rate_hz)], rate_hz)
+    assert not found.doubt
+    assert found.rate_per_min == pytest.approx(clean.rate_per_min, abs=1.5)
+
+
+def test_a_long_gap_or_many_short_ones_are_not_bridged() -> None:
+    wave, _ = made(72, seconds=10.0)
+    long = wave.copy()
+    long[300:320] = np.nan
+    many = wave.copy()
+    many[::15] = np.nan
+    assert [pulse_beats(each, 75.0).doubt for each in (long, many)] == 2 * ['samples are missing']
+
+
+@pytest.mark.parametrize('gap', [1, 40])
+def test_a_stop_is_seen_as_soon_with_samples_missing(gap: int) -> None:
+    wave, _ = made(70, seconds=30.0)
+    foot = float(np.median(wave)) - 0.2
+    sound = np.random.default_rng(1).normal(size=15 * 75)
+    wave[15 * 75:] = foot + 0.005 * sound
+    late = min(each.time_s for each in course(wave, 75.0) if each.still_s >= ASYSTOLE_S)
+    wave[15 * 75 - gap:15 * 75] = np.nan
+    assert min(each.time_s for each in course(wave, 75.0)
+               if each.still_s >= ASYSTOLE_S) == late
+
+
+@pytest.mark.parametrize('rate_hz', [75.0, 250.0])
+@pytest.mark.parametrize('rate', [45, 60, 75, 95])
+@pytest.mark.parametrize('strength', [0.4, 0.55, 0.7])
+def test_a_dicrotic_wave_is_no_beat(rate: int, strength: float, rate_hz: float) -> None:
+    """A second rise 0.31 s after the first, as of a young person's finger."""
+    at = np.arange(round(20.0 * rate_hz)) / rate_hz
+    chance = np.random.default_rng(rate)
+    wave = 0.01 * chance.normal(size=at.size) + 0.1 * np.sin(1.5 * at)
+    beats = np.cumsum(60.0 / rate * (1.0 + 0.02 * chance.normal(size=60)))
+    for begin in beats:
+        wave += np.exp(-((at - begin) / 0.08) ** 2) + strength * np.exp(
+            -((at - begin - 0.31) / 0.08) ** 2)
+    found = list(course(wave, rate_hz))
+    assert sum(not each.doubt for each in found) > 0.8 * len(found)
+    for each in found:
+        inside = beats[(beats >= each.time_s - 10.0) & (beats < each.time_s)]
+        if not each.doubt:
+            assert each.rate_per_min == pytest.approx(
+                60.0 * (inside.size - 1) / (inside[-1] - inside[0]), abs=3.0)
+
+
+def test_recordings_of_wristbands_and_fingers_agree_with_other_programs() -> None:
+    """The recordings that come with HeartPy; beats as HeartPy and NeuroKit2 find them."""
+    heartpy = pytest.importorskip('heartpy', reason='HeartPy is not installed')
+    neurokit = pytest.importorskip('neurokit2', reason='NeuroKit2 is not installed')
+    wave, _ = heartpy.load_exampledata(0)
+    found = list(course(np.asarray(wave, dtype=float), 100.0))
+    _, measures = heartpy.process(wave, 100.0)
+    assert all(not each.doubt for each in found)
+    assert np.median([each.rate_per_min for each in found]) == pytest.approx(
+        measures['bpm'], abs=2.0)
+    # Eleven minutes of a wrist, with movements.
+    wave, when = heartpy.load_exampledata(2)
+    rate_hz = heartpy.get_samplerate_datetime(when, timeformat='%Y-%m-%d %H:%M:%S.%f')
+    _, there = neurokit.ppg_process(wave, sampling_rate=round(rate_hz))
+    peaks = there['PPG_Peaks'] / rate_hz
+    apart = []
+    for each in course(np.asarray(wave, dtype=float), rate_hz):
+        inside = peaks[(peaks >= each.time_s - 10.0) & (peaks < each.time_s)]
+        if not each.doubt and inside.size > 2:
+            apart.append(abs(each.rate_per_min
+                             - 60.0 * (inside.size - 1) / (inside[-1] - inside[0])))
+    assert len(apart) > 400
+    assert np.median(apart) < 0.5 and np.count_nonzero(np.array(apart) > 5.0) < 10
+
+
 # ---- records ----------------------------------------------------------------------------------
 
 def write(folder: Path, header: str, samples: bytes) -> Path:
@@ -157,7 +239,8 @@ def test_a_record_is_read_in_its_units(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('header, message', [
     ('x 1 125 2\nx.dat 310 200 10 0 0 0 0 II', 'format 310: only 16, 61'),
-    ('x 1 125 2\nx.dat 16x4 200 16 0 0 0 0 II', 'format 16x4: only 16'),
+    ('x 1 125 2\nx.dat 16x99999 200 16 0 0 0 0 II', '99999 samples in a frame are more'),
+    ('x 1 125 2\nx.dat 310x4 200 16 0 0 0 0 II', 'format 310x4: only 16'),
     ('x 1 125 9\nx.dat 16 200 16 0 0 3 0 II', 'holds 2 samples .* says 9: it is cut short'),
     ('x 1 125 2\nx.dat 16 200 16 0 0 4 0 II', 'checksum 3 and its header says 4: it is damaged'),
     ('x 2 125 2\nx.dat 16 200 16 0 0 3 0 II', 'announces 2 signals and describes 1'),

@@ -75,3 +75,49 @@ def test_a_record_of_each_format(form: str, tmp_path: Path) -> None:
     pulse, spo2 = read_record(tmp_path / 'x.hea').signals
     assert pulse.samples[:2].tolist() == [70.0, 71.0] and np.isnan(pulse.samples[2])
     assert spo2.samples.tolist() == [97.0, 96.0, 95.0]
+
+
+@pytest.mark.parametrize('form', ['212', '16', '24', '80'])
+def test_frames_with_several_samples_skew_and_an_offset(form: str, tmp_path: Path) -> None:
+    """Four samples of the first signal in a frame, two of the second, one of the third, late."""
+    bits, write = WRITERS[form]
+    frames = [[10 * number + place for place in range(4)] + [-number, number] + [number - 1]
+              for number in range(4)]
+    numbers = [number for frame in frames for number in frame]
+    (tmp_path / 'x.dat').write_bytes(b'head' + write(numbers))
+    columns = ([number for frame in frames for number in frame[begin:end]]
+               for begin, end in ((0, 4), (4, 6), (6, 7)))
+    sums = [sum(column) & 0xFFFF for column in columns]
+    (tmp_path / 'x.hea').write_text(
+        f'x 3 25 4\nx.dat {form}x4+4 1 {bits} 0 0 {sums[0]} 0 II\n'
+        f'x.dat {form}x2+4 1 {bits} 0 0 {sums[1]} 0 PLETH\n'
+        f'x.dat {form}:1+4 1 {bits} 0 0 {sums[2]} 0 RESP\n')
+    record = read_record(tmp_path / 'x.hea')
+    fast, middle, slow = (each.samples for each in record.signals)
+    assert record.rate_hz == 100.0
+    assert fast.tolist() == [10.0 * number + place for number in range(4) for place in range(4)]
+    assert middle.tolist() == [
+        float(each) for number in range(4) for each in (-number, -number, number, number)]
+    # Its first sample belongs to a frame before the record; at the end one is missing.
+    assert slow[:12].tolist() == [float(number) for number in range(3) for _ in range(4)]
+    assert np.isnan(slow[12:]).all() and slow.size == 16
+
+
+def test_records_of_the_wfdb_package_are_read_alike(tmp_path: Path) -> None:
+    wfdb = pytest.importorskip('wfdb', reason='the WFDB package is not installed')
+    chance = np.random.default_rng(2)
+    signals = [chance.integers(-900, 900, 4 * 50), chance.integers(-900, 900, 50)]
+    record = wfdb.Record(
+        record_name='own', n_sig=2, fs=125, sig_len=50, fmt=['212', '212'],
+        file_name=['own.dat', 'own.dat'], samps_per_frame=[4, 1], adc_gain=[200.0, 100.0],
+        baseline=[10, 0], units=['mV', 'NU'], adc_res=[12, 12], adc_zero=[0, 0],
+        init_value=[int(each[0]) for each in signals], block_size=[0, 0],
+        sig_name=['II', 'PLETH'], skew=[None, None], byte_offset=[None, None],
+        checksum=[int(each.sum()) & 0xFFFF for each in signals], e_d_signal=signals)
+    record.wrheader(write_dir=str(tmp_path))
+    record.wr_dats(expanded=True, write_dir=str(tmp_path))
+    there = wfdb.rdrecord(str(tmp_path / 'own'), smooth_frames=False)
+    found = read_record(tmp_path / 'own.hea')
+    assert found.rate_hz == 500.0
+    assert found.signals[0].samples == pytest.approx(there.e_p_signal[0])
+    assert found.signals[1].samples[::4] == pytest.approx(there.e_p_signal[1])

@@ -187,6 +187,17 @@ def test_who_is_struck_and_walks_on_has_not_fallen() -> None:
     assert worn.causes(30.0) == []
 
 
+def test_a_sensor_that_is_not_worn_is_shown_as_blind() -> None:
+    worn = Worn()
+    worn.moves([('stand', 1.0)], rate_hz=25.0)
+    for number in range(5 * 330):
+        worn.bench.at(1.0 + 0.2 * number, partial(worn.felt, (0.0, 9.8, 0.0)))
+    assert worn.causes(330.0) == []
+    assert 'not worn' in worn.module.statistics()['warning']
+    state = worn.states()[-1]
+    assert (state['level'], state['message']) == (3, 'taken off')
+
+
 def test_samples_without_an_acceleration_and_slow_ones_are_told() -> None:
     worn = Worn()
 

@@ -160,6 +160,9 @@ class FallDetection(Module):
             warning = f'samples of {self.topic_of("imu")} without an acceleration'
         elif self.connected('imu') and self._silent and detector.samples:
             warning = f'{self.topic_of("imu")} is silent: falls of {self._person} are not seen'
+        elif detector.state is State.TAKEN_OFF:
+            warning = (f'the sensor of {self._person} does not move at all and is probably not '
+                       'worn: falls are not detected until it is')
         elif slow:
             warning = (f'{NS_PER_S / self._step_ns:.0f} samples a second only: an impact may lie '
                        'between two of them; at least 18 are needed, 50 are better')
@@ -262,6 +265,7 @@ class FallDetection(Module):
         detector = self._detector
         fallen = detector.state is State.FALLEN or self._watch.fallen
         blind = self._silent and self.connected('imu')
+        off = detector.state is State.TAKEN_OFF
         values: dict[str, str] = {'state': 'fallen' if fallen else detector.state.value}
         evidence = detector.evidence
         if evidence is not None:
@@ -270,6 +274,8 @@ class FallDetection(Module):
                 stop_m_s=f'{evidence.stop_m_s:.2f}',
                 descent_m_s=f'{evidence.descent_m_s:.2f}',
                 turned_deg=f'{evidence.turned_deg:.0f}',
+                **({} if math.isnan(evidence.tilt_deg) else {
+                    'tilt_deg': f'{evidence.tilt_deg:.0f}'}),
                 turn_deg_s=f'{evidence.turn_deg_s:.0f}', evidence=f'{evidence.score:.2f}',
                 evidence_of_a_fall=f'{self._limits.evidence:g}',
                 confidence=f'{evidence.confidence:.2f}')
@@ -278,7 +284,7 @@ class FallDetection(Module):
         if self._watch.blow_g:
             values['peak_alone_g'] = f'{self._watch.blow_g:.1f}'
         return {
-            'level': _ERROR if fallen else _STALE if blind else _OK,
+            'level': _ERROR if fallen else _STALE if blind or off else _OK,
             'name': f'{self._person}: falls', 'hardware_id': self.settings['node'],
             'message': values['state'] + (', the sensor is silent' if blind else ''),
             'values': values}

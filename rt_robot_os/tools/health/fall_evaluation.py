@@ -42,6 +42,7 @@ GRID: Final[Mapping[str, tuple[float, ...]]] = {
     'evidence': (1.2, 1.4, 1.6, 1.8), 'posture_least_deg': (40.0, 50.0),
     'stop_full_m_s': (1.25, 1.5, 1.75)}
 _Z_95: Final = 1.959964
+_LONGEST_STEP_S: Final = 1.0
 
 
 class Decision(NamedTuple):
@@ -55,6 +56,8 @@ class Decision(NamedTuple):
     :ivar detected_ms: when it was detected, in the time of the recording.
     :ivar after_impact_s: the detection, after the impact.
     :ivar after_peak_s: the detection, after the largest peak of the recording.
+    :ivar falls: how many falls were detected, the late ones among them.
+    :ivar worn_s: how long the sensor was worn: gaps of more than a second are left out.
     """
 
     name: str
@@ -71,6 +74,8 @@ class Decision(NamedTuple):
     peak_g: float | None
     turned_deg: float | None
     confidence: float | None
+    falls: int
+    worn_s: float
     problem: str
 
     @property
@@ -104,7 +109,15 @@ def decide(recording: Recording, limits: FallLimits, lying: str = LYING) -> Deci
         (first.stamp_ns - first.evidence.impact_ns) / NS_PER_MS / 1000 if first else None,
         (first.stamp_ns / NS_PER_MS - recording.peak_ms) / 1000 if first else None,
         first.evidence.peak_g if first else None, first.evidence.turned_deg if first else None,
-        first.evidence.confidence if first else None, recording.problem)
+        first.evidence.confidence if first else None,
+        sum(one.what is What.FALL for one in found), worn_s(recording), recording.problem)
+
+
+def worn_s(recording: Recording) -> float:
+    """Return how long a recording is, without its gaps of more than a second."""
+    times = [row[0] for row in recording.samples]
+    return sum(step for one, two in zip(times, times[1:])
+               if 0.0 < (step := (two - one) / 1000) <= _LONGEST_STEP_S)
 
 
 def interval(right: int, count: int) -> tuple[float, float]:
@@ -116,6 +129,30 @@ def interval(right: int, count: int) -> tuple[float, float]:
     half = _Z_95 / (1 + square / count) * math.sqrt(
         share * (1 - share) / count + square / (4 * count * count))
     return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def rate_interval(count: int, hours: float) -> tuple[float, float]:
+    """Return the exact interval of 95 % of a rate per hour whose count is Poisson distributed."""
+    def at_most(most: int, mean: float) -> float:
+        return sum(math.exp(number * math.log(mean) - mean - math.lgamma(number + 1))
+                   for number in range(most + 1))
+
+    def mean_where(most: int, probability: float) -> float:
+        low, high = 1e-9, most + 10.0 * math.sqrt(most + 1.0) + 10.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if at_most(most, middle) > probability else (low, middle)
+        return low
+    least = mean_where(count - 1, 0.975) if count else 0.0
+    return least / hours, mean_where(count, 0.025) / hours
+
+
+def _false_alarms(decisions: Sequence[Decision]) -> dict[str, Any]:
+    """Count every detection in what is no fall, lying down on purpose included."""
+    alarms = sum(one.falls for one in decisions)
+    hours = sum(one.worn_s for one in decisions) / 3600
+    return {'alarms': alarms, 'hours': hours, 'per_hour': alarms / hours if hours else None,
+            'interval_95': list(rate_interval(alarms, hours)) if hours else None}
 
 
 def _share(right: int, count: int) -> dict[str, Any]:
@@ -139,6 +176,7 @@ def summary(decisions: Iterable[Decision]) -> dict[str, Any]:
         'sensitivity': _share(found, len(falls)), 'specificity': _share(quiet, len(daily)),
         'confusion': {'falls_found': found, 'falls_missed': len(falls) - found,
                       'daily_quiet': quiet, 'daily_alarms': len(daily) - quiet},
+        'false_alarms': _false_alarms([one for one in said if not one.fall]),
         'lying_down_on_purpose': {'recordings': len(lying),
                                   'alarms': sum(one.detected for one in lying)},
         'after_impact_s': {'median': delays[len(delays) // 2] if delays else None,

@@ -161,6 +161,12 @@ def _shares(found: dict[str, Any]) -> Iterator[str]:
                    f'{low:.3f} to {high:.3f})')
         else:
             yield f'{name}: there is nothing to say it of'
+    alarms = found['false_alarms']
+    if alarms['hours']:
+        low, high = alarms['interval_95']
+        yield (f'false alarms: {alarms["alarms"]} in {alarms["hours"]:.2f} h without a fall: '
+               f'{alarms["per_hour"]:.2f} an hour (95 %: {low:.2f} to {high:.2f}; every detection '
+               'counts, lying down on purpose included)')
     lying, delay = found['lying_down_on_purpose'], found['after_impact_s']
     yield (f'lying down on purpose: {lying["alarms"]} of {lying["recordings"]} taken for falls '
            '(in neither share)')

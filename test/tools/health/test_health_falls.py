@@ -26,6 +26,7 @@ import pytest
 
 from rt_robot_os.health.body_motion import body_motion
 from rt_robot_os.tools.health.fall_evaluation import interval
+from rt_robot_os.tools.health.fall_evaluation import rate_interval
 from rt_robot_os.tools.health.program import main
 
 
@@ -156,3 +157,22 @@ def test_the_text_names_what_went_wrong(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_interval_is_wilsons() -> None:
     assert interval(45, 46) == pytest.approx((0.8866, 0.9962), abs=1e-3)
     assert interval(0, 0) == (0.0, 1.0) and interval(10, 10)[1] == pytest.approx(1.0)
+
+
+def test_every_false_alarm_counts_per_hour_of_wear(falls: Any) -> None:
+    """Two falls in one recording that is said to hold none, then an hour that was not recorded."""
+    lines = recording('a,0,day,1')
+    shift_ms = 3_600_000
+    for line in recording('', activity='rise') + recording(''):
+        time, rest = line.split(',', 1)
+        lines.append(f'{int(time) + shift_ms},{rest}')
+        if time == '11960' and rest.startswith('w'):
+            shift_ms += 12_000
+    _, found = falls(lines + recording('b,1,front,1'))
+    alarms = found['false_alarms']
+    assert alarms['alarms'] == found['recordings'][0]['falls'] == 2
+    assert alarms['hours'] == pytest.approx(3 * 12 / 3600, abs=0.2 / 3600)
+    assert alarms['per_hour'] == pytest.approx(2 / alarms['hours'])
+    # Of two events: 0.242 to 7.225 (Garwood 1936).
+    assert rate_interval(2, 1.0) == pytest.approx((0.2422, 7.2247), abs=1e-3)
+    assert rate_interval(0, 2.0) == pytest.approx((0.0, 3.6889 / 2), abs=1e-3)

@@ -51,6 +51,8 @@ from rt_robot_os.motion.controllers.regulated_pure_pursuit import rotation
 from rt_robot_os.motion.differential import body_velocity
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
+from rt_robot_os.tools.bench.driving.checked_json import Checked
+from rt_robot_os.tools.bench.driving.checked_json import LayoutError
 
 _BYTES_MOST: Final = 64 << 20
 
@@ -96,14 +98,16 @@ def compare(path: Path) -> list[Compared]:
 def _compared(path: Path, name: str, group: Any) -> Compared:
     differences: list[float] = []
     try:
-        for found, wanted in _GROUPS[name](group):
+        for found, wanted in _GROUPS[name](Checked(group, name)):
             off = max(abs(a - b) for a, b in zip(found, wanted, strict=True))
             if not math.isfinite(off):
                 raise ValueError(f'{found} and {wanted} are not all finite numbers')
             differences.append(off)
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise VectorsError(f'{path}: {name}, case {len(differences)}: '
-                           f'{type(error).__name__}: {error}') from error
+    except LayoutError as error:
+        raise VectorsError(f'{path}: {name}, case {len(differences)}: {error}') from error
+    except (ArithmeticError, ValueError) as error:
+        raise VectorsError(f'{path}: {name}, case {len(differences)}: cannot be computed: '
+                           f'{error}') from error
     return Compared(name, len(differences), max(differences, default=0.0))
 
 
@@ -111,56 +115,69 @@ def _compared(path: Path, name: str, group: Any) -> Compared:
 _Pairs = Iterator[tuple[tuple[float, ...], tuple[float, ...]]]
 
 
-def _circles(group: Any) -> _Pairs:
-    for one, other, radius, found in group:
-        yield on_circle((one[0], one[1]), (other[0], other[1]), radius), (found[0], found[1])
+def _circles(group: Checked) -> _Pairs:
+    for case in group:
+        one, other, radius, found = case.entries(4)
+        yield on_circle(_point(one), _point(other), float(radius)), _point(found)
 
 
-def _lookaheads(group: Any) -> _Pairs:
+def _lookaheads(group: Checked) -> _Pairs:
     of = group['defaults']
     law = RegulatedPurePursuit(RegulatedPurePursuitGains(
-        of['dist'], of['time'], of['min'], of['max']))
-    for speed, distance in group['cases']:
+        *(float(of[name]) for name in ('dist', 'time', 'min', 'max'))))
+    for case in group['cases']:
+        speed, distance = map(float, case.entries(2))
         yield (law.lookahead(speed),), (distance,)
 
 
-def _rotations(group: Any) -> _Pairs:
+def _rotations(group: Checked) -> _Pairs:
     for case in group['cases']:
-        yield (rotation(case['angle'], case['current'], group['target'], group['max_accel'],
-                        group['dt']),), (case['w'],)
+        yield (rotation(*_numbers(case, 'angle', 'current'),
+                        *_numbers(group, 'target', 'max_accel', 'dt')),), _numbers(case, 'w')
 
 
-def _polars(group: Any) -> _Pairs:
+def _polars(group: Checked) -> _Pairs:
     for case in group:
         found = polar(_pose(case['current']), _pose(case['target']))
         yield tuple(value for name, value in zip(('r', 'phi', 'delta'), found)
                     if name in case), tuple(
-            case[name] for name in ('r', 'phi', 'delta') if name in case)
+            float(case[name]) for name in ('r', 'phi', 'delta') if name in case)
 
 
-def _graceful(group: Any) -> _Pairs:
+def _graceful(group: Checked) -> _Pairs:
     for case in group:
-        k_phi, k_delta, beta, exponent, slowdown, braking, v_max, w_max = case['gains']
+        k_phi, k_delta, beta, exponent, slowdown, braking, v_max, w_max = map(
+            float, case['gains'].entries(8))
         law = ParkKuipers(ParkKuipersGains(k_phi, k_delta, beta, exponent, slowdown_m=slowdown,
                                            speed_min_m_s=0.0))
         current, target = _pose(case['current']), _pose(case['target'])
         v, w = law.to_pose(current, target, v_max, w_max, braking)
         bend = curvature(*polar(current, target), k_phi, k_delta)
-        yield (bend, v, w), (case['kappa'], case['v'], case['w'])
+        yield (bend, v, w), _numbers(case, 'kappa', 'v', 'w')
 
 
-def _odometry(group: Any) -> _Pairs:
+def _odometry(group: Checked) -> _Pairs:
     for case in group['cases']:
-        left, right = (case[wheel] * group['radius'] * case['dt'] for wheel in ('wl', 'wr'))
-        yield (moved((0.0, 0.0, 0.0), *body_velocity(left, right, group['separation'])),
-               (case['x'], case['y'], case['th']))
+        separation, radius = _numbers(group, 'separation', 'radius')
+        left, right, dt = _numbers(case, 'wl', 'wr', 'dt')
+        yield (moved((0.0, 0.0, 0.0), *body_velocity(
+            left * radius * dt, right * radius * dt, separation)), _numbers(case, 'x', 'y', 'th'))
 
 
-def _pose(numbers: Any) -> Pose:
-    x, y, yaw = (*numbers, 0.0)[:3]
-    return x, y, yaw
+def _numbers(fields: Checked, *names: str) -> tuple[float, ...]:
+    return tuple(float(fields[name]) for name in names)
 
 
-_GROUPS: Final[Mapping[str, Callable[[Any], _Pairs]]] = {
+def _point(entries: Checked) -> tuple[float, float]:
+    return float(entries[0]), float(entries[1])
+
+
+def _pose(entries: Checked) -> Pose:
+    x, y = _point(entries)
+    numbers = list(entries)
+    return x, y, float(numbers[2]) if len(numbers) > 2 else 0.0
+
+
+_GROUPS: Final[Mapping[str, Callable[[Checked], _Pairs]]] = {
     'circle_segment': _circles, 'lookahead': _lookaheads, 'rotate_to_heading': _rotations,
     'egopolar': _polars, 'smooth_control_law': _graceful, 'odometry': _odometry}
