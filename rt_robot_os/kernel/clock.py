@@ -36,6 +36,7 @@ from typing import Final
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.linux.process import WaitingTime
+from rt_robot_os.linux.raising import signal_and_raise
 from rt_robot_os.linux.recursion import with_room
 from rt_robot_os.linux.timer import AGAIN_NS
 from rt_robot_os.linux.timer import Noting
@@ -160,6 +161,17 @@ class Clock(ABC):
         :return: the time.
         """
         return self.now_ns()
+
+    def raising(self, error: BaseException) -> Iterable[object]:
+        """
+        Let the alarm come again as soon as what its handler interrupted goes on.
+
+        :param error: what the handler raises in that.
+        :return: what raises it, and sends the alarm, when it is iterated; empty when the alarm is
+            set already, so that the caller raises it.
+        """
+        self.arm(self.now_ns())
+        return ()
 
     def waited_ns(self) -> int:
         """Give the time that the thread waited for a CPU so far, if the system tells."""
@@ -326,6 +338,9 @@ class MonotonicClock(Clock):
 
     def admit(self) -> None:
         self._admit()
+
+    def raising(self, error: BaseException) -> Iterable[object]:
+        return signal_and_raise(TICK_SIGNAL, error)
 
     def waited_ns(self) -> int:
         return self._waiting.read()

@@ -211,7 +211,7 @@ class Consequences:
         """
         kernel = self._kernel
         task.failures += outcome == FAILED
-        task.limit_ns, task.over = 0, False
+        task.limit_ns, task.over, task.resists = 0, False, False
         policy, task.wanted = task.wanted, None
         inside, task.inside = task.inside, 0
         task.follow_up = bool(task.successors)

@@ -19,12 +19,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+import sys
 from types import TracebackType
 
 from rt_robot_os.units import NS_PER_US
 
 _CALLS_KEPT = 8
 _TEXT_MAXIMUM = 1000
+# Past what the class of an exception may have put in its place.
+_context = BaseException.__dict__['__context__']
 
 
 class TaskAborted(BaseException):
@@ -99,6 +102,18 @@ def describe(task: str, at_ns: int, error: BaseException, *,
         traceback = traceback.tb_next
     calls = _innermost_calls(traceback)
     return FailureReport(task, at_ns, f'{name}: {text}' if text else name, calls)
+
+
+def drop_context() -> None:
+    """
+    Let the exception that is handled now forget which ones were handled when it was raised.
+
+    Raising an exception searches that chain, natively. In a job that recurses in its ``except``
+    clauses it is thousands long: 0.2 ms for each exception, also for those of jobs above it.
+    """
+    handled = sys.exc_info()[1]
+    if handled is not None:
+        _context.__set__(handled, None)
 
 
 def _innermost_calls(traceback: TracebackType | None) -> tuple[tuple[str, int, str], ...]:

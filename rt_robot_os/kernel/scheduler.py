@@ -31,6 +31,7 @@ round an alarm would be lost in between.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import sys
 from typing import Any
 from typing import Final
@@ -49,6 +50,7 @@ from rt_robot_os.kernel.consequences import BLOCKED_NS
 from rt_robot_os.kernel.consequences import Consequences
 from rt_robot_os.kernel.count import count
 from rt_robot_os.kernel.failure import describe
+from rt_robot_os.kernel.failure import drop_context
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
@@ -61,11 +63,12 @@ from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
-# Computing time for ``finally`` clauses between the first TaskAborted and the second, at least;
-# after that the task is known to resist, and a strike between two of its handlers is a matter of
-# tries.
+# Computing time for ``finally`` clauses between the first TaskAborted and the second, at least.
+# After that the job resists: TaskAborted is raised wherever Python runs handlers of signals, until
+# the job has ended. The alarm comes as well, where the stack had no room for that.
 GRACE_NS: Final = 20 * NS_PER_MS
-STRIKE_AGAIN_NS: Final = 20 * NS_PER_US
+STRIKE_AGAIN_NS: Final = 50 * NS_PER_US
+STRIKE_ALWAYS_NS: Final = 1
 # Computing time for describing an exception and for dropping it: both may run its author's code.
 CONTAIN_NS: Final = 10 * NS_PER_MS
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
@@ -131,8 +134,11 @@ class Scheduler(Alarms):
             if not again:
                 break
         strike: TaskAborted | None = None
+        steps: Iterable[object] = ()
         if current is not None and current.struck and not current.inside:
             strike = self._strike(current)
+            if current.limit_ns == STRIKE_ALWAYS_NS:
+                steps = self.clock.raising(strike)
         self._recursion_limit = limit
         # Written out: no call may follow where the stack is as deep as it may be.
         try:
@@ -144,6 +150,11 @@ class Scheduler(Alarms):
                 pass
         self.locked = False
         if strike is not None:
+            try:
+                for _ in steps:  # raises it as well
+                    pass
+            except RecursionError:  # no room: the alarm comes again
+                pass
             raise strike
         if self.pending:
             try:
@@ -420,7 +431,7 @@ class Scheduler(Alarms):
             return look_ns
         if not task.struck:
             self._have_struck(task)
-            if not task.over:
+            if not (task.over or task.limit_ns == STRIKE_ALWAYS_NS):  # two tell it
                 self.record((ABORT, task, now_ns, used_ns))
         return NEVER_NS  # when it is delivered, the alarm is set anew
 
@@ -434,11 +445,16 @@ class Scheduler(Alarms):
         now_ns = self.now_ns()
         used_ns = now_ns - task.start_ns - self._stolen_ns
         task.struck = False
-        first = not task.strikes
         if not task.over:
             task.strikes += 1
-        pause_ns = max(GRACE_NS, task.spec.budget_ns) if first else STRIKE_AGAIN_NS
-        task.limit_ns = used_ns + pause_ns
+        if not task.resists:
+            task.resists = True
+            pause_ns = max(GRACE_NS, task.spec.budget_ns)
+            task.limit_ns = used_ns + pause_ns
+        else:
+            pause_ns = STRIKE_AGAIN_NS
+            task.limit_ns = STRIKE_ALWAYS_NS
+            drop_context()
         self._look_at(now_ns + pause_ns)
         why = ''
         if self._stopping and now_ns >= self._stop_ns:
@@ -459,7 +475,7 @@ class Scheduler(Alarms):
         self.locked = True
         now_ns = self.now_ns()
         task.over = True
-        task.struck = False  # too late
+        task.struck = task.resists = False  # too late
         task.limit_ns = now_ns - task.start_ns - self._stolen_ns + CONTAIN_NS
         self._look_at(now_ns + CONTAIN_NS)
         self.locked = False

@@ -99,6 +99,7 @@ class Task:
 
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
     :ivar strikes: times that it was; one more waits to be delivered while ``struck``.
+    :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
     :ivar over: its function has ended by an exception, which is being described and dropped.
 
     What went wrong:
@@ -127,7 +128,7 @@ class Task:
         # Its releases and its job
         'backlog', 'rephasing',
         # Its budget
-        'limit_ns', 'strikes',
+        'limit_ns', 'strikes', 'resists',
         # Trouble, and what is done about it
         'state', 'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns',
         # Counters
@@ -203,6 +204,7 @@ class Task:
         self.strikes = 0
         self.struck = False
         self.over = False
+        self.resists = False
         self.backlog.clear()
         self.rephasing = False
         self.state = TaskState.ACTIVE

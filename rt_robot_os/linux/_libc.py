@@ -104,3 +104,4 @@ timer_settime = _quick.timer_settime
 pthread_sigmask = _quick.pthread_sigmask
 sigwaitinfo = _blocking.sigwaitinfo
 clock_nanosleep = _blocking.clock_nanosleep
+send_to_self = _quick['raise']  # raise(3)

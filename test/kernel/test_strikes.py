@@ -41,6 +41,7 @@ from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.black_box import ABORT as ABORT_RECORD
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
@@ -146,6 +147,124 @@ def test_a_job_at_its_recursion_limit_does_not_keep_out_those_above_it() -> None
         assert kernel.run(60 * S) == 'enough'
     finally:
         gc.enable()
+
+
+# ---- jobs that swallow their abort ------------------------------------------------------------
+
+SWALLOWING = """
+import gc
+import sys
+
+from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import FailurePolicy
+from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import TaskState
+
+def recursion():
+    try:
+        recursion()
+    except BaseException:
+        recursion()
+
+class Again:
+
+    def __enter__(self):
+        pass
+
+    def __exit__(self, *error):
+        context()
+        return True
+
+def context():
+    with Again():
+        context()
+
+def loops(depth=1000):  # at its limit it could not be reached before Python 3.12
+    while True:
+        try:
+            while True:
+                try:
+                    depth and loops(depth - 1)
+                except BaseException:
+                    pass
+        except BaseException:
+            pass
+
+def in_finally():
+    try:
+        in_finally()
+    finally:
+        in_finally()
+
+def generator():
+    try:
+        yield from generator()
+    except BaseException:
+        yield from generator()
+
+class Text(Exception):
+
+    def __str__(self):
+        recursion()
+
+def text():
+    raise Text
+
+async def coroutine():
+    try:
+        await coroutine()
+    except BaseException:
+        await coroutine()
+
+JOBS = {'recursion': recursion, 'context': context, 'loops': loops, 'in_finally': in_finally,
+        'generator': lambda: list(generator()), 'text': text}
+gc.disable()
+limit = sys.getrecursionlimit()
+kernel = Kernel()
+name = sys.argv[1]
+settings = dict(priority=10, budget_ns=2_000_000, on_budget=BudgetPolicy.ABORT,
+                failure=FailurePolicy.STOP)
+high = kernel.add_task('high', lambda: task.busy and runs.append(1), priority=90, rate_hz=1000.0)
+if name == 'coroutine':
+    task = kernel.add_async_task('task', coroutine, **settings)
+else:
+    task = kernel.add_task('task', JOBS[name], rate_hz=1.0, **settings)
+kernel.add_task('low', lambda: task.state is not TaskState.ACTIVE and kernel.stop('ended'),
+                priority=1, rate_hz=100.0)
+runs = []
+print(kernel.run(90_000_000_000))
+print(task.state.value, len(kernel.ended), bool(runs), sys.getrecursionlimit() == limit)
+"""
+
+
+@pytest.mark.parametrize('job', ['recursion', 'context', 'loops', 'in_finally', 'generator', 'text',
+                                 'coroutine'])
+def test_a_job_that_swallows_its_abort_is_ended_and_those_above_it_run_on(job: str) -> None:
+    result = run_program(SWALLOWING, job, timeout_s=120.0)
+    assert (result.returncode, result.stdout) == (0, 'ended\nstopped 0 True True\n'), result.stderr
+
+
+def test_each_abort_that_a_job_swallows_comes_at_its_next_step(
+        kernel: Kernel, clock: VirtualClock) -> None:
+    caught: list[int] = []
+
+    def job() -> None:
+        for _ in range(1000):
+            with contextlib.suppress(BaseException):
+                try:
+                    clock.spend(50 * MS)
+                finally:
+                    caught.append(clock.now_ns())
+
+    high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
+    task = kernel.add_task('task', job, priority=50, rate_hz=1.0, budget_ns=2 * MS,
+                           on_budget=ABORT)
+    kernel.run(200 * MS)
+    assert caught[:2] == [2 * MS, 22 * MS]
+    assert set(caught[2:]) == {22 * MS}
+    assert (high.runs, high.missed, task.state) == (200, 0, TaskState.STOPPED)
+    assert [record for record in kernel.black_box.records if record[0] == ABORT_RECORD] == [
+        (ABORT_RECORD, task, 2 * MS, 2 * MS), (ABORT_RECORD, task, 22 * MS, 22 * MS)]
 
 
 # ---- exceptions that resist being looked at ---------------------------------------------------
