@@ -263,7 +263,7 @@ class RobotConnection:
         self._services.hub.events(self._robot, [(each['content'], each['utc_ns']) for each in good
                                                 if each.get('type') == 'alarm_event'
                                                 and is_time(each.get('utc_ns'))
-                                                and isinstance(each.get('content'), dict)])
+                                                and isinstance(each.get('content'), dict)], boot)
         try:
             self._batches.put_nowait({'batch': message['batch'], 'boot': boot, 'records': good})
         except asyncio.QueueFull:

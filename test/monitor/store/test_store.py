@@ -135,6 +135,18 @@ def test_a_name_that_is_given_again_after_the_journal_was_lost_is_another_alarm(
     assert [len(store.media_of('r1', each['id'])) for each in (newer, older)] == [0, 1]
 
 
+def test_a_name_that_a_later_start_gives_again_within_a_minute_is_another_alarm(
+        store: Store) -> None:
+    store.add('r1', 'b1', [alarm(0, 10, 'raised', 'raised', NOW_NS - 20 * S),
+                           alarm(1, 11, 'resolved', 'resolved', NOW_NS - 15 * S)])
+    # Recorded again by a later start, which did not know that it was stored.
+    store.add('r1', 'b2', [alarm(0, 11, 'raised', 'raised', NOW_NS - 15 * S + S // 10)])
+    assert [each['is_open'] for each in store.alarms(people=None)] == [False]
+    store.add('r1', 'b3', [alarm(0, 1, 'raised', 'raised', NOW_NS - 5 * S)])
+    newer, older = store.alarms(people=None)
+    assert (newer['id'], newer['is_open'], older['is_open']) == ('7', True, False)
+
+
 def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> None:
     store.hello('r1', 'b1', name='robbie', people=['anna', 'ben'])
     store.hello('r2', 'b1', people=['cleo'])
