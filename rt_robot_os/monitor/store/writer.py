@@ -33,6 +33,7 @@ from typing import Final
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.uplink.importance import Importance
 
@@ -100,16 +101,17 @@ class Writer:
         self._thread.start()
 
     async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]],
-                  timeout_s: float = 30.0) -> Added:
+                  clock: RobotClock = RobotClock(), timeout_s: float = 30.0) -> Added:
         """
-        Write records; when it returns they are on the disk.
+        Write records; when it returns they are on the disk, but for those that were refused.
 
+        :param clock: of the robot.
         :return: what became of them.
         :raises StoreError: the database is away or full, or too much waits, and has for
             ``timeout_s``. They may be written later all the same: send them again.
         """
         loop = asyncio.get_running_loop()
-        one = _Waiting(Batch(robot, boot, records), loop)
+        one = _Waiting(Batch(robot, boot, records, clock), loop)
         end = loop.time() + timeout_s
         try:
             while not self._enter(one):

@@ -165,7 +165,6 @@ def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> Non
 
 
 ODD: tuple[dict[str, Any], ...] = (
-    {'utc_ns': NOW_NS - 3 * 365 * 86400 * S}, {'utc_ns': NOW_NS + 3 * 365 * 86400 * S},
     {'utc_ns': 'now'}, {'utc_ns': 1e300}, {'utc_ns': None}, {'type': 'hologram'}, {'type': None},
     {'type': ['observation']}, {'content': None}, {'content': []}, {'content': {}},
     {'seq': None}, {'seq': -1}, {'seq': 1 << 70}, {'seq': True}, {'seq': '5'},
@@ -182,7 +181,7 @@ def test_records_that_make_no_sense_are_kept_aside_and_harm_no_others(store: Sto
         pulse(2 * number, 60.0), {**pulse(2 * number + 1, 61.0), **odd})]
     assert store.add('r1', 'b1', [*batch, 'no record', None]) == len(batch) + 2
     assert [each['value'] for each in store.observations('anna')] == [60.0] * len(ODD)
-    assert (store.counts['aside'], store.counts['dropped']) == (len(ODD) + 2, 0)
+    assert (store.counts['aside'], store.counts['refused']) == (len(ODD) + 2, 0)
     aside = store.unknown()
     assert len(aside) == len(ODD) + 2
     assert all(each['why'] and len(each['content']) <= 2000 for each in aside)
