@@ -37,6 +37,7 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
+from rt_robot_os.monitor.store.writer import TIMEOUT_S
 from rt_robot_os.safe_text import safe_text
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
@@ -291,7 +292,7 @@ class RobotConnection:
             each = await self._batches.get()
             try:
                 added = await self._services.writer.put(self._robot.id, each.boot, each.records,
-                                                        each.clock)
+                                                        TIMEOUT_S, each.clock)
             except StoreError as error:
                 self._robot.count('batches_refused')
                 _LOG.warning('%s: records cannot be stored: %s', self._robot.name, error)

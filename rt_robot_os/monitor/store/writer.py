@@ -42,6 +42,8 @@ GROUP_RECORDS: Final = 2000
 #: Records that wait at most, of all robots; who comes then waits before the door.
 WAITING_RECORDS: Final = 100_000
 RETRY_S: Final = 0.5
+#: Records that could not be written for so long are refused.
+TIMEOUT_S: Final = 30.0
 RETRY_MOST_S: Final = 5.0
 #: Records that are not urgent wait this long for others to share the commit.
 GATHER_S: Final = 0.02
@@ -101,7 +103,7 @@ class Writer:
         self._thread.start()
 
     async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]],
-                  clock: RobotClock = RobotClock(), timeout_s: float = 30.0) -> Added:
+                  timeout_s: float = TIMEOUT_S, clock: RobotClock = RobotClock()) -> Added:
         """
         Write records; when it returns they are on the disk, but for those that were refused.
 
