@@ -37,6 +37,7 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
+from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.writer import TIMEOUT_S
 from rt_robot_os.safe_text import safe_text
 from rt_robot_os.units import NS_PER_S
@@ -169,7 +170,9 @@ class RobotConnection:
             self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self.say('welcome', {'utc_ns': now_ns, 'version': VERSION, 'want_map': wants_map})
         self._services.hub.connect(self._robot, self, now_ns)
-        self._start(asyncio.to_thread(self._note_hello))
+        self._services.writer.hello(Hello(
+            self._robot.id, boot, self._robot.name, sorted(self._robot.people or ()),
+            dict(self._robot.about)))
         return True
 
     def _take_about(self, hello: Mapping[str, Any], now_ns: int) -> None:
@@ -195,14 +198,6 @@ class RobotConnection:
         maps = self._services.maps
         return bool(sha256) and maps is not None and not await asyncio.to_thread(
             maps.has, self._robot.id, sha256)
-
-    def _note_hello(self) -> None:
-        robot = self._robot
-        try:
-            self._services.store.hello(robot.id, self._boot, name=robot.name,
-                                       people=sorted(robot.people or ()), details=robot.about)
-        except StoreError as error:
-            _LOG.warning('%s: what it is cannot be stored: %s', robot.name, error)
 
     def _take(self, message: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
