@@ -20,6 +20,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from collections.abc import Mapping
 from contextlib import asynccontextmanager
+import logging
 from pathlib import Path
 from typing import Any
 from typing import Final
@@ -28,6 +29,7 @@ from fastapi import FastAPI
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import charts
@@ -42,6 +44,7 @@ from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.api import users
 from rt_robot_os.monitor.api import voice
+from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import robot_connection
@@ -50,6 +53,9 @@ from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
 from starlette.exceptions import HTTPException
 
+_LOG: Final = logging.getLogger('monitor')
+#: How often a server looks whether the database is still its own.
+ALONE_S: Final = 5.0
 PAGE: Final = Path(__file__).parent / 'page'
 #: What has a ``router(services)``; a line each.
 API: Final = (
@@ -82,6 +88,7 @@ def create_app(services: Services) -> FastAPI:
         app.include_router(each.router(services))
     app.add_exception_handler(HTTPException, _problem)
     app.add_exception_handler(RequestValidationError, _wrong_request)
+    app.add_exception_handler(StoreError, _no_database)
     app.add_exception_handler(Exception, _defect)
     app.mount('/', PageFiles(PAGE))
     protect(app)
@@ -93,7 +100,8 @@ def _lifespan(services: Services) -> Any:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         services.accounts.on_revoked(services.hub.revoked)
         tasks = [asyncio.create_task(_look(services)),
-                 asyncio.create_task(services.accounts.watch())]
+                 asyncio.create_task(services.accounts.watch()),
+                 asyncio.create_task(_stay_alone(services))]
         if services.media is not None:
             tasks.append(asyncio.create_task(services.media.keep_house()))
         if services.connections is not None:
@@ -115,7 +123,16 @@ async def _look(services: Services) -> None:
     while True:
         await asyncio.sleep(services.settings.heartbeat_s / 2)
         services.hub.look()
-        services.hub.storing(services.writer.fault)
+        services.hub.storing(services.other_server or services.writer.fault)
+
+
+async def _stay_alone(services: Services) -> None:
+    while True:
+        await asyncio.sleep(ALONE_S)
+        found = await asyncio.to_thread(services.store.other_server)
+        if found and not services.other_server:
+            _LOG.error('%s', found)
+        services.other_server = found
 
 
 def _answer(status: int, text: str, remedy: str, headers: Mapping[str, str] | None = None,
@@ -135,6 +152,11 @@ async def _wrong_request(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     lines = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:8]]
     return _answer(422, '; '.join(lines), 'see /api/openapi.json for what it takes')
+
+
+async def _no_database(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, StoreError)
+    return await _problem(request, away(error))
 
 
 async def _defect(request: Request, error: Exception) -> JSONResponse:

@@ -58,12 +58,17 @@ def make_services(settings: MonitorSettings) -> Services:
     folder = settings.where
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     store = Store.open(settings.database or str(folder / DATABASE))
+    try:
+        store.serve_alone()
+        accounts = Accounts.open(store.engine, folder)
+        accounts.restore_limits()
+    except BaseException:
+        store.close()
+        raise
     store.keep(Kept(settings.raw_days, settings.minutes_days, settings.network_days,
                     settings.network_days))
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
-    accounts = Accounts.open(store.engine, folder)
-    accounts.restore_limits()
     hub.retire(set(hub.robots) - set(accounts.robots.tokens()))
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
     return Services(settings, store, Writer(store), hub, accounts, accounts.audit,

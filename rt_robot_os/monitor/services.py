@@ -40,6 +40,7 @@ class Services:
     :ivar maps: of robots.
     :ivar connections: all of them; None where something else than our server runs the app.
     :ivar media: pictures and files; None without.
+    :ivar other_server: what is wrong where another server took the database; else empty.
     """
 
     settings: MonitorSettings
@@ -51,3 +52,4 @@ class Services:
     maps: Any = None
     connections: Any = None
     media: Any = None
+    other_server: str = ''

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 import threading
 from typing import Any
+from urllib.parse import quote
 
 from fake_robot import FakeRobot
 from fake_robot import RobotScript
@@ -175,3 +176,22 @@ def test_another_sites_page_cannot_command(
     for wrong in ({**operator, 'X-CSRF-Token': 'x'}, {'Cookie': operator['Cookie']}, {}):
         assert command(address, wrong, 'stop')[0] in (401, 403)
     assert robot.commands == []
+
+
+def test_an_alarm_and_a_person_whose_names_have_slashes_are_found(
+        address: str, users: dict[str, dict[str, str]], services: Services) -> None:
+    operator = users['operator']
+    alarm, person = 'flat/7/fall', 'anna/maria'
+    with FakeRobot(f'ws://{address}', script=RobotScript(people=('anna', person))) as robot:
+        robot.raise_alarm(alarm, subject='anna')
+        robot.keep(robot.script.observation(person, 'pulse_per_min', 61.0))
+    path = f'/api/alarms/robot/{quote(alarm, safe="")}'
+    status, found = ask(address, operator, 'GET', path)
+    assert (status, found['id']) == (200, alarm)
+    assert ask(address, operator, 'POST', f'{path}/notes', {'text': 'seen'})[0] == 201
+    notes = ask(address, operator, 'GET', path)[1]['notes']
+    assert [each['text'] for each in notes] == ['seen']
+    assert ask(address, operator, 'GET', f'{path}/notes')[0] == 404
+    latest = f'/api/people/{quote(person, safe="")}/latest'
+    status, values = ask(address, logged_in(services, 'olga'), 'GET', latest)
+    assert (status, [each['value'] for each in values]) == (200, [61.0])

@@ -23,8 +23,10 @@ from typing import Any
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies
+import pytest
 from rt_robot_os.monitor.live.fan_out import Group
 from rt_robot_os.monitor.live.hub import Hub
+from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.live.robot_state import RobotState
@@ -87,11 +89,22 @@ def test_a_robot_without_anybody_granted_does_not_exist() -> None:
     hub.remember([{'id': 'r1', 'people': ['bob']}, {'id': 'r2', 'people': ['anna']},
                   {'id': 'r3', 'people': []}], [])
     hub.known('r4')  # has never said who lives with it
-    assert [each.id for each in hub.seen(ANNA)] == ['r2', 'r3']
+    assert [each.id for each in hub.seen(ANNA)] == ['r2']
     assert [each.id for each in hub.seen(Rights(None, False))] == ['r1', 'r2', 'r3', 'r4']
     actor = SimpleNamespace(people=frozenset({'anna'}), may=lambda permission: True)
-    assert not hub.may_see_robot(actor, 'r1')  # type: ignore[arg-type]
+    # A robot of nobody is no robot of everybody.
+    for robot in ('r1', 'r3', 'r4'):
+        assert not hub.may_see_robot(actor, robot)  # type: ignore[arg-type]
     assert hub.people(ANNA) == [{'person': 'anna', 'robots': ['r2']}]
+
+
+@pytest.mark.parametrize('people', [None, frozenset(), frozenset({'anna', 'bob'})])
+def test_who_is_not_granted_everybody_does_not_look_through_a_camera(
+        people: frozenset[str] | None) -> None:
+    robot = RobotState('r1', 'r1', people)
+    assert not may_look(frozenset(), robot) and not may_look(frozenset({'anna'}), robot)
+    assert may_look(None, robot)
+    assert may_look(frozenset({'anna', 'bob'}), robot) is bool(people)
 
 
 def test_who_may_not_see_health_sees_where_somebody_is_and_no_sign_of_theirs() -> None:

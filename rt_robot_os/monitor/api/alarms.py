@@ -68,7 +68,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         return [each for each in (seen(actor, row) for row in rows) if each is not None]
 
-    @found.get('/{robot}/{alarm}')
+    @found.get('/{robot}/{alarm:path}')
     def one_alarm(robot: str, alarm: str, actor: Actor = Depends(allowed(Permission.SEE))
                   ) -> dict[str, Any]:
         """Return an alarm with its events, notes and media."""
@@ -80,7 +80,7 @@ def router(services: Services) -> APIRouter:
             raise unknown('alarm')
         return shown
 
-    @found.post('/{robot}/{alarm}/notes', status_code=201)
+    @found.post('/{robot}/{alarm:path}/notes', status_code=201)
     def note(robot: str, alarm: str, note: Note,
              actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, Any]:
         """Note something about an alarm; it is stored when this answers with its ``id``."""

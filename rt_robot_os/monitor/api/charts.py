@@ -44,7 +44,7 @@ def router(services: Services) -> APIRouter:
         robot = hub.robots.get(alarm['robot'])
         return robot.alarm_shown(alarm, hub.rights_of(actor)) if robot is not None else None
 
-    @found.get('/{person}/charts')
+    @found.get('/{person:path}/charts')
     def chart(person: str, sign: Annotated[str, Query(max_length=100)], start: Time, end: Time,
               pixels: Annotated[int, Query(ge=1, le=PIXELS_MOST)] = 1000,
               actor: Actor = Depends(allowed(Permission.HEALTH))) -> dict[str, Any]:

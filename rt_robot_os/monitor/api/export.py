@@ -78,7 +78,7 @@ def router(services: Services) -> APIRouter:
             'Content-Disposition': f'attachment; filename="{name}.{ending}"',
             'Cache-Control': 'no-store', 'X-Content-Type-Options': 'nosniff'})
 
-    @found.get('/{person}/export.csv')
+    @found.get('/{person:path}/export.csv')
     def export_csv(person: str, sign: Sign = None, start: Time = 0, end: Time = TIME_MOST,
                    actor: Actor = Depends(allowed(Permission.HEALTH))) -> StreamingResponse:
         """Return observations as CSV; ``start`` and ``end`` are UTC in ns."""
@@ -86,7 +86,7 @@ def router(services: Services) -> APIRouter:
         return answer(as_csv(rows(services.store, person, sign, start, end), clean),
                       'text/csv; charset=utf-8', person, 'csv')
 
-    @found.get('/{person}/export.json')
+    @found.get('/{person:path}/export.json')
     def export_fhir(person: str, sign: Sign = None, start: Time = 0, end: Time = TIME_MOST,
                     actor: Actor = Depends(allowed(Permission.HEALTH))) -> StreamingResponse:
         """Return observations as a bundle of FHIR R4; ``start`` and ``end`` are UTC in ns."""

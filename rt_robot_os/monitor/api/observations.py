@@ -60,7 +60,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         return found
 
-    @found.get('/people/{person}/latest')
+    @found.get('/people/{person:path}/latest')
     def latest(person: str, actor: Actor = Depends(allowed(Permission.HEALTH))
                ) -> list[dict[str, Any]]:
         """Return the newest observation of each sign of a person."""

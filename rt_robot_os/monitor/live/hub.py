@@ -216,15 +216,17 @@ class Hub:
         """Send what is new of a robot to whom it concerns."""
         self.fan_out.changed(robot)
 
-    def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]]) -> None:
+    def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]],
+               boot: str = '') -> None:
         """
         Take events of alarms, and tell everybody who may see them what each alarm has come to.
 
         :param events: as they are in ``alarms/events``, each with its UTC in ns.
+        :param boot: the start of the robot that made them.
         """
         changed: dict[str, dict[str, Any]] = {}
         for event, utc_ns in events:
-            alarm = robot.take_alarm(event, utc_ns)
+            alarm = robot.take_alarm(event, utc_ns, boot)
             if alarm is not None:
                 changed[alarm['id']] = alarm
         for each in changed.values():

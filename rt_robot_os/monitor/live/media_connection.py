@@ -102,9 +102,10 @@ def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:
     :param people: whom they may see; None for everybody.
     :param robot: None for one that nobody knows.
     :return: a camera sees whoever is there: they have to be granted everybody who lives with it.
+        Through that of a robot of nobody only those look who may see everybody.
     """
     return robot is not None and (people is None or (
-        robot.people is not None and robot.people <= people))
+        bool(robot.people) and robot.people <= people))
 
 
 class MediaHub:

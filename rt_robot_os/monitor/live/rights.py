@@ -52,12 +52,12 @@ class Rights:
 
     def sees_robot(self, people: frozenset[str] | None) -> bool:
         """
-        Return whether the robot exists for them.
+        Return whether the robot exists for them; one of nobody only for who may see everybody.
 
         :param people: those who live with it; None while it is not known who.
         """
         return self.people is None or (people is not None
-                                       and (not people or not self.people.isdisjoint(people)))
+                                       and not self.people.isdisjoint(people))
 
     def hidden(self, people: Iterable[str]) -> frozenset[str]:
         """Return which of these people must not be named."""

@@ -19,11 +19,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine
 from collections.abc import Mapping
+from collections.abc import Sequence
 import logging
 import math
 import time
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
 from fastapi import APIRouter
 from fastapi import WebSocket
@@ -34,7 +36,11 @@ from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.monitor.store.robot_clock import RobotClock
+from rt_robot_os.monitor.store.store import Hello
+from rt_robot_os.monitor.store.writer import TIMEOUT_S
 from rt_robot_os.safe_text import safe_text
+from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.messages import VERSION
@@ -75,6 +81,15 @@ def router(services: Services) -> APIRouter:
     return found
 
 
+class _Received(NamedTuple):
+    """A batch of records that waits for the disk."""
+
+    batch: object
+    boot: str
+    records: list[Any]
+    clock: RobotClock
+
+
 class RobotConnection:
     """One connection of one robot."""
 
@@ -83,7 +98,7 @@ class RobotConnection:
         self._websocket = websocket
         self._robot = robot
         self._outlet = Outlet(websocket)
-        self._batches: asyncio.Queue[dict[str, Any]] = asyncio.Queue(BATCHES_MOST)
+        self._batches: asyncio.Queue[_Received] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
         self._map_s = -math.inf
         self._map_kept = asyncio.Lock()
@@ -155,7 +170,9 @@ class RobotConnection:
             self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self.say('welcome', {'utc_ns': now_ns, 'version': VERSION, 'want_map': wants_map})
         self._services.hub.connect(self._robot, self, now_ns)
-        self._start(asyncio.to_thread(self._note_hello))
+        self._services.writer.hello(Hello(
+            self._robot.id, boot, self._robot.name, sorted(self._robot.people or ()),
+            dict(self._robot.about)))
         return True
 
     def _take_about(self, hello: Mapping[str, Any], now_ns: int) -> None:
@@ -181,14 +198,6 @@ class RobotConnection:
         maps = self._services.maps
         return bool(sha256) and maps is not None and not await asyncio.to_thread(
             maps.has, self._robot.id, sha256)
-
-    def _note_hello(self) -> None:
-        robot = self._robot
-        try:
-            self._services.store.hello(robot.id, self._boot, name=robot.name,
-                                       people=sorted(robot.people or ()), details=robot.about)
-        except StoreError as error:
-            _LOG.warning('%s: what it is cannot be stored: %s', robot.name, error)
 
     def _take(self, message: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
@@ -254,33 +263,43 @@ class RobotConnection:
         if isinstance(message.get('lost'), dict):
             self._robot.lost = {str(key)[:8]: each for key, each in sorted(
                 message['lost'].items())[:8] if is_time(each)}
-        good = [each for each in records if is_record(each)]
-        if len(good) < len(records):
-            self._robot.count('records_wrong', len(records) - len(good))
-            _LOG.warning('%s: %d records that are none are left out', self._robot.name,
-                         len(records) - len(good))
-        # Shown before it is stored: a full disk keeps nobody from being told.
-        self._services.hub.events(self._robot, [(each['content'], each['utc_ns']) for each in good
-                                                if each.get('type') == 'alarm_event'
-                                                and is_time(each.get('utc_ns'))
-                                                and isinstance(each.get('content'), dict)])
+        wrong = sum(not is_record(each) for each in records)
+        if wrong:
+            self._robot.count('records_wrong', wrong)
+            _LOG.warning('%s: %d records without a number are set aside', self._robot.name, wrong)
+        clock = RobotClock(round(self._robot.offset_s * NS_PER_S), boot == self._boot)
+        self._show_alarms(records, boot, clock)
         try:
-            self._batches.put_nowait({'batch': message['batch'], 'boot': boot, 'records': good})
+            self._batches.put_nowait(_Received(message['batch'], boot, records, clock))
         except asyncio.QueueFull:
             self._refuse(message['batch'], 'too many batches wait for the disk')
+
+    def _show_alarms(self, records: Sequence[Any], boot: str, clock: RobotClock) -> None:
+        """Show alarms before they are stored: a full disk delays no alarm."""
+        now_ns = time.time_ns()
+        self._services.hub.events(self._robot, [
+            (each['content'], clock.corrected(each['utc_ns'], now_ns)) for each in records
+            if is_record(each) and each.get('type') == 'alarm_event'
+            and is_time(each.get('utc_ns')) and isinstance(each.get('content'), dict)], boot)
 
     async def _keep(self) -> None:
         while True:
             each = await self._batches.get()
             try:
-                await self._services.writer.put(self._robot.id, each['boot'], each['records'])
+                added = await self._services.writer.put(self._robot.id, each.boot, each.records,
+                                                        TIMEOUT_S, each.clock)
             except StoreError as error:
                 self._robot.count('batches_refused')
                 _LOG.warning('%s: records cannot be stored: %s', self._robot.name, error)
-                self._refuse(each['batch'], 'the server cannot store records now')
+                self._refuse(each.batch, 'the server cannot store records now')
                 continue
-            self._robot.count('records', len(each['records']))
-            self.say('stored', {'batch': each['batch']})
+            self._robot.count('records', len(each.records) - added.refused)
+            if added.refused:
+                self._robot.count('records_refused', added.refused)
+                self._refuse(each.batch, f'{added.refused} records make no sense to this server, '
+                             'and it has no room to set more aside: update it')
+            else:
+                self.say('stored', {'batch': each.batch})
 
     def _refuse(self, batch: object, text: str) -> None:
         self.say('refused', {'batch': batch, 'text': text, 'retry_s': RETRY_S})
@@ -296,5 +315,5 @@ def clean(value: Any) -> Any:
 
 
 def is_record(value: object) -> bool:
-    """Return whether a value has what the database needs to keep it, if only aside."""
+    """Return whether a value has a number, by which it is known when it comes again."""
     return isinstance(value, dict) and is_time(value.get('seq'))

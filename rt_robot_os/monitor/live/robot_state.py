@@ -26,6 +26,7 @@ from typing import Final
 
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
+from rt_robot_os.monitor.store.alarm_reuse import is_reused
 
 #: Signals that are kept of a robot; further ones are counted and left out.
 SIGNALS_MOST: Final = 2000
@@ -114,6 +115,7 @@ class RobotState:
     names: int = 0
     signals: dict[str, Signal] = field(default_factory=dict)
     alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
+    _alarm_boots: dict[str, str] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
     wanted: tuple[float, tuple[str, ...]] = (-1.0, ())
@@ -140,10 +142,12 @@ class RobotState:
                 self.names += name not in self.signals
                 self.signals[name] = Signal(name, self.version, pair[0], pair[1])
 
-    def take_alarm(self, event: Mapping[str, Any], utc_ns: int) -> dict[str, Any] | None:
+    def take_alarm(self, event: Mapping[str, Any], utc_ns: int, boot: str = ''
+                   ) -> dict[str, Any] | None:
         """
         Take an event of an alarm.
 
+        :param boot: the start of the robot that made it.
         :return: the alarm as it is now; None when the event changes nothing: it came before, or
             what is newer did.
         """
@@ -153,6 +157,10 @@ class RobotState:
             return None
         before = self.alarms.get(alarm)
         seq = event['seq'] if is_time(event.get('seq')) else 0
+        if before is not None and self._is_another(before, event, seq, utc_ns, boot):
+            self.count('alarm_names_reused')
+            self.alarms.pop(alarm)
+            before = None
         if before is not None and (seq <= before['seq'] if 'seq' in before
                                    else utc_ns < before['utc_ns']):
             return None
@@ -162,11 +170,21 @@ class RobotState:
         if before is None and len(self.alarms) >= ALARMS_MOST:
             self._forget_one()
         self.alarms[alarm] = now
+        self._alarm_boots[alarm] = boot
         return now
+
+    def _is_another(self, before: Mapping[str, Any], event: Mapping[str, Any], seq: int,
+                    utc_ns: int, boot: str) -> bool:
+        """Return whether a journal was lost and a name of an alarm is used again."""
+        is_later = boot == self.boot and boot != self._alarm_boots.get(before['id'])
+        return 'seq' in before and is_reused(event, seq, utc_ns, before['seq'], before['utc_ns'],
+                                             later_start=is_later)
 
     def _forget_one(self) -> None:
         closed = next((key for key, each in self.alarms.items() if not each['is_open']), None)
-        self.alarms.pop(closed if closed is not None else next(iter(self.alarms)))
+        forgotten = closed if closed is not None else next(iter(self.alarms))
+        del self.alarms[forgotten]
+        self._alarm_boots.pop(forgotten, None)
         self.count('alarms_forgotten')
 
     def shown(self, rights: Rights) -> dict[str, Any]:

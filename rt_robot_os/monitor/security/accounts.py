@@ -38,7 +38,9 @@ from rt_robot_os.monitor.security.emergencies import Emergencies
 from rt_robot_os.monitor.security.invitations import Invitations
 from rt_robot_os.monitor.security.limits import LockOut
 from rt_robot_os.monitor.security.login_history import restore_limits
+from rt_robot_os.monitor.security.outage import Questions
 from rt_robot_os.monitor.security.passwords import Passwords
+from rt_robot_os.monitor.security.robots import Robot
 from rt_robot_os.monitor.security.robots import Robots
 from rt_robot_os.monitor.security.sessions import Limits
 from rt_robot_os.monitor.security.sessions import Session
@@ -98,6 +100,8 @@ class Accounts:
         self.lock_out = LockOut()
         self.devices = Devices(key)
         self._engine = engine
+        self.questions = Questions()
+        self._fault = ''
         self._lock = threading.Lock()
         self._callbacks: list[Callback] = []
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -111,9 +115,15 @@ class Accounts:
         Make it, with the key of the audit from a folder; it is made when there is none.
 
         :param options: of the constructor.
-        :raises StartError: the key cannot be read or made.
+        :raises StartError: the key cannot be read or made, or is that of another audit.
         """
-        return cls(engine, audit_key(folder), **options)
+        accounts = cls(engine, audit_key(folder), **options)
+        if not accounts.audit.is_ours():
+            accounts.close()
+            raise StartError(f'the key of the audit, {folder / _KEY}, is not the one with which '
+                             'the audit of this database was written: give the folder of its '
+                             'server with --folder, or restore the key from the backup')
+        return accounts
 
     def restore_limits(self) -> None:
         """
@@ -149,6 +159,24 @@ class Accounts:
         with self._lock:
             if len(self._robots) < _FOLLOWED:
                 self._robots[robot] = kept_token
+
+    async def session_of(self, secret: str) -> Session | None:
+        """
+        Return the good session of a cookie; while the database is away as it was known last.
+
+        :raises StoreError: the database is away, and this session is not known.
+        """
+        return await self.questions.ask(lambda: self.sessions.find(secret),
+                                        lambda: self.sessions.remembered(secret))
+
+    async def robot_of(self, token: str) -> Robot | None:
+        """
+        Return the robot of a token; while the database is away as it was known last.
+
+        :raises StoreError: the database is away, and this token is not known.
+        """
+        return await self.questions.ask(lambda: self.robots.find(token),
+                                        lambda: self.robots.remembered(token))
 
     def alive(self, session: str) -> bool:
         """Return whether a session that holds a connection was not ended; looks in memory."""
@@ -188,10 +216,14 @@ class Accounts:
         try:
             while True:
                 await asyncio.sleep(WATCH_S)
+                fault = ''
                 try:
                     await asyncio.to_thread(self.look)
                 except StoreError as error:
-                    _LOG.warning('sessions cannot be looked after: %s', error)
+                    fault = str(error)
+                if fault and not self._fault:
+                    _LOG.warning('sessions and robots are as they were known last: %s', fault)
+                self._fault = fault
         finally:
             self._loop = None
 
@@ -206,12 +238,12 @@ class Accounts:
                     self._tell(Revoked('session', each, ENDED, 'the session has ended'))
                 elif _rights(now[each]) != rights:
                     self.rights_changed(each)
-        if robots:
-            tokens = self.robots.tokens()
-            for each, token in robots.items():
-                if tokens.get(each) != token:
-                    self._tell(Revoked('robot', each, ENDED,
-                                       'the token of this robot was revoked'))
+        tokens = self.robots.tokens()  # also for robots that come while the database is away
+        for each, token in robots.items():
+            if tokens.get(each) != token:
+                self._tell(Revoked('robot', each, ENDED, 'the token of this robot was revoked'))
+        self.sessions.save_touched()
+        self.audit.save_waiting()
 
     def soon(self, work: Callable[..., object], *arguments: object) -> None:
         """Do something on the event loop of the server; at once where there is none."""
@@ -223,7 +255,9 @@ class Accounts:
 
     def close(self) -> None:
         """Let go of threads; what they have to write is written."""
+        self.questions.close()
         self.passwords.close()
+        self.sessions.close()
         self.audit.close()
 
     def _tell(self, revoked: Revoked) -> None:

@@ -54,7 +54,9 @@ _FIRST: Final = '0' * 64
 _HEAD: Final = 1
 _PAGE: Final = 1000
 #: Rows that could not be written and wait for the disk.
-_WAITING: Final = 1000
+_WAITING: Final = 10_000
+#: After a failure rows wait for so long without another attempt.
+_RETRY_S: Final = 1.0
 #: Who reads the same thing again within this time leaves one row.
 READ_AGAIN_S: Final = 600
 _READS: Final = 10_000
@@ -129,17 +131,20 @@ class Audit:
         self._key = key
         self._now_ns = now_ns
         self._lock = threading.Lock()
+        self._memory_lock = threading.Lock()  # never held while the disk is awaited
         self._waiting: deque[dict[str, Any]] = deque()
         self._reads: OrderedDict[tuple[str, str, str], int] = OrderedDict()
         # One: rows stand in the order in which things happened.
         self._writer = ThreadPoolExecutor(1, 'audit')
+        self._submitted = 0
+        self._retry_s = 0.0
         #: Rows that were lost since the disk took none for too long.
         self.lost = 0
 
     @property
     def waiting(self) -> int:
         """Return how many rows wait for the disk."""
-        return len(self._waiting)
+        return len(self._waiting) + self._submitted
 
     def note(self, actor: Subject, action: str, object: str,  # noqa: A002
              **details: Any) -> None:
@@ -157,11 +162,33 @@ class Audit:
     def note_soon(self, actor: Subject, action: str, object: str,  # noqa: A002
                   **details: Any) -> None:
         """Write a row, as :meth:`note`, without waiting for it; behind those before."""
-        row = _row(self._now_ns(), actor, action, object, details)
+        self._put_soon(_row(self._now_ns(), actor, action, object, details))
+
+    def _put_soon(self, row: dict[str, Any]) -> None:
+        if self._submitted >= _WAITING:  # the database neither takes rows nor refuses them
+            self.lost += 1
+            _LOG.error('the audit cannot be written: %s', json.dumps(row))
+            return
+        self._count_submitted(1)
         try:
-            self._writer.submit(self._put, row, False)
+            self._writer.submit(self._put, row, False, True).add_done_callback(
+                lambda _: self._count_submitted(-1))
         except RuntimeError:  # closed: a connection that ends after the server
+            self._count_submitted(-1)
             self._put(row, False)
+
+    def _count_submitted(self, by: int) -> None:
+        with self._memory_lock:
+            self._submitted += by
+
+    def save_waiting(self) -> None:
+        """
+        Write the rows that wait.
+
+        :raises StoreError: the database is still away.
+        """
+        with self._lock:
+            self._write_waiting()
 
     def close(self) -> None:
         """Wait until everything that was noted is written."""
@@ -174,43 +201,54 @@ class Audit:
 
         :raises StoreError: it cannot be written: then it must not be read either.
         """
-        self._once(actor, action, object, details, True)
+        self._once(actor, action, object, details, lambda row: self._put(row, True))
 
     def open(self, actor: Subject, what: str, **details: Any) -> None:  # noqa: A003
-        """Write that somebody opened a connection for what is live, once in ten minutes."""
-        self._once(actor, 'socket.open', what, details, False)
+        """
+        Write that somebody opened a connection for what is live, once in ten minutes.
+
+        Does not wait for the disk: safe on an event loop.
+        """
+        self._once(actor, 'socket.open', what, details, self._put_soon)
 
     def _once(self, actor: Subject, action: str, object: str,  # noqa: A002
-              details: dict[str, Any], is_strict: bool) -> None:
+              details: dict[str, Any], put: Callable[[dict[str, Any]], None]) -> None:
         now = time.monotonic_ns()
         key = (getattr(actor, 'session', '') or actor.id, action, object)
-        with self._lock:
+        with self._memory_lock:
             last = self._reads.get(key)
             if last is not None and now - last < READ_AGAIN_S * 1_000_000_000:
                 return
-        self._put(_row(self._now_ns(), actor, action, object, details), is_strict)
-        with self._lock:
+        put(_row(self._now_ns(), actor, action, object, details))
+        with self._memory_lock:
             self._reads[key] = now
             self._reads.move_to_end(key)
             while len(self._reads) > _READS:
                 self._reads.popitem(last=False)
 
-    def _put(self, row: dict[str, Any], is_strict: bool) -> None:
+    def _put(self, row: dict[str, Any], is_strict: bool, is_soon: bool = False) -> None:
         with self._lock:
-            try:
-                while self._waiting:
-                    self._write(self._waiting[0])
-                    self._waiting.popleft()
-                self._write(row)
-                return
-            except StoreError as error:
-                if is_strict:
-                    raise
-                _LOG.error('the audit cannot be written (%s): %s', error, json.dumps(row))
+            error: object = 'as before'
+            if not is_soon or time.monotonic() >= self._retry_s:
+                try:
+                    self._write_waiting()
+                    self._write(row)
+                    return
+                except StoreError as failure:
+                    if is_strict:
+                        raise
+                    error = failure
+                    self._retry_s = time.monotonic() + _RETRY_S
+            _LOG.error('the audit cannot be written (%s): %s', error, json.dumps(row))
             if len(self._waiting) >= _WAITING:
                 self.lost += 1
             else:
                 self._waiting.append(row)
+
+    def _write_waiting(self) -> None:
+        while self._waiting:
+            self._write(self._waiting[0])
+            self._waiting.popleft()
 
     def _write(self, row: dict[str, Any]) -> None:
         with writing(self._engine) as connection:
@@ -278,6 +316,21 @@ class Audit:
         if beyond is not None and not self._came_since(last):
             check.problems.append(f'rows follow behind its head, {last}')
         return check.verdict()
+
+    def is_ours(self) -> bool:
+        """
+        Return whether the audit was written with this key, or is empty.
+
+        With another key the chain would break for both. One good row suffices: what else was
+        changed is found by :meth:`verify`, and keeps no server from starting.
+        """
+        with reading(self._engine) as connection:
+            rows = connection.execute(select(audit).order_by(audit.c.seq.desc()).limit(_PAGE)
+                                      ).all()
+        return not rows or any(self._is_good(row) for row in rows)
+
+    def _is_good(self, row: Row[Any]) -> bool:
+        return hmac.compare_digest(row.mac, self._mac([getattr(row, name) for name in _COLUMNS]))
 
     def _came_since(self, last: int) -> bool:
         """Return whether the head went on while the chain was read."""

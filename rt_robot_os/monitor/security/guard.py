@@ -16,17 +16,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable
 from collections.abc import Callable
 from dataclasses import dataclass
 import hmac
 from typing import Any
 from typing import Final
+from typing import TypeVar
 
 from fastapi import HTTPException
 from fastapi import Request
 from fastapi import WebSocket
 from fastapi import WebSocketException
-from fastapi.concurrency import run_in_threadpool
+from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.accounts import ENDED
 from rt_robot_os.monitor.security.origins import is_expected_host
@@ -46,6 +48,8 @@ __all__ = ('Actor', 'Permission', 'Robot', 'allowed', 'robot_of', 'websocket_act
 
 SAFE: Final = frozenset({'GET', 'HEAD', 'OPTIONS'})
 _FORBIDDEN: Final = 4403
+_TRY_LATER: Final = 1013
+_T = TypeVar('_T')
 _BEARER: Final = 'bearer '
 
 
@@ -171,12 +175,13 @@ def allowed(permission: Permission | None) -> Callable[..., Actor]:
 
     :param permission: None: anybody who is logged in.
     """
-    def dependency(request: Request) -> Actor:
+    # On the event loop: all threads may wait for the database, and a stop must not.
+    async def dependency(request: Request) -> Actor:
         if not is_expected_host(request.scope['scheme'], request.headers):
             check_origin(request)
         accounts = accounts_of(request)
         secret = secret_of(request)
-        session = accounts.sessions.find(secret) if secret else None
+        session = await accounts.session_of(secret) if secret else None
         if session is None:
             raise refusal(401, 'you are not logged in', 'log in', 'login')
         if request.method not in SAFE:
@@ -209,7 +214,7 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
                                  ) from None
     accounts = accounts_of(websocket)
     secret = secret_of(websocket)
-    session = await run_in_threadpool(accounts.sessions.find, secret) if secret else None
+    session = await _known(accounts.session_of(secret)) if secret else None
     if session is None:
         raise WebSocketException(ENDED, 'you are not logged in')
     actor = actor_of(session, websocket)
@@ -217,9 +222,21 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
         reason: Any = lacking(actor, permission).detail
         raise WebSocketException(_FORBIDDEN, reason['text'])
     accounts.follow(session)
-    await run_in_threadpool(accounts.audit.open, actor, websocket.scope['path'],
-                            people=shown_people(actor.people))
+    accounts.audit.open(actor, websocket.scope['path'], people=shown_people(actor.people))
     return actor
+
+
+async def _known(answer: Awaitable[_T]) -> _T:
+    """
+    Wait for who it is.
+
+    :raises WebSocketException: the database is away, and they are not known.
+    """
+    try:
+        return await answer
+    except StoreError as error:
+        raise WebSocketException(_TRY_LATER, f'the database cannot be used now: {error}'[:120]
+                                 ) from error
 
 
 async def robot_of(websocket: WebSocket) -> Robot:
@@ -231,7 +248,7 @@ async def robot_of(websocket: WebSocket) -> Robot:
     header = websocket.headers.get('authorization', '')
     token = header[len(_BEARER):].strip() if header[:len(_BEARER)].lower() == _BEARER else ''
     accounts = accounts_of(websocket)
-    robot = await run_in_threadpool(accounts.robots.find, token) if token else None
+    robot = await _known(accounts.robot_of(token)) if token else None
     if robot is None:
         raise WebSocketException(ENDED, 'no robot has this token: monitor robot add NAME makes '
                                  'one')

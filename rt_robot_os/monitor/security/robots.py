@@ -27,6 +27,7 @@ import re
 from typing import Any
 from typing import Final
 
+from rt_robot_os.monitor.security.outage import Memory
 from rt_robot_os.monitor.security.tables import robot_accounts
 from rt_robot_os.monitor.security.tokens import kept
 from rt_robot_os.monitor.security.tokens import new_id
@@ -56,6 +57,7 @@ class Robots:
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
         self._now_ns = now_ns
+        self._memory: Memory[Robot] = Memory(most=MOST)
 
     def add(self, name: str) -> tuple[Robot, str]:
         """
@@ -94,14 +96,27 @@ class Robots:
             row = connection.execute(select(robot_accounts).where(
                 robot_accounts.c.token == kept(token),
                 robot_accounts.c.revoked_ns.is_(None))).first()
-        return None if row is None else Robot(row.id, row.name)
+        if row is None:
+            self._memory.forget(lambda key, _: key == kept(token))
+            return None
+        found = Robot(row.id, row.name)
+        self._memory.store(row.token, found)
+        return found
+
+    def remembered(self, token: str) -> Robot | None:
+        """Return the robot of a token as the database said last; safe on an event loop."""
+        return self._memory.find(kept(token))
 
     def tokens(self) -> dict[str, str]:
         """Return of each robot that may call what is kept of its token, by its id."""
         with reading(self._engine) as connection:
-            return {row.id: row.token for row in connection.execute(
-                select(robot_accounts.c.id, robot_accounts.c.token).where(
-                    robot_accounts.c.revoked_ns.is_(None)))}
+            rows = connection.execute(select(robot_accounts).where(
+                robot_accounts.c.revoked_ns.is_(None))).all()
+        good = {row.token: Robot(row.id, row.name) for row in rows}
+        self._memory.forget(lambda key, _: key not in good)
+        for token, robot in good.items():
+            self._memory.store(token, robot)
+        return {robot.id: token for token, robot in good.items()}
 
     def all(self) -> list[dict[str, Any]]:  # noqa: A003
         """Return all of them, those that are revoked as well, by name."""
@@ -117,6 +132,7 @@ class Robots:
 
         :raises AccountError: there is none that may come in.
         """
+        self._memory.forget(lambda _, robot: name_or_id in (robot.id, robot.name))
         with writing(self._engine) as connection:
             row = connection.execute(select(robot_accounts).where(
                 (robot_accounts.c.name == name_or_id) | (robot_accounts.c.id == name_or_id),

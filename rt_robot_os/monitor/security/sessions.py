@@ -24,10 +24,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+import threading
 from typing import Any
 from typing import Final
 
+from rt_robot_os.errors import StoreError
+from rt_robot_os.monitor.security.outage import Memory
 from rt_robot_os.monitor.security.roles import EVERYBODY
 from rt_robot_os.monitor.security.roles import Permission
 from rt_robot_os.monitor.security.roles import PERMISSIONS
@@ -44,12 +48,13 @@ from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
 from sqlalchemy import Connection
 from sqlalchemy import Engine
-from sqlalchemy import Row
 from sqlalchemy import select
 
 SECOND_NS: Final = 1_000_000_000
 #: Of one user; who logs in once more ends the oldest.
 MOST: Final = 20
+#: Sessions whose last use waits for the database.
+TOUCHED_MOST: Final = 20_000
 #: When it was used is written no more often than this.
 _SEEN_EVERY_S: Final = 30
 
@@ -86,6 +91,21 @@ class Session:
     expires_ns: int
 
 
+@dataclass(frozen=True)
+class _Stored:
+    """What the database has of a session; :meth:`Sessions._judged` says what it is worth now."""
+
+    id: str  # noqa: A003
+    token: str
+    user: str
+    name: str
+    role: Role
+    people: frozenset[str] | None
+    emergencies: tuple[tuple[str, int], ...]
+    seen_ns: int
+    expires_ns: int
+
+
 class Sessions:
     """The table of sessions; safe for several threads."""
 
@@ -93,6 +113,11 @@ class Sessions:
         self._engine = engine
         self._limits = limits
         self._now_ns = now_ns
+        self._memory: Memory[_Stored] = Memory()
+        self._lock = threading.Lock()
+        #: When sessions were used, until the database has it.
+        self._touched: dict[str, int] = {}
+        self._writer = ThreadPoolExecutor(1, 'touch')
 
     def begin(self, user: str, address: str, browser: str) -> tuple[str, str]:
         """
@@ -118,19 +143,63 @@ class Sessions:
         """Return the session of a cookie, if there is one and it is good."""
         if not 20 <= len(secret) <= 100:
             return None
+        token = kept(secret)
         with reading(self._engine) as connection:
-            return self._find(connection, sessions.c.token == kept(secret))
+            found = self._read(connection, sessions.c.token == token)
+        if found is None:
+            self._memory.forget(lambda key, _: key == token)
+            return None
+        return self._judged(found)
+
+    def remembered(self, secret: str) -> Session | None:
+        """
+        Return the session of a cookie as it was when the database answered last.
+
+        It locks and ends in its time as ever. Reads memory only: safe on an event loop.
+        """
+        found = self._memory.find(kept(secret))
+        return None if found is None else self._judged(found)
 
     def touch(self, session: Session) -> None:
-        """Note that somebody used it, now and then; a locked one stays locked."""
+        """
+        Note that a session is used; a locked one stays locked.
+
+        It counts at once. The database is written in a thread, since a stop waits for no disk.
+        """
         now = self._now_ns()
         if session.is_locked or now - session.seen_ns < _SEEN_EVERY_S * SECOND_NS:
             return
-        with writing(self._engine) as connection:
-            connection.execute(sessions.update().where(
-                sessions.c.id == session.id,
-                sessions.c.seen_ns > now - int(self._limits.idle_s * SECOND_NS))
-                .values(seen_ns=now))
+        with self._lock:
+            if len(self._touched) < TOUCHED_MOST:
+                self._touched[session.id] = now
+        try:
+            self._writer.submit(self.save_touched)
+        except RuntimeError:
+            pass  # Closed.
+
+    def save_touched(self) -> None:
+        """Write when sessions were used; while the database is away it stays in memory."""
+        with self._lock:
+            touched = dict(self._touched)
+        if not touched:
+            return
+        idle_ns = int(self._limits.idle_s * SECOND_NS)
+        try:
+            with writing(self._engine) as connection:
+                for session, seen_ns in touched.items():
+                    connection.execute(sessions.update().where(
+                        sessions.c.id == session, sessions.c.seen_ns < seen_ns,
+                        sessions.c.seen_ns > seen_ns - idle_ns).values(seen_ns=seen_ns))
+        except StoreError:
+            return
+        with self._lock:
+            for session, seen_ns in touched.items():
+                if self._touched.get(session) == seen_ns:
+                    del self._touched[session]
+
+    def close(self) -> None:
+        """Write what is left, and end the thread."""
+        self._writer.shutdown()
 
     def unlock(self, session: str) -> None:
         """Open a locked session again; its user has just typed the password."""
@@ -140,9 +209,13 @@ class Sessions:
 
     def get(self, ids: Iterable[str]) -> dict[str, Session]:
         """Return those of some sessions that are still good, as they are now."""
+        wanted = list(ids)
         with reading(self._engine) as connection:
-            found = ((each, self._find(connection, sessions.c.id == each)) for each in ids)
-            return {each: session for each, session in found if session is not None}
+            found = [self._read(connection, sessions.c.id == each) for each in wanted]
+        good = {each.id: session for each in found
+                if each is not None and (session := self._judged(each)) is not None}
+        self._memory.forget(lambda _, each: each.id in wanted and each.id not in good)
+        return good
 
     def of(self, user: str | None = None) -> list[dict[str, Any]]:
         """Return the sessions of a user or of all, as they may be shown."""
@@ -173,6 +246,9 @@ class Sessions:
             conditions.append(sessions.c.id == session)
         if user is not None:
             conditions.append(sessions.c.user == user)
+        # At once, and also where the database cannot be written: it says so itself.
+        self._memory.forget(lambda _, each: each.id != but and session in (None, each.id)
+                            and user in (None, each.user))
         with writing(self._engine) as connection:
             ids = list(connection.execute(select(sessions.c.id).where(*conditions)).scalars())
             connection.execute(sessions.delete().where(sessions.c.id.in_(ids)))
@@ -181,32 +257,37 @@ class Sessions:
                 .values(ends_ns=self._now_ns()))
         return ids
 
-    def _find(self, connection: Connection, condition: Any) -> Session | None:
+    def _read(self, connection: Connection, condition: Any) -> _Stored | None:
         now = self._now_ns()
         row = connection.execute(
             select(sessions, users.c.name, users.c.role).join(users, users.c.id == sessions.c.user)
             .where(condition, sessions.c.expires_ns > now, users.c.disabled.is_(False))).first()
         if row is None:
             return None
-        return self._session(connection, row, now)
+        seen = connection.execute(select(emergencies.c.person, emergencies.c.ends_ns).where(
+            emergencies.c.session == row.id, emergencies.c.ends_ns > now)).all()
+        found = _Stored(row.id, row.token, row.user, row.name, Role(row.role),
+                        people_of(connection, row.user),
+                        tuple((each.person, each.ends_ns) for each in seen), row.seen_ns,
+                        row.expires_ns)
+        self._memory.store(found.token, found)
+        return found
 
-    def _session(self, connection: Connection, row: Row[Any], now: int) -> Session:
-        role = Role(row.role)
-        permissions = PERMISSIONS[role]
-        people = people_of(connection, row.user)
+    def _judged(self, stored: _Stored) -> Session | None:
+        now = self._now_ns()
+        if stored.expires_ns <= now:
+            return None
+        seen_ns = max(stored.seen_ns, self._touched.get(stored.id, 0))
+        permissions, people = PERMISSIONS[stored.role], stored.people
         is_locked = not permissions <= WHEN_IDLE and (
-            now - row.seen_ns >= self._limits.idle_s * SECOND_NS)
-        seen: frozenset[str] = frozenset()
-        ends = 0
+            now - seen_ns >= self._limits.idle_s * SECOND_NS)
+        running = {} if is_locked else {person: ends_ns for person, ends_ns in stored.emergencies
+                                        if ends_ns > now}
         if is_locked:
             permissions &= WHEN_IDLE
-        else:
-            rows = connection.execute(select(emergencies.c.person, emergencies.c.ends_ns).where(
-                emergencies.c.session == row.id, emergencies.c.ends_ns > now)).all()
-            seen = frozenset(each.person for each in rows)
-            ends = min((each.ends_ns for each in rows), default=0)
-        if seen:
+        if running:
             permissions |= {Permission.HEALTH}
-            people = None if people is None or EVERYBODY in seen else people | seen
-        return Session(row.id, row.user, row.name, role, permissions, people, is_locked, seen,
-                       ends, row.seen_ns, row.expires_ns)
+            people = None if people is None or EVERYBODY in running else people | running.keys()
+        return Session(stored.id, stored.user, stored.name, stored.role, permissions, people,
+                       is_locked, frozenset(running), min(running.values(), default=0), seen_ns,
+                       stored.expires_ns)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence
+import json
 from typing import Any
 from typing import Final
 from typing import NamedTuple
@@ -31,8 +32,10 @@ from rt_robot_os.monitor.store.received import Received
 from rt_robot_os.monitor.store.records import Aside
 from rt_robot_os.monitor.store.records import read
 from rt_robot_os.monitor.store.records import Sent
+from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import UNKNOWN
+from rt_robot_os.units import NS_PER_S
 from sqlalchemy import Connection
 from sqlalchemy import func
 from sqlalchemy import insert
@@ -42,32 +45,42 @@ from sqlalchemy import text
 
 # Fewer rows are quicker one by one.
 _AS_ARRAYS: Final = 20
-#: Records kept aside of one start of a robot; more are counted only.
+#: Records set aside of one start of a robot; more are refused, and stay at the robot.
 ASIDE_MOST: Final = 10_000
+#: Type of the event that says by how much times of records were corrected.
+CLOCK_ERROR: Final = 'clock_error'
 
 
 class Batch(NamedTuple):
-    """Records of one start of a robot."""
+    """
+    Records of one start of a robot.
+
+    :ivar clock: of the robot, when they arrived.
+    """
 
     robot: str
     boot: str
     records: Sequence[object]
+    clock: RobotClock = RobotClock()
 
 
 class Added(NamedTuple):
     """
     What became of a batch.
 
-    :ivar fresh: new records.
+    :ivar fresh: new records, those that were set aside included.
     :ivar known: records that had come before.
-    :ivar aside: new ones that make no sense, kept aside.
-    :ivar dropped: of these, not even kept: there is no room for more.
+    :ivar aside: new ones that make no sense, set aside.
+    :ivar refused: ones that make no sense and were not stored: there is no room for more. The
+        robot must keep them.
+    :ivar misdated: new ones whose time was corrected.
     """
 
     fresh: int = 0
     known: int = 0
     aside: int = 0
-    dropped: int = 0
+    refused: int = 0
+    misdated: int = 0
 
 
 class Adding:
@@ -90,7 +103,7 @@ class Adding:
         for batch in batches:
             robot = self._names.robot(self._connection, batch.robot, self._now_ns)
             boot = self._names.boot(self._connection, robot, batch.boot, self._now_ns)
-            records = [read(record, self._now_ns) for record in batch.records]
+            records = [read(record, self._now_ns, batch.clock) for record in batch.records]
             who.append((robot, boot))
             found.append(records)
             numbers.setdefault(boot, set()).update(
@@ -104,18 +117,38 @@ class Adding:
     def _add(self, robot: int, boot: int, records: Sequence[Sent | Aside]) -> Added:
         fresh: list[Sent] = []
         odd: list[Aside] = []
+        known = refused = 0
+        room = self._room_aside(boot) if any(isinstance(each, Aside) for each in records) else 0
         for each in records:
-            if each.seq is not None and not self._received.take(boot, each.seq):
+            if each.seq is not None and not self._received.is_new(boot, each.seq):
+                known += 1
                 continue
-            if isinstance(each, Aside):
+            if isinstance(each, Sent):
+                fresh.append(each)
+            elif len(odd) < room:
                 odd.append(each)
             else:
-                fresh.append(each)
+                refused += 1
+                continue
+            if each.seq is not None:
+                self._received.take(boot, each.seq)
         for one in fresh:
             self._take(robot, boot, one)
-        kept = self._keep_aside(boot, odd) if odd else 0
-        known = len(records) - len(fresh) - len(odd)
-        return Added(len(fresh) + len(odd), known, len(odd), len(odd) - kept)
+        self._set_aside(boot, odd)
+        misdated = [each for each in fresh if each.clock_error_ns]
+        if misdated:
+            self._mark(robot, boot, misdated)
+        return Added(len(fresh) + len(odd), known, len(odd), refused, len(misdated))
+
+    def _mark(self, robot: int, boot: int, misdated: Sequence[Sent]) -> None:
+        """Store by how much times were corrected: an event of the robot for each batch."""
+        errors_s = [each.clock_error_ns / NS_PER_S for each in misdated]
+        numbers = [each.seq for each in misdated]
+        content = {'records': len(misdated), 'first_seq': min(numbers), 'last_seq': max(numbers),
+                   'clock_error_s': [min(errors_s), max(errors_s)]}
+        self._rows.setdefault('events', []).append({
+            't_ns': self._now_ns, 'type': CLOCK_ERROR, 'content': json.dumps(content),
+            'boot_id': boot, 'seq': numbers[0], 'arrived_ns': self._now_ns, 'robot_id': robot})
 
     def save(self) -> None:
         """Write all that was taken; the transaction is the caller's to commit."""
@@ -143,15 +176,16 @@ class Adding:
             row['robot_id'] = robot
         self._rows.setdefault(one.table, []).append(row)
 
-    def _keep_aside(self, boot: int, odd: Sequence[Aside]) -> int:
-        room = ASIDE_MOST - (self._connection.execute(select(func.count()).select_from(
-            UNKNOWN).where(UNKNOWN.c.boot_id == boot)).scalar() or 0)
-        kept = odd[:max(0, room)]
-        if kept:
+    def _room_aside(self, boot: int) -> int:
+        there = self._connection.execute(select(func.count()).select_from(
+            UNKNOWN).where(UNKNOWN.c.boot_id == boot)).scalar() or 0
+        return max(0, ASIDE_MOST - there)
+
+    def _set_aside(self, boot: int, odd: Sequence[Aside]) -> None:
+        if odd:
             self._connection.execute(insert(UNKNOWN), [
                 {'boot_id': boot, 'seq': each.seq, 'arrived_ns': self._now_ns, 'type': each.type,
-                 'why': each.why, 'content': each.content} for each in kept])
-        return len(kept)
+                 'why': each.why, 'content': each.content} for each in odd])
 
     def _add_media(self, rows: Sequence[Mapping[str, Any]]) -> None:
         # The same file announced twice, under two numbers, is one.

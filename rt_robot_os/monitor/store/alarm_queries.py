@@ -62,17 +62,15 @@ def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     """
     Return what alarms may be seen: of the granted, and of rooms and devices where they live.
 
-    Where nobody lives there is nobody to hide.
+    Those of a robot of nobody are for who may see everybody.
 
     An alarm about somebody who is known and not granted is nobody's business.
     """
     theirs = select(ROBOT_PEOPLE.c.robot_id).join(
         PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(PEOPLE.c.person.in_(people))
-    anybody = select(ROBOT_PEOPLE.c.robot_id)
     others = select(PEOPLE.c.person).where(PEOPLE.c.person.not_in(people))
     return or_(ALARMS.c.subject.in_(people),
-               or_(ALARMS.c.robot_id.in_(theirs), ALARMS.c.robot_id.not_in(anybody))
-               & not_(ALARMS.c.subject.in_(others)))
+               ALARMS.c.robot_id.in_(theirs) & not_(ALARMS.c.subject.in_(others)))
 
 
 def alarms_within(connection: Connection, person: str, start_ns: int, end_ns: int
@@ -197,4 +195,4 @@ def media_row(row: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _alarm(row: Mapping[Any, Any]) -> dict[str, Any]:
     return {'robot': row['robot'], 'id': row['alarm'], 'kinds': json.loads(row['kinds']),
-            'utc_ns': row['t_ns'], **{name: row[name] for name in _COLUMNS}}
+            'utc_ns': row['t_ns'], 'seq': row['last_seq'], **{name: row[name] for name in _COLUMNS}}

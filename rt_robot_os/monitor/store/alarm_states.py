@@ -27,21 +27,19 @@ import json
 from typing import Any
 from typing import Final
 
+from rt_robot_os.monitor.store.alarm_reuse import is_reused
 from rt_robot_os.monitor.store.tables import ALARM_EVENTS
 from rt_robot_os.monitor.store.tables import ALARMS
 from rt_robot_os.monitor.store.tables import MEDIA
-from rt_robot_os.units import NS_PER_S
 from sqlalchemy import bindparam
 from sqlalchemy import Connection
+from sqlalchemy import func
 from sqlalchemy import insert
 from sqlalchemy import select
 from sqlalchemy import tuple_
 from sqlalchemy import update
 
 CLOSED: Final = frozenset({'resolved', 'cancelled'})
-#: A clock may step back by so much between two events of an alarm.
-LATE_NS: Final = 60 * NS_PER_S
-_OPENING: Final = frozenset({'suspected', 'raised', 'test'})
 _PART: Final = 200
 _STATE: Final = tuple(column.name for column in ALARMS.c
                       if column.name not in ('id', 'robot_id', 'alarm'))
@@ -59,7 +57,7 @@ def follow(connection: Connection, rows: Sequence[dict[str, Any]]) -> None:
     for row in rows:
         key = row['robot_id'], row['alarm']
         state = states.get(key)
-        if state is not None and key in known and _is_another(state, row):
+        if state is not None and key in known and _is_another(connection, state, row):
             _put_away(connection, key, state['id'])
             known.discard(key)
             state = None
@@ -102,15 +100,14 @@ def folded(state: Mapping[str, Any] | None, row: Mapping[str, Any]) -> dict[str,
     return made
 
 
-def _is_another(state: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
-    """
-    Return whether a name was given again: the robot counts anew, its journal was lost.
-
-    An event that is only late has both a smaller number and an earlier time.
-    """
-    return (row['event'] in _OPENING and row['event_seq'] <= state['last_seq']
-            and row['t_ns'] > state['t_ns'] + LATE_NS
-            and not json.loads(row['content']).get('restored'))
+def _is_another(connection: Connection, state: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    if row['event_seq'] > state['last_seq']:
+        return False
+    newest = connection.execute(select(func.max(ALARM_EVENTS.c.boot_id)).where(
+        ALARM_EVENTS.c.alarm_id == state['id'])).scalar()
+    return is_reused({**json.loads(row['content']), 'event': row['event']}, row['event_seq'],
+                     row['t_ns'], state['last_seq'], state['t_ns'],
+                     later_start=newest is not None and row['boot_id'] > newest)
 
 
 def _put_away(connection: Connection, key: tuple[int, str], number: int) -> None:

@@ -28,12 +28,15 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 import sqlite3
+import threading
 from typing import Any
 from typing import Final
+from weakref import WeakKeyDictionary
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.needs import check_postgres
+from rt_robot_os.monitor.store.turns import Turns
 from sqlalchemy import Connection
 from sqlalchemy import create_engine
 from sqlalchemy import Engine
@@ -57,6 +60,8 @@ _CHECKPOINT_PAGES: Final = 8000
 _CONNECTIONS: Final = 8
 # One number for all servers on one database: who writes records holds it for one transaction.
 _WRITERS: Final = 0x72745F6F73
+_TURNS: Final[WeakKeyDictionary[Engine, Turns]] = WeakKeyDictionary()
+_TURNS_LOCK: Final = threading.Lock()
 
 
 def read_url(text: str) -> URL:
@@ -151,13 +156,21 @@ def writing(engine: Engine) -> Iterator[Connection]:
     """
     Give a connection that writes; committed at the end, one at a time over all processes.
 
+    In this process the turns are fair; over processes the database decides.
+
     :raises StoreError: the database is away, locked or full; nothing is done.
     """
-    with _told(), engine.connect().execution_options(writes=True) as connection:
+    with _turns_of(engine).turn(), _told(), engine.connect().execution_options(
+            writes=True) as connection:
         with connection.begin():
             if connection.dialect.name == POSTGRES:
                 connection.execute(text('SELECT pg_advisory_xact_lock(:key)'), {'key': _WRITERS})
             yield connection
+
+
+def _turns_of(engine: Engine) -> Turns:
+    with _TURNS_LOCK:
+        return _TURNS.setdefault(engine, Turns())
 
 
 @contextmanager

@@ -75,18 +75,17 @@ class Received:
             for key in keys:
                 self._blocks.setdefault(key, bytearray(_BYTES))
 
-    def take(self, boot: int, seq: int) -> bool:
-        """Return whether a number is new, and note it; its block has been loaded."""
+    def is_new(self, boot: int, seq: int) -> bool:
+        """Return whether a number was not taken yet; its block has been loaded."""
         block = seq // BLOCK
-        if block < self._complete[boot]:
-            return False
-        bits = self._blocks[boot, block]
-        place, bit = seq % BLOCK // 8, 1 << seq % 8
-        if bits[place] & bit:
-            return False
-        bits[place] |= bit
+        return block >= self._complete[boot] and not (
+            self._blocks[boot, block][seq % BLOCK // 8] & 1 << seq % 8)
+
+    def take(self, boot: int, seq: int) -> None:
+        """Note a new number."""
+        block = seq // BLOCK
+        self._blocks[boot, block][seq % BLOCK // 8] |= 1 << seq % 8
         self._changed.add((boot, block))
-        return True
 
     def save(self) -> None:
         """Write what has changed."""

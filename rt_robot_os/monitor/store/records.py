@@ -30,10 +30,10 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.tables import NAME as NAME_LONGEST
 from rt_robot_os.safe_text import encodable
 from rt_robot_os.safe_text import safe_text
-from rt_robot_os.units import NS_PER_S
 from rt_robot_os.wsn.quantities import NAME
 
 #: The number of a quality in the database is its place here.
@@ -41,9 +41,6 @@ QUALITIES: Final = ('good', 'suspect', 'stale', 'off', 'missing')
 #: Those of a value that was measured when the record says, so that it counts in roll-ups.
 MEASURED: Final = frozenset({0, 1})
 MISSING: Final = QUALITIES.index('missing')
-#: A clock that says more or less than this is wrong: a robot that was away for a year is not.
-PAST_NS: Final = 400 * 86400 * NS_PER_S
-FUTURE_NS: Final = 86400 * NS_PER_S
 CONTENT_BYTES: Final = 32768
 KEPT_CHARACTERS: Final = 2000
 SEQ_MOST: Final = 1 << 53
@@ -64,6 +61,7 @@ class Sent(NamedTuple):
     :ivar row: its columns but those of the key and of other tables' numbers.
     :ivar person: whom it is about, or ''.
     :ivar code: the sign of an observation, or ''.
+    :ivar clock_error_ns: how far the robot's clock was ahead where its time was corrected; else 0.
     """
 
     seq: int
@@ -71,6 +69,7 @@ class Sent(NamedTuple):
     row: dict[str, Any]
     person: str = ''
     code: str = ''
+    clock_error_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,11 +82,12 @@ class Aside:
     content: str
 
 
-def read(record: object, now_ns: int) -> Sent | Aside:
+def read(record: object, now_ns: int, clock: RobotClock = RobotClock()) -> Sent | Aside:
     """
     Check a record; never raises.
 
-    :param now_ns: UTC of the server, against clocks that are wrong by years.
+    :param now_ns: UTC of the server.
+    :param clock: of the robot.
     """
     seq = None
     try:
@@ -101,14 +101,19 @@ def read(record: object, now_ns: int) -> Sent | Aside:
         if not isinstance(content, Mapping):
             raise Refused('content is no object')
         t_ns = _integer(record, 'utc_ns', -_INT_MOST, _INT_MOST)
-        late = not now_ns - PAST_NS <= t_ns <= now_ns + FUTURE_NS
-        if late and reader not in _TIMELESS:
-            days = abs(t_ns - now_ns) / NS_PER_S / 86400
-            raise Refused(f'the clock is wrong by {days:.0f} days')
-        # What happened must not be lost for a wrong clock: it is as of now.
-        return reader(seq, now_ns if late else t_ns, content)
+        at_ns = clock.corrected(t_ns, now_ns)
+        return _marked(reader(seq, at_ns, content), t_ns - at_ns)
     except (Refused, TypeError, RecursionError) as error:
         return Aside(seq, _loose(record, 'type'), str(error)[:200], _as_it_came(record))
+
+
+def _marked(sent: Sent, clock_error_ns: int) -> Sent:
+    """Return a record that carries how far the robot's clock was off; good values are suspect."""
+    if not clock_error_ns:
+        return sent
+    if sent.row.get('quality') == QUALITIES.index('good'):
+        sent.row['quality'] = QUALITIES.index('suspect')
+    return sent._replace(clock_error_ns=clock_error_ns)
 
 
 def _alarm_event(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
@@ -184,8 +189,6 @@ _READERS: Final[dict[str, Callable[[int, int, Mapping[str, Any]], Sent]]] = {
     'alarm_event': _alarm_event, 'transition': _event('transition'), 'log': _event('log'),
     'event': _event('event'), 'observation': _observation, 'news2': _news2, 'place': _place,
     'node': _node, 'media': _media}
-_TIMELESS: Final = frozenset(_READERS[name] for name in (
-    'alarm_event', 'transition', 'log', 'event', 'media'))
 
 
 # ---- values ------------------------------------------------------------------------------------

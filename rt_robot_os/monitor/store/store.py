@@ -29,10 +29,11 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from contextlib import contextmanager
 import json
-import threading
 import time
+from types import MappingProxyType
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
@@ -56,6 +57,7 @@ from rt_robot_os.monitor.store.names import Names
 from rt_robot_os.monitor.store.retention import Kept
 from rt_robot_os.monitor.store.retention import thin
 from rt_robot_os.monitor.store.rollups import roll_up
+from rt_robot_os.monitor.store.sole_server import SoleServer
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import ROBOTS
 from sqlalchemy import Connection
@@ -67,6 +69,16 @@ from sqlalchemy.exc import IntegrityError
 #: The newest rows are rolled up when they are so many, or so old: charts read each of them.
 _ROLL_UP_ROWS: Final = 10_000
 _ROLL_UP_S: Final = 10.0
+
+
+class Hello(NamedTuple):
+    """What a robot said of itself when it connected."""
+
+    robot: str
+    boot: str
+    name: str = ''
+    people: Collection[str] = ()
+    details: Mapping[str, Any] = MappingProxyType({})
 
 
 class Store:
@@ -83,8 +95,8 @@ class Store:
         self.now_ns = now_ns
         self.counts = {name: 0 for name in Added._fields}
         self.housekeeping: Housekeeping | None = None
+        self._sole: SoleServer | None = None
         self._names = Names()
-        self._lock = threading.Lock()
         self._not_rolled = _ROLL_UP_ROWS
         self._rolled_s = 0.0
 
@@ -119,6 +131,22 @@ class Store:
         if self.housekeeping is not None:
             self.housekeeping.close()
         self.engine.dispose()
+        if self._sole is not None:
+            self._sole.release()
+
+    def serve_alone(self) -> None:
+        """
+        Let no other server use this database until it is closed.
+
+        :raises StartError: another one does.
+        """
+        sole = SoleServer(self.engine)
+        sole.acquire()
+        self._sole = sole
+
+    def other_server(self) -> str:
+        """Return what is wrong where another server took the database meanwhile, or empty."""
+        return '' if self._sole is None else self._sole.check()
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
@@ -137,8 +165,7 @@ class Store:
 
         :raises StoreError: the database is away or full; nothing is done.
         """
-        # In the process by a lock, which is fair; over processes by the database.
-        with self._lock, writing(self.engine) as connection:
+        with writing(self.engine) as connection:
             yield connection
 
     # ---- records -----------------------------------------------------------------------------
@@ -197,20 +224,31 @@ class Store:
     def hello(self, robot: str, boot: str, *, name: str = '', people: Collection[str] = (),
               details: Mapping[str, Any] | None = None) -> None:
         """Note what a robot said of itself when it connected, and who lives with it."""
-        now_ns = self.now_ns()
+        self.hello_all([Hello(robot, boot, name, people, details or {})])
+
+    def hello_all(self, hellos: Sequence[Hello]) -> None:
+        """
+        Note what robots said, in one transaction.
+
+        :raises StoreError: the database is away or full; none of it is noted.
+        """
         try:
             with self.writing() as connection:
-                number = self._names.robot(connection, robot, now_ns)
-                self._names.boot(connection, number, boot, now_ns)
-                for person in people:
-                    self._names.person(connection, number, person, now_ns)
-                values: dict[str, Any] = {'last_ns': now_ns, 'details': json.dumps(details or {})}
-                if name:
-                    values['name'] = name
-                connection.execute(update(ROBOTS).where(ROBOTS.c.id == number), values)
+                for each in hellos:
+                    self._hello(connection, each, self.now_ns())
         except BaseException:
             self._names.forget()
             raise
+
+    def _hello(self, connection: Connection, hello: Hello, now_ns: int) -> None:
+        number = self._names.robot(connection, hello.robot, now_ns)
+        self._names.boot(connection, number, hello.boot, now_ns)
+        for person in hello.people:
+            self._names.person(connection, number, person, now_ns)
+        values: dict[str, Any] = {'last_ns': now_ns, 'details': json.dumps(hello.details)}
+        if hello.name:
+            values['name'] = hello.name
+        connection.execute(update(ROBOTS).where(ROBOTS.c.id == number), values)
 
     # ---- robots and people -------------------------------------------------------------------
 

@@ -26,6 +26,7 @@ import asyncio
 from collections import deque
 from collections.abc import Mapping
 from collections.abc import Sequence
+import logging
 import threading
 from typing import Any
 from typing import Final
@@ -33,14 +34,19 @@ from typing import Final
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.robot_clock import RobotClock
+from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.uplink.importance import Importance
 
+_LOG: Final = logging.getLogger(__name__)
 #: Records of one transaction, about: what comes next waits no longer than for these.
 GROUP_RECORDS: Final = 2000
 #: Records that wait at most, of all robots; who comes then waits before the door.
 WAITING_RECORDS: Final = 100_000
 RETRY_S: Final = 0.5
+#: Records that could not be written for so long are refused.
+TIMEOUT_S: Final = 30.0
 RETRY_MOST_S: Final = 5.0
 #: Records that are not urgent wait this long for others to share the commit.
 GATHER_S: Final = 0.02
@@ -94,22 +100,24 @@ class Writer:
         self.fault = ''
         self._urgent: deque[_Waiting] = deque()
         self._others: deque[_Waiting] = deque()
+        self._hellos: dict[str, Hello] = {}
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name='writer', daemon=True)
         self._thread.start()
 
     async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]],
-                  timeout_s: float = 30.0) -> Added:
+                  timeout_s: float = TIMEOUT_S, clock: RobotClock = RobotClock()) -> Added:
         """
-        Write records; when it returns they are on the disk.
+        Write records; when it returns they are on the disk, but for those that were refused.
 
+        :param clock: of the robot.
         :return: what became of them.
         :raises StoreError: the database is away or full, or too much waits, and has for
             ``timeout_s``. They may be written later all the same: send them again.
         """
         loop = asyncio.get_running_loop()
-        one = _Waiting(Batch(robot, boot, records), loop)
+        one = _Waiting(Batch(robot, boot, records, clock), loop)
         end = loop.time() + timeout_s
         try:
             while not self._enter(one):
@@ -123,7 +131,20 @@ class Writer:
         finally:
             one.future.cancel()
 
+    def hello(self, hello: Hello) -> None:
+        """
+        Note what a robot said of itself, soon; of each robot the newest.
+
+        Those of all robots that connect meanwhile share a commit. While the database is away they
+        wait for it.
+        """
+        with self._changed:
+            self._hellos[hello.robot] = hello
+            self._changed.notify()
+
     def _late(self, timeout_s: float) -> StoreError:
+        if timeout_s >= TIMEOUT_S and not self.fault:
+            self.fault = f'the database has stored nothing for {timeout_s:g} s'
         return StoreError(f'not written within {timeout_s:g} s: '
                           f'{self.fault or "too much waits"}')
 
@@ -151,10 +172,10 @@ class Writer:
     def _run(self) -> None:
         pause_s = RETRY_S
         while (group := self._next()) is not None:
-            if not group:
-                continue  # Nobody waits for these any more.
             try:
-                added = self._store.add_all([each.batch for each in group])
+                self._write_hellos()
+                # In an empty group nobody waits for an answer any more.
+                added = self._store.add_all([each.batch for each in group]) if group else []
             except StoreError as error:
                 self.failures += 1
                 self.fault = str(error)
@@ -171,8 +192,9 @@ class Writer:
                 self.fault = ''
                 for each, result in zip(group, added, strict=True):
                     each.done(result)
-            self.commits += 1
-            self.fault = ''
+            self.commits += bool(group)
+            if group or pause_s > RETRY_S:  # hellos alone end only a fault of theirs
+                self.fault = ''
             pause_s = RETRY_S
         self._turn_away()
 
@@ -181,7 +203,8 @@ class Writer:
         group: list[_Waiting] = []
         count = 0
         with self._changed:
-            self._changed.wait_for(lambda: self._urgent or self._others or self._closing.is_set())
+            self._changed.wait_for(lambda: self._urgent or self._others or self._hellos
+                                   or self._closing.is_set())
             if not self._urgent and not self._closing.is_set():
                 self._changed.wait_for(lambda: self._urgent or self._closing.is_set(), GATHER_S)
             for queue in (self._urgent, self._others):
@@ -192,8 +215,32 @@ class Writer:
                     if not one.future.cancelled():
                         group.append(one)
                         count += len(one.batch.records)
-            ended = self._closing.is_set() and not (group or self._urgent or self._others)
+            ended = self._closing.is_set() and not (
+                group or self._urgent or self._others or self._hellos)
         return None if ended else group
+
+    def _write_hellos(self) -> None:
+        with self._changed:
+            hellos, self._hellos = self._hellos, {}
+        if not hellos:
+            return
+        try:
+            self._store.hello_all(list(hellos.values()))
+        except StoreError:
+            with self._changed:
+                self._hellos = {**hellos, **self._hellos}  # what came meanwhile is newer
+            raise
+        except Exception:
+            for each in hellos.values():
+                self._write_hello(each)
+
+    def _write_hello(self, hello: Hello) -> None:
+        """Write one of several that failed together, so that only the one to blame is lost."""
+        try:
+            self._store.hello_all([hello])
+        except Exception as error:
+            self.failures += 1
+            _LOG.error('the hello of the robot %s cannot be stored: %s', hello.robot, error)
 
     def _back(self, group: Sequence[_Waiting]) -> None:
         with self._changed:

@@ -135,6 +135,18 @@ def test_a_name_that_is_given_again_after_the_journal_was_lost_is_another_alarm(
     assert [len(store.media_of('r1', each['id'])) for each in (newer, older)] == [0, 1]
 
 
+def test_a_name_that_a_later_start_gives_again_within_a_minute_is_another_alarm(
+        store: Store) -> None:
+    store.add('r1', 'b1', [alarm(0, 10, 'raised', 'raised', NOW_NS - 20 * S),
+                           alarm(1, 11, 'resolved', 'resolved', NOW_NS - 15 * S)])
+    # Recorded again by a later start, which did not know that it was stored.
+    store.add('r1', 'b2', [alarm(0, 11, 'raised', 'raised', NOW_NS - 15 * S + S // 10)])
+    assert [each['is_open'] for each in store.alarms(people=None)] == [False]
+    store.add('r1', 'b3', [alarm(0, 1, 'raised', 'raised', NOW_NS - 5 * S)])
+    newer, older = store.alarms(people=None)
+    assert (newer['id'], newer['is_open'], older['is_open']) == ('7', True, False)
+
+
 def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> None:
     store.hello('r1', 'b1', name='robbie', people=['anna', 'ben'])
     store.hello('r2', 'b1', people=['cleo'])
@@ -153,7 +165,6 @@ def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> Non
 
 
 ODD: tuple[dict[str, Any], ...] = (
-    {'utc_ns': NOW_NS - 3 * 365 * 86400 * S}, {'utc_ns': NOW_NS + 3 * 365 * 86400 * S},
     {'utc_ns': 'now'}, {'utc_ns': 1e300}, {'utc_ns': None}, {'type': 'hologram'}, {'type': None},
     {'type': ['observation']}, {'content': None}, {'content': []}, {'content': {}},
     {'seq': None}, {'seq': -1}, {'seq': 1 << 70}, {'seq': True}, {'seq': '5'},
@@ -170,7 +181,7 @@ def test_records_that_make_no_sense_are_kept_aside_and_harm_no_others(store: Sto
         pulse(2 * number, 60.0), {**pulse(2 * number + 1, 61.0), **odd})]
     assert store.add('r1', 'b1', [*batch, 'no record', None]) == len(batch) + 2
     assert [each['value'] for each in store.observations('anna')] == [60.0] * len(ODD)
-    assert (store.counts['aside'], store.counts['dropped']) == (len(ODD) + 2, 0)
+    assert (store.counts['aside'], store.counts['refused']) == (len(ODD) + 2, 0)
     aside = store.unknown()
     assert len(aside) == len(ODD) + 2
     assert all(each['why'] and len(each['content']) <= 2000 for each in aside)
