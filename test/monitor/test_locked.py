@@ -17,6 +17,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
+import sqlite3
+import time
 from typing import Any
 from uuid import uuid4
 
@@ -33,7 +36,11 @@ from processes import wait_until
 import pytest
 from rt_robot_os.monitor.security.passwords import Passwords
 from rt_robot_os.monitor.security.roles import Role
+from rt_robot_os.monitor.security.sessions import SECOND_NS
+from rt_robot_os.monitor.security.tables import sessions
+from rt_robot_os.monitor.server import DATABASE
 from rt_robot_os.monitor.services import Services
+from sqlalchemy import select
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -116,9 +123,30 @@ def test_the_password_opens_the_same_session_and_then_an_alarm_is_acknowledged(
     assert (opened['id'], opened['expires_ns']) == (found['id'], found['expires_ns'])
     assert ask(address, carer, 'POST', COMMANDS, acknowledge('k2'))[0] == 200
     assert [each['do'] for each in robot.commands] == ['alarm']
-    actions = [row['action'] for row in services.audit.all_rows()
-               if row['name'] == opened['user'] and 'unlock' in row['action']]
-    assert actions == ['session.unlock_refused', 'session.unlock']
+    wait_until(lambda: [row['action'] for row in services.audit.all_rows()
+                        if row['name'] == opened['user'] and 'unlock' in row['action']]
+               == ['session.unlock_refused', 'session.unlock'], 'both are in the audit')
+
+
+def test_the_password_opens_it_also_while_the_database_cannot_be_written(
+        address: str, services: Services, robot: FakeRobot, carer: dict[str, str]) -> None:
+    robot.raise_alarm('k3')
+    assert ask(address, carer, 'GET', '/api/session')[1]['locked'] is True
+    with closing(sqlite3.connect(services.settings.where / DATABASE)) as other:
+        other.execute('BEGIN IMMEDIATE')
+        status, opened = ask(address, carer, 'POST', '/api/session/unlock',
+                             {'password': PASSWORD})
+        assert (status, opened['locked']) == (200, False)
+        assert ask(address, carer, 'POST', COMMANDS, acknowledge('k3'))[0] == 200
+        assert [each['do'] for each in robot.commands] == ['alarm']
+
+    def stored_ns() -> int:
+        with services.store.reading() as connection:
+            found: int = connection.execute(select(sessions.c.seen_ns).where(
+                sessions.c.id == opened['id'])).scalar_one()
+            return found
+
+    wait_until(lambda: time.time_ns() - stored_ns() < 300 * SECOND_NS, 'it is stored')
 
 
 def test_who_guesses_at_a_locked_session_waits_longer_and_longer(

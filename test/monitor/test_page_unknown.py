@@ -102,6 +102,7 @@ def test_it_sounds_until_it_is_silenced_and_again_the_next_time(
     page.get_by_role('heading', level=1).click()
     expect(page.get_by_role('button', name='Sound of alarms')).to_have_attribute(
         'aria-pressed', 'true')
+
     def tones() -> list[float]:
         found: list[float] = page.evaluate('window.tones')
         return found

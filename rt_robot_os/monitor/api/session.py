@@ -192,13 +192,6 @@ class _Door:
 
 
 def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
-    def shown(request: Request) -> dict[str, Any]:
-        secret = secret_of(request)
-        session = accounts.sessions.find(secret)
-        if session is None:
-            raise refusal(401, 'you are not logged in', 'log in', 'login')
-        return described(session, secret)
-
     @found.post('/session', dependencies=[Depends(from_here)])
     async def log_in(login: Login, request: Request, response: Response) -> dict[str, Any]:
         address = address_of(request)
@@ -220,19 +213,32 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
     @found.get('/session')
     def who(request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
-        return shown(request)
+        secret = secret_of(request)
+        session = accounts.sessions.find(secret)
+        if session is None:
+            raise refusal(401, 'you are not logged in', 'log in', 'login')
+        return described(session, secret)
 
     @found.post('/session/unlock')
     async def unlock(form: Unlock, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
-        user = await run_in_threadpool(accounts.users.get, actor.id)
-        if user is None or not await door.compare(user.name, user.password, form.password,
-                                                  actor.address, actor.session):
-            await run_in_threadpool(accounts.audit.note, actor, 'session.unlock_refused',
-                                    actor.name, device=actor.session)
+        # Like a stop and an acknowledgement it works also while the database is away.
+        secret, sessions = secret_of(request), accounts.sessions
+        if not await door.compare(actor.name, sessions.password_of(secret), form.password,
+                                  actor.address, actor.session):
+            accounts.audit.note_soon(actor, 'session.unlock_refused', actor.name,
+                                     device=actor.session)
             raise refusal(403, 'the password is wrong', 'type it again', 'password')
-        await run_in_threadpool(accounts.sessions.unlock, actor.session)
-        await run_in_threadpool(accounts.audit.note, actor, 'session.unlock', actor.name)
-        return await run_in_threadpool(shown, request)
+
+        def unlock_stored() -> bool:
+            sessions.unlock(actor.session)
+            return True
+
+        await accounts.questions.ask(unlock_stored, lambda: True)
+        accounts.audit.note_soon(actor, 'session.unlock', actor.name)
+        session = await accounts.session_of(secret)
+        if session is None:
+            raise refusal(401, 'this session has ended', 'log in', 'login')
+        return described(session, secret)
 
     @found.delete('/session')
     def log_out(request: Request, response: Response, actor: Actor = _ANYBODY

@@ -104,6 +104,7 @@ class _Stored:
     emergencies: tuple[tuple[str, int], ...]
     seen_ns: int
     expires_ns: int
+    password: str
 
 
 class Sessions:
@@ -117,6 +118,8 @@ class Sessions:
         self._lock = threading.Lock()
         #: When sessions were used, until the database has it.
         self._touched: dict[str, int] = {}
+        #: Of these, those that the password has unlocked.
+        self._unlocked: set[str] = set()
         self._writer = ThreadPoolExecutor(1, 'touch')
 
     def begin(self, user: str, address: str, browser: str) -> tuple[str, str]:
@@ -180,32 +183,55 @@ class Sessions:
     def save_touched(self) -> None:
         """Write when sessions were used; while the database is away it stays in memory."""
         with self._lock:
-            touched = dict(self._touched)
+            touched, unlocked = dict(self._touched), set(self._unlocked)
         if not touched:
             return
         idle_ns = int(self._limits.idle_s * SECOND_NS)
         try:
             with writing(self._engine) as connection:
                 for session, seen_ns in touched.items():
+                    least_ns = 0 if session in unlocked else seen_ns - idle_ns
                     connection.execute(sessions.update().where(
                         sessions.c.id == session, sessions.c.seen_ns < seen_ns,
-                        sessions.c.seen_ns > seen_ns - idle_ns).values(seen_ns=seen_ns))
+                        sessions.c.seen_ns > least_ns).values(seen_ns=seen_ns))
         except StoreError:
             return
         with self._lock:
             for session, seen_ns in touched.items():
                 if self._touched.get(session) == seen_ns:
                     del self._touched[session]
+                    self._unlocked.discard(session)
 
     def close(self) -> None:
         """Write what is left, and end the thread."""
         self._writer.shutdown()
 
     def unlock(self, session: str) -> None:
-        """Open a locked session again; its user has just typed the password."""
+        """
+        Open a locked session again; its user has just typed the password.
+
+        It counts at once, and is written later where the database cannot take it now.
+
+        :raises StoreError: the database is away.
+        """
+        now = self._now_ns()
+        with self._lock:
+            self._touched[session] = now
+            self._unlocked.add(session)
         with writing(self._engine) as connection:
             connection.execute(sessions.update().where(sessions.c.id == session).values(
-                seen_ns=self._now_ns()))
+                seen_ns=now))
+
+    def password_of(self, secret: str) -> str:
+        """
+        Return the hash of the password of whose session it is, as it was known last.
+
+        Reads memory only, which :meth:`find` fills: safe on an event loop.
+
+        :return: empty when the session is not known.
+        """
+        found = self._memory.find(kept(secret))
+        return '' if found is None else found.password
 
     def get(self, ids: Iterable[str]) -> dict[str, Session]:
         """Return those of some sessions that are still good, as they are now."""
@@ -260,7 +286,8 @@ class Sessions:
     def _read(self, connection: Connection, condition: Any) -> _Stored | None:
         now = self._now_ns()
         row = connection.execute(
-            select(sessions, users.c.name, users.c.role).join(users, users.c.id == sessions.c.user)
+            select(sessions, users.c.name, users.c.role, users.c.password)
+            .join(users, users.c.id == sessions.c.user)
             .where(condition, sessions.c.expires_ns > now, users.c.disabled.is_(False))).first()
         if row is None:
             return None
@@ -269,7 +296,7 @@ class Sessions:
         found = _Stored(row.id, row.token, row.user, row.name, Role(row.role),
                         people_of(connection, row.user),
                         tuple((each.person, each.ends_ns) for each in seen), row.seen_ns,
-                        row.expires_ns)
+                        row.expires_ns, row.password)
         self._memory.store(found.token, found)
         return found
 
