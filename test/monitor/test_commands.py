@@ -160,6 +160,10 @@ def test_lists_have_what_one_may_see_and_a_note_stays(
     assert ask(address, carer, 'DELETE', note.replace('l1', 'l2'))[0] == 404
     assert ask(address, carer, 'DELETE', note) == (200, {'ok': True})
     assert ask(address, carer, 'DELETE', note)[0] == 404
+    robot.raise_alarm('l/3')
+    slash = '/api/alarms/robot/l%2F3/notes'
+    added = ask(address, carer, 'POST', slash, {'text': 'oops'})[1]
+    assert ask(address, carer, 'DELETE', f'{slash}/{added["id"]}')[0] == 200
     alarm = ask(address, carer, 'GET', '/api/alarms/robot/l1')[1]
     assert [(each['by'], each['text']) for each in alarm['notes']] == [('carla', 'fed')]
     assert ask(address, carer, 'GET', '/api/observations?person=bob')[0] == 404

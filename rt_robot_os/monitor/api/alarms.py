@@ -95,7 +95,7 @@ def router(services: Services) -> APIRouter:
         services.audit.note(actor, 'alarm.note', f'{robot}/{alarm}', text=note.text)
         return {'ok': True, 'id': number}
 
-    @found.delete('/{robot}/{alarm}/notes/{note}')
+    @found.delete('/{robot}/{alarm:path}/notes/{note}')
     def withdraw(robot: str, alarm: str, note: Annotated[int, Path(ge=0, le=TIME_MOST)],
                  actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
         """Withdraw a note of one's own within a minute; the audit has that it was there."""
