@@ -20,14 +20,13 @@ from collections.abc import Callable
 import math
 from typing import Any
 
+from guarded_robot import ANGLES
+from guarded_robot import Guarded
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-
-from guarded_robot import ANGLES
-from guarded_robot import Guarded
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.zones import Circle
 
@@ -263,7 +262,8 @@ def test_the_mounting_of_the_scanner_counts(mounting: Mounting) -> None:
 
 @settings(deadline=None, max_examples=12)
 @given(st.floats(0.35, 2.0), st.floats(-0.8, 0.8), st.floats(0.1, 1.0),
-       st.floats(-math.pi, math.pi), st.sampled_from([*NOTHING.values()]), st.floats(0.0, 1.0), st.booleans())
+       st.floats(-math.pi, math.pi), st.sampled_from([*NOTHING.values()]), st.floats(0.0, 1.0),
+       st.booleans())
 def test_whatever_is_lost_nothing_ahead_is_touched(
         x_m: float, w: float, share: float, middle_rad: float, value: float, from_s: float,
         is_scattered: bool) -> None:

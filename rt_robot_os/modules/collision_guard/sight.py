@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a scanner cannot see: sectors without valid readings, and where the free space before them ends.
+What a scanner cannot see: sectors without valid readings, and where free space before them ends.
 
 A ray without a valid reading (NaN, 0, less than ``range_min``) says nothing about its direction;
 +inf is a reading: nothing within range (REP 117). Such a ray does not make its direction free.
