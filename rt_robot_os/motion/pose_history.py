@@ -105,7 +105,8 @@ class Step:
     :ivar heading_variance: of that.
     :ivar drift: measured in it, as of a gyroscope at rest; NaN without.
     :ivar drift_measured_variance: of that.
-    :ivar heading_judgement: what became of the heading, when it was last compared; as of the drift.
+    :ivar heading_judgement: what became of the heading, when it was last compared.
+    :ivar drift_judgement: the same of the drift.
     :ivar believed_heading: the heading counts although it does not fit, and the position is less
         sure by so much, in m^2; None: it has to fit.
     :ivar believes_drift: the same of the drift.

@@ -19,15 +19,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from guarded_robot import Guarded
+from guarded_robot import MS
+from guarded_robot import RAYS
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-
-from guarded_robot import Guarded
-from guarded_robot import MS
-from guarded_robot import RAYS
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.collision_guard import CollisionGuard
 from rt_robot_os.motion.differential import moved

@@ -28,6 +28,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.collision_guard.sensors import BEARINGS
 from rt_robot_os.modules.collision_guard.sensors import Bumper
 from rt_robot_os.modules.collision_guard.sensors import place_of
 from rt_robot_os.modules.collision_guard.sensors import RangeFinder
@@ -46,6 +47,7 @@ from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.motion.zones import Circle
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
@@ -250,9 +252,19 @@ class CollisionGuard(Module):
         fastest = min(s['linear_max_m_s'], self._asked_m_s)
         if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
             fastest = min(fastest, s['backward_max_m_s'], self._unseen_m_s())
-        share = min(1.0, fastest / abs(v) if v else 1.0,
-                    s['angular_max_rad_s'] / abs(w) if w else 1.0)
+        turning = s['angular_max_rad_s']
+        if self._swings_unseen(v, w):
+            turning = min(turning,
+                          min(s['slow_m_s'], self._unseen_m_s()) / self._footprint.reach_m)
+        share = min(1.0, fastest / abs(v) if v else 1.0, turning / abs(w) if w else 1.0)
         return v * share, w * share
+
+    def _swings_unseen(self, v: float, w: float) -> bool:
+        """Return whether corners turn, about on the spot, where no sensor may look."""
+        if isinstance(self._footprint, Circle) or abs(v) >= abs(w) * self._footprint.reach_m:
+            return False
+        return len(frozenset[int]().union(
+            *(sensor.bearings for sensor, _ in self._sensors))) < BEARINGS
 
     def _unseen_m_s(self) -> float:
         """Return the speed at which it goes on by stop_m where no sensor looks."""

@@ -48,6 +48,8 @@ _RAY_RAD: Final = 0.1
 _RAYS_MAXIMUM: Final = 31
 # A ray looks back when its direction has this share of straight back: within 25 degrees.
 _BACKWARDS: Final = 0.9
+#: Directions that are told apart, for what looks all round.
+BEARINGS: Final = 40
 # Rays of a scan are at least so far apart, in rad.
 _STEP_LEAST: Final = 1e-6
 # The plane of a scanner that is steeper has no rays for most places of the floor.
@@ -85,9 +87,11 @@ class Sensor(ABC):
     :ivar at_m: where it is in ``base_link``.
     :ivar stamp_ns: of its last message that showed something; -1 before.
     :ivar looks_back: whether it would see what the robot drives backwards into.
+    :ivar bearings: tenths of a right angle, counted from straight ahead, in which it looks.
     """
 
     looks_back = False
+    bearings: frozenset[int] = frozenset()
 
     def __init__(self, read: Subscription, mounting: Mounting, footprint: Footprint) -> None:
         self.topic = read.topic.name
@@ -137,6 +141,12 @@ class Sensor(ABC):
         x, y = x - self.at_m[0], y - self.at_m[1]
         length = math.hypot(x, y) or 1.0
         return x / length, y / length
+
+    def _look_towards(self, along: Array, across: Array) -> None:
+        """Note in which directions of ``base_link`` the rays look."""
+        self.looks_back = bool((along < -_BACKWARDS).any())
+        tenths = np.floor(np.arctan2(across, along) * (BEARINGS / (2 * math.pi)))
+        self.bearings = frozenset((tenths.astype(int) % BEARINGS).tolist())
 
     def _touch(self, angles: list[float]) -> Array:
         x, y, _ = self.at_m
@@ -244,7 +254,7 @@ class Scanner(Sensor):
         along = (ahead[0] - x0) * cosine + (left[0] - x0) * sine
         across = (ahead[1] - y0) * cosine + (left[1] - y0) * sine
         self.directions = along, across
-        self.looks_back = bool((along < -_BACKWARDS).any())
+        self._look_towards(along, across)
         return True
 
 
@@ -276,7 +286,7 @@ class RangeFinder(Sensor):
         count = min(_RAYS_MAXIMUM, 1 + 2 * math.ceil(half / _RAY_RAD))
         rays = np.array([self._direction(angle) for angle in np.linspace(-half, half, count)])
         self._along, self._across = rays[:, 0], rays[:, 1]
-        self.looks_back = bool((self._along < -_BACKWARDS).any())
+        self._look_towards(self._along, self._across)
 
 
 class Bumper:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a scanner cannot see: sectors without valid readings, and where the free space before them ends.
+What a scanner cannot see: sectors without valid readings, and where free space before them ends.
 
 A ray without a valid reading (NaN, 0, less than ``range_min``) says nothing about its direction;
 +inf is a reading: nothing within range (REP 117). Such a ray does not make its direction free.
@@ -49,10 +49,10 @@ from rt_robot_os.units import NS_PER_S
 # Directions in which the end of the free space is computed are so far apart, in rad.
 _GROUP_RAD: Final = math.radians(2.5)
 # Places along each of them.
-_STEPS: Final = 16
+_STEPS: Final = 14
 # Remembered scans: as many, at least so far apart.
-_SCANS_MOST: Final = 12
-_SCAN_EVERY_NS: Final = NS_PER_S // 6
+_SCANS_MOST: Final = 8
+_SCAN_EVERY_NS: Final = NS_PER_S // 4
 # The pose between two scans is that of the commands: an error to each side in rad, one in m, and
 # one for each m that was driven.
 _ERROR_RAD: Final = 0.05

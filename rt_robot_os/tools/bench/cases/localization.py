@@ -196,7 +196,8 @@ def _recorded(outcomes: Outcomes) -> Table:
     rows = [outcomes.row(_RECORDED, {
         'x': _figure('estimate x_m'), 'y': _figure('estimate y_m'), 'rms': _figure('rms_m'),
         'turn': _figure('rms_rad'), 'refused': _figure('headings_refused'),
-        'reopened': _figure('headings_reopened'), 'gravity': _figure('gyro_gravity_off_deg')}, 'rt_robot_os, module localization')]
+        'reopened': _figure('headings_reopened'),
+        'gravity': _figure('gyro_gravity_off_deg')}, 'rt_robot_os, module localization')]
     if rows[0].status is Status.OK:
         rows.append(outcomes.row(_RECORDED, {
             'x': _figure('odometry x_m'), 'y': _figure('odometry y_m')}, 'wheel odometry alone'))
@@ -207,9 +208,9 @@ def _recorded(outcomes: Outcomes) -> Table:
             for name in _others(outcomes)]
     return Table('recording', columns, rows, (
         'The module itself on the recording, on the virtual clock; expected: what stands in the',
-        'file beside it, or that of --expected. IMU headings are refused where they do not fit the',
-        'estimate. Gravity is the mean acceleration against the vertical of the robot: where it is',
-        'off by more than 15 degrees the IMU is mounted otherwise; see --imu-mounting.'))
+        'file beside it, or that of --expected. IMU headings are refused where they do not fit',
+        'the estimate. Gravity is the mean acceleration against the vertical of the robot: where',
+        'it is off by more than 15 degrees the IMU is mounted otherwise; see --imu-mounting.'))
 
 
 def _steps(outcomes: Outcomes) -> Table:
