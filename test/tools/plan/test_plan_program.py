@@ -150,7 +150,7 @@ def test_what_is_measured_or_declared_goes_before_typical_times_and_these_before
     only_gps = Measured(10 ** 9, {'gps': MeasuredTask(60, 0, 9, 9, 10 ** 6, 0, 0, 0)})
     origins = robot_tasks(settings, only_gps, typical).origins
     assert [origins[name] for name in ('imu', 'gps', 'guard')] == [
-        'declared', 'measured', 'budget']
+        'declared', 'measured', 'unknown']
 
 
 def test_all_bad_input_is_told_at_once(
