@@ -55,6 +55,7 @@ from rt_robot_os.programs import END_SIGNALS
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
+from rt_robot_os.reports import Severity
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT

@@ -100,7 +100,8 @@ def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
 
 def without_watchdog(robot: RobotSettings) -> str:
     """Say which tasks are critical to no effect, and the remedy; empty when there are none."""
-    names = [part.name for part in (*robot.devices, *robot.modules) if part.task.critical]
+    names = [each.name for each in robot.devices if each.task.critical]
+    names += [each.name for each in robot.modules if each.task.critical]
     if not names or robot.watchdog.timeout_s:
         return ''
     return (f'critical: true of {", ".join(map(repr, names))} has no effect: watchdog.timeout_s '
