@@ -56,6 +56,9 @@ JOURNAL_FAULT: Final = 'journal_fault'
 JOURNAL_SPACE: Final = 'journal_space'
 #: The longest record, in bytes.
 RECORD_BYTES: Final = 32_000
+#: A machine that is busy while it starts may take that much longer to read a journal than anything
+#: waits for it. Only then is it an alarm of its own: people are not called for a slow start.
+START_ALARM_NS: Final = 20 * NS_PER_S
 _WAITING_MOST: Final = 64
 _UNSTORED_MOST: Final = 256
 _HELD_MOST: Final = 256
@@ -93,6 +96,7 @@ class Desk:
         self._restored = not journal
         self._has_read = False
         self._start_until_ns = self._began_ns = 0
+        self._alarm_ns = 0  # when a journal that has given nothing back yet is an alarm
         self._started = False
         self._waiting: deque[tuple[int, Callable[[int], None]]] = deque()
         self._found: dict[str, dict[str, Any]] = {}
@@ -140,7 +144,12 @@ class Desk:
         self._settle(t_ns)
 
     def take_picture(self, alarm: str, file: str, t_ns: int) -> None:
-        """Take what the robot has seen."""
+        """Take what the robot has seen; a picture of an alarm that is not open is counted."""
+        if self._waits(partial(self.take_picture, alarm, file), t_ns):
+            return
+        self.advance(t_ns)
+        if alarm not in self.book.alarms:
+            self.counters['pictures_without_alarm'] += 1
         self.book.add_picture(alarm, file[:_FILE_MOST])
         self._settle(t_ns)
 
@@ -173,8 +182,12 @@ class Desk:
         if self._started and not self._restored and now_ns >= self._start_until_ns:
             at_ns, self._restored = self._start_until_ns, True
             self.book.unsaved = True
-            self._fault(f'it has given nothing back in {self._wait_ns / NS_PER_S:g} s', at_ns, 0)
+            self._note_fault(self._not_restored(), at_ns, 0)
+            self._alarm_ns = self._start_until_ns + START_ALARM_NS
             self._take_waiting(at_ns)
+        if self._alarm_ns and now_ns >= self._alarm_ns:
+            at_ns, self._alarm_ns = self._alarm_ns, 0
+            self._tell(JOURNAL_FAULT, self._not_restored(), at_ns)
         while (due_ns := self.book.next_ns()) and due_ns <= now_ns:
             self._give_up_waiting(due_ns)
             self.book.advance(due_ns)
@@ -187,7 +200,7 @@ class Desk:
         starts = self._started and not self._restored
         return min(filter(None, (
             self.book.next_ns(), self._held[0].until_ns if self._held else 0,
-            self._start_until_ns if starts else 0)), default=0)
+            self._start_until_ns if starts else 0, self._alarm_ns)), default=0)
 
     # ---- what comes out ----------------------------------------------------------------------
 
@@ -330,6 +343,11 @@ class Desk:
         :param patience_ns: nobody is told for so long: a core that was killed before the journal
             is there again would forget what was told.
         """
+        self._note_fault(text, t_ns, patience_ns)
+        self._alarm_ns = 0
+        self._tell(JOURNAL_FAULT, text or 'it does not say why', t_ns)
+
+    def _note_fault(self, text: str, t_ns: int, patience_ns: int) -> None:
         self.warning = f'the journal does not keep alarms: {text}; after a restart those that ' \
                        'are open now may be missing'
         if not self._faulty:
@@ -337,7 +355,9 @@ class Desk:
             self.counters['journal_faults'] += 1
             self._held = deque(each._replace(until_ns=min(each.until_ns, self._patience_ns))
                                for each in self._held)
-        self._tell(JOURNAL_FAULT, text or 'it does not say why', t_ns)
+
+    def _not_restored(self) -> str:
+        return f'it has given nothing back in {self._wait_ns / NS_PER_S:g} s'
 
     def _tell(self, kind: str, text: str, t_ns: int) -> None:
         """Tell what is wrong with the journal; without a text that it is so no longer."""
@@ -363,6 +383,7 @@ class Desk:
         """Go on with what was read; what the journal does not have yet is sent once more."""
         if not self._has_read:
             self._has_read = True
+            self._alarm_ns = 0
             self.book.begin_life(t_ns)
             late, self._restored = self._restored, True
             self.book.unsaved = False

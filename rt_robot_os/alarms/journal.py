@@ -40,6 +40,9 @@ LINE_BYTES: Final = 65_536
 _HEAD: Final = re.compile(rb'R1 ([0-9a-f]{8}) ([0-9a-f]{8}) ')
 _HEAD_BYTES: Final = 21
 _END: Final = b'\n'
+# Bytes whose checksum is tried while the next line is searched for behind damage. When they are
+# used up, as by megabytes of false headers, only lines that begin and end where lines do are found.
+_SEARCH_BYTES: Final = 32 << 20
 
 
 class Kept(NamedTuple):
@@ -127,7 +130,7 @@ def encode_beginning(beginning: Beginning) -> bytes:
 def decode(data: bytes) -> Contents:
     """Find every whole line; never raises."""
     found = Contents()
-    position = 0
+    position, search_bytes = 0, _SEARCH_BYTES
     while position < len(data):
         if data.startswith(_END, position):
             position = found.end = position + 1  # written over what a crash had left there
@@ -139,7 +142,7 @@ def decode(data: bytes) -> Contents:
             position = end + found.ended
             found.end = position
             continue
-        following = _next_line(data, position + 1)
+        following, search_bytes = _next_line(data, position + 1, search_bytes)
         if following < 0:
             break
         found.damaged += 1
@@ -157,13 +160,28 @@ def _line_end(data: bytes, head: re.Match[bytes]) -> int:
     return end if zlib.crc32(data[head.end():end]) == int(head[2], 16) else 0
 
 
-def _next_line(data: bytes, position: int) -> int:
-    """Return where the next whole line begins; -1 when there is none."""
+def _next_line(data: bytes, position: int, search_bytes: int) -> tuple[int, int]:
+    """
+    Search for the next whole line.
+
+    :param search_bytes: how many bytes may be tried before only lines between line ends count.
+    :return: where it begins, -1 when there is none, and how many bytes may still be tried.
+    """
     for head in _HEAD.finditer(data, position):
+        if search_bytes <= 0 and not _between_ends(data, head):
+            continue
+        search_bytes -= min(int(head[1], 16), LINE_BYTES)
         end = _line_end(data, head)
         if end and _take(Contents(), data[head.end():end]):
-            return head.start()
-    return -1
+            return head.start(), search_bytes
+    return -1, search_bytes
+
+
+def _between_ends(data: bytes, head: re.Match[bytes]) -> bool:
+    """Return whether a line would begin behind the end of a line and reach to the next end."""
+    start, end = head.start(), head.end() + int(head[1], 16)
+    return (not start or data[start - 1:start] == _END) and (
+        data.find(_END, head.end(), min(end, head.end() + LINE_BYTES) + 1) in (end, -1))
 
 
 def _take(found: Contents, text: bytes) -> bool:

@@ -33,6 +33,7 @@ from types import FrameType
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
+from rt_robot_os.core.part import Host
 from rt_robot_os.core.part import installed_parts
 from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.simulators import device_folder
@@ -54,6 +55,7 @@ from rt_robot_os.programs import END_SIGNALS
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
+from rt_robot_os.reports import Severity
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -154,6 +156,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
                     services=offered, parts=installed_parts(),
                     cpu=choose_cpu(settings.core.cpu, lock), life_fd=arguments.life)
         simulators.attach(core.host)
+        _watch(services, core.host)
         signals.enter_context(_signals_to(core))
         core.prepare_process()
         if by_hand:
@@ -172,6 +175,15 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         simulators.stop()
         services.stop()
     return OK
+
+
+def _watch(services: Services, host: Host) -> None:
+    """Have the core restart and report services that have ended."""
+    def look() -> None:
+        for text in services.check():
+            host.note(Severity.WARN, 'services', text)
+
+    host.watch.add(look)
 
 
 @contextmanager

@@ -33,26 +33,19 @@ import time
 
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.linux.supervised_child import ended_how
+from rt_robot_os.linux.supervised_child import LONG_LIFE_S
+from rt_robot_os.linux.supervised_child import PAUSE_FIRST_S
+from rt_robot_os.linux.supervised_child import PAUSE_MAXIMUM_S
 from rt_robot_os.programs import ended_by_signals
 
 RESTARTED = 'started again'
-_PAUSE_FIRST_S = 0.2
-_PAUSE_MAXIMUM_S = 5.0
-_LONG_LIFE_S = 10.0
 _STOP_TIMEOUT_S = 2.0
 
 
 def _tell(text: str) -> None:
     with suppress(OSError):  # the core is gone, or does not read
         os.write(1, f'{text}\n'.encode())
-
-
-def _ended(code: int) -> str:
-    if code >= 0:
-        return f'ended with code {code}'
-    with suppress(ValueError):
-        return f'was ended by {signal.Signals(-code).name}'
-    return f'was ended by signal {-code}'
 
 
 class Keeper:
@@ -74,7 +67,7 @@ class Keeper:
 
         :return: its exit code when it refuses what it is given, at its first start; else 0.
         """
-        pause_s = _PAUSE_FIRST_S
+        pause_s = PAUSE_FIRST_S
         while not self.stopping:
             started_s = time.monotonic()
             try:
@@ -86,12 +79,12 @@ class Keeper:
                 break
             if code > 0 and not self.restarts:
                 return code
-            if time.monotonic() - started_s > _LONG_LIFE_S:
-                pause_s = _PAUSE_FIRST_S
+            if time.monotonic() - started_s > LONG_LIFE_S:
+                pause_s = PAUSE_FIRST_S
             time.sleep(pause_s)
-            pause_s = min(2 * pause_s, _PAUSE_MAXIMUM_S)
+            pause_s = min(2 * pause_s, PAUSE_MAXIMUM_S)
             self.restarts += 1
-            _tell(f'the process of the simulated devices {_ended(code)}; {RESTARTED}')
+            _tell(f'the process of the simulated devices {ended_how(code)}; {RESTARTED}')
         return 0
 
     def _is_stopping(self) -> bool:

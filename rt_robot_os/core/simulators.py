@@ -29,9 +29,9 @@ from typing import Any
 from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
+from rt_robot_os.linux.supervised_child import SupervisedChild
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -51,7 +51,7 @@ class Simulators:
 
     def __init__(self) -> None:
         self.restarts = 0
-        self._process: subprocess.Popen[bytes] | None = None
+        self._keeper: SupervisedChild | None = None
         self._folder = Path()
         self._news = b''
 
@@ -73,15 +73,14 @@ class Simulators:
         if not devices:
             return {}
         self._folder = folder
-        self._process = start_child(
-            'rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
-            given=json.dumps(given, default=_plain).encode())
-        if self._process.stdout is not None:
-            os.set_blocking(self._process.stdout.fileno(), False)
+        given_json = json.dumps(given, default=_plain).encode()
+        self._keeper = SupervisedChild('what keeps the simulated devices running', lambda: (
+            _started_keeper(folder, given_json)))
+        process = self._keeper.start()
         ports = {name: folder / name for name in devices}
         deadline = time.monotonic() + START_PATIENCE_S
         while not all(path.exists() for path in ports.values()):
-            if self._process.poll() is not None or time.monotonic() > deadline:
+            if process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
                 raise DeviceError('the simulated devices did not start; see the message above')
             time.sleep(0.01)
@@ -102,33 +101,40 @@ class Simulators:
 
         Two system calls: for the lowest task, a few times a second.
         """
-        process = self._process
-        if process is None or process.stdout is None:
+        keeper = self._keeper
+        if keeper is None or keeper.process is None:
             return []
-        try:
-            self._news += os.read(process.stdout.fileno(), _NEWS_BYTES)
-        except OSError:
-            pass  # nothing new
+        output = keeper.process.stdout
+        if output is not None and not output.closed:
+            with suppress(OSError):  # nothing new
+                self._news += os.read(output.fileno(), _NEWS_BYTES)
         *lines, self._news = self._news[-_NEWS_BYTES:].split(b'\n')
         told = [line.decode(errors='replace') for line in lines]
         self.restarts += sum(RESTARTED in line for line in told)
-        if process.poll() is not None:
-            process.stdout.close()
-            self._process = None
-            clear(self._folder)
-            told.append('what keeps the simulated devices running was ended '
-                        f'({process.returncode}): they stay away until the core is started again')
+        restarts = keeper.restarts
+        told += filter(None, (keeper.check(),))
+        self.restarts += keeper.restarts - restarts
+        if keeper.restarts > restarts and output is not None:
+            output.close()
         return told
 
     def stop(self) -> None:
         """End the simulator; may be called twice."""
-        if self._process is None:
+        keeper, self._keeper = self._keeper, None
+        if keeper is None:
             return
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-        end_child(self._process, _STOP_TIMEOUT_S)
-        self._process = None
+        if keeper.process is not None and keeper.process.stdout is not None:
+            keeper.process.stdout.close()
+        keeper.stop(_STOP_TIMEOUT_S)
         clear(self._folder)  # it may have been killed
+
+
+def _started_keeper(folder: Path, given: bytes) -> subprocess.Popen[bytes]:
+    process = start_child('rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
+                          given=given)
+    if process.stdout is not None:
+        os.set_blocking(process.stdout.fileno(), False)
+    return process
 
 
 def device_folder(path: Path) -> Path:

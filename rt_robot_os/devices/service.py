@@ -46,6 +46,14 @@ class Service(ABC):
         :raises DeviceError: it cannot be started.
         """
 
+    def check(self) -> str:
+        """
+        Start it again if it has ended; called by the lowest task, must not wait.
+
+        :return: what to report; empty when nothing has changed.
+        """
+        return ''
+
     @abstractmethod
     def stop(self) -> None:
         """End it; may be called twice."""
@@ -82,6 +90,10 @@ class Services:
             self._running.append(service)
             offered[name] = service.start(path.with_suffix(f'.{name}'))
         return offered
+
+    def check(self) -> list[str]:
+        """Start those again that have ended, and return what to report; does not wait."""
+        return [text for service in self._running if (text := service.check())]
 
     def stop(self) -> None:
         """End them, the last one first; may be called twice."""

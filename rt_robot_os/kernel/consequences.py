@@ -192,6 +192,15 @@ class Consequences:
             kernel.record((BLOCKED, task, at_ns, late_ns))
         return taken_ns
 
+    def taken(self, task: Task, now_ns: int, used_ns: int) -> int:
+        """
+        Look at a job that seems to have used up its budget.
+
+        :param used_ns: its computing time, as far as what Linux took is known.
+        :return: how much of that Linux took all the same.
+        """
+        return self._claim(task, now_ns, used_ns) if used_ns > LOOKS_LONG_NS else 0
+
     def _claim(self, task: Task, now_ns: int, window_ns: int) -> int:
         kernel = self._kernel
         taken_ns = kernel.stolen.claim(now_ns, window_ns)

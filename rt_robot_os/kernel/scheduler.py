@@ -216,8 +216,12 @@ class Scheduler(Alarms):
             self._set_aside(level, now_ns)
             due_ns = firsts[0][0]
         if current is not None and (current.limit_ns or self._stopping):
-            self._arm_ahead(
-                level, self._police(current, entry_ns - current.start_ns - stolen_ns))
+            used_ns = entry_ns - current.start_ns - stolen_ns
+            if used_ns >= current.limit_ns > STRIKE_ALWAYS_NS:
+                taken_ns = self._consequences.taken(current, entry_ns, used_ns)
+                stolen_ns += taken_ns
+                used_ns -= taken_ns
+            self._arm_ahead(level, self._police(current, used_ns))
         elif not self._spare_ns or not (
                 due_ns <= self._armed_due_ns <= due_ns + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)

@@ -31,6 +31,7 @@ from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import Rule
 from rt_robot_os.schema import PartTopics
+from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.names import is_token
@@ -95,6 +96,16 @@ def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
         'restart_ns': round(task.restart_s * NS_PER_S),
         'restart_maximum_ns': round(task.restart_max_s * NS_PER_S),
         'critical': task.critical, 'logical': task.logical_execution}
+
+
+def without_watchdog(robot: RobotSettings) -> str:
+    """Say which tasks are critical to no effect, and the remedy; empty when there are none."""
+    names = [each.name for each in robot.devices if each.task.critical]
+    names += [each.name for each in robot.modules if each.task.critical]
+    if not names or robot.watchdog.timeout_s:
+        return ''
+    return (f'critical: true of {", ".join(map(repr, names))} has no effect: watchdog.timeout_s '
+            'is 0, so no watchdog runs; set it, for instance to 2.0 with action: exit')
 
 
 def contradictions(

@@ -22,6 +22,7 @@ from typing import Any
 from rt_robot_os.alarms.cause import Cause
 from rt_robot_os.alarms.cause import Level
 from rt_robot_os.alarms.desk import Desk
+from rt_robot_os.alarms.desk import START_ALARM_NS
 from rt_robot_os.units import NS_PER_S
 
 WAIT_S = 2
@@ -104,3 +105,36 @@ def test_a_disk_that_is_full_is_told_while_alarms_are_still_stored() -> None:
     assert office.kinds() == ['journal_space']
     office.says(70.0, {'low': ''})
     assert office.kinds() == []
+
+
+def test_a_picture_that_comes_before_the_journal_has_given_back_is_kept() -> None:
+    before = Office()
+    before.desk.take_cause(HELP, 2 * NS_PER_S)
+    alarm = before.desk.book.in_order()[0].id
+    before.told(2.0)
+    after = Desk(wait_ns=WAIT_S * NS_PER_S)
+    after.start(NS_PER_S)
+    after.take_picture(alarm, 'anna.jpg', 2 * NS_PER_S)
+    after.take_stored({'record': json.loads(before.records[-1]), 'age_ns': 0}, 2 * NS_PER_S)
+    after.take_stored({'restored': 1}, 2 * NS_PER_S)
+    assert after.book.alarms[alarm].pictures == ['anna.jpg']
+    after.take_picture('of-another-robot', 'bob.jpg', 3 * NS_PER_S)
+    assert after.statistics()['pictures_without_alarm'] == 1
+
+
+def test_a_slow_start_calls_nobody_and_a_journal_that_stays_away_does() -> None:
+    slow, never = Desk(wait_ns=WAIT_S * NS_PER_S), Desk(wait_ns=WAIT_S * NS_PER_S)
+    for desk in (slow, never):
+        desk.start(NS_PER_S)
+        desk.advance(10 * NS_PER_S)
+        assert 'given nothing back in 2 s' in desk.warning
+        desk.take_cause(HELP, 11 * NS_PER_S)
+        desk.advance(13 * NS_PER_S)
+        assert {each.subject for each in desk.take_notifications()} == {'anna'}
+    slow.take_stored({'restored': 0}, 14 * NS_PER_S)
+    for desk in (slow, never):
+        desk.advance(40 * NS_PER_S)
+    assert [each.subject for each in slow.take_notifications() if each.subject == 'journal'] == []
+    assert 'journal' in {each.subject for each in never.take_notifications()}
+    assert [reason.since_ns for each in never.book.in_order() if each.subject == 'journal'
+            for reason in each.reasons.values()] == [(1 + WAIT_S) * NS_PER_S + START_ALARM_NS]

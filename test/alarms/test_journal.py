@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import json
 from random import Random
+import zlib
 
 from hypothesis import given
 from hypothesis import settings
@@ -55,6 +56,30 @@ def journal(store: MemoryStore, limit_bytes: int = 100_000) -> JournalFile:
 
 
 # ---- bytes -----------------------------------------------------------------------------------
+
+FALSE_HEADS = {
+    'in one line': b'R1 0000fff0 00000000 ' * 50_000,
+    'each in a line': b'\nR1 0000fff0 00000000 ' * 48_000,
+    'to one end': b''.join(b'R1 %08x 00000000 ' % (21 * each) for each in range(3000, 0, -1)) * 16,
+}
+
+
+@pytest.mark.parametrize('junk', FALSE_HEADS)
+def test_a_megabyte_of_false_heads_costs_little_and_hides_nothing_behind_it(
+        junk: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[int] = []
+
+    def checksum(data: bytes) -> int:
+        tried.append(len(data))
+        return crc32(data)
+
+    crc32 = zlib.crc32
+    each = lines(3)
+    data = each[0] + FALSE_HEADS[junk] + b'\n' + each[1] + each[2]
+    monkeypatch.setattr(zlib, 'crc32', checksum)
+    assert seqs(data) == [1, 2, 3]
+    assert sum(tried) < 40 << 20
+
 
 def test_a_cut_at_every_byte_loses_the_record_that_is_cut_and_no_other() -> None:
     each = lines(6)

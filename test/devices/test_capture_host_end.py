@@ -14,9 +14,15 @@
 
 """The host of captures and journals leaves alone what belongs to the host that follows it."""
 
+import errno
+import os
 from pathlib import Path
 import socket
+import subprocess
 
+import pytest
+
+from rt_robot_os.devices.capture import host as host_module
 from rt_robot_os.devices.capture.host import CaptureHost
 
 
@@ -35,3 +41,27 @@ def test_a_host_that_ends_late_leaves_the_socket_of_the_next_one(tmp_path: Path)
     assert can_connect(path)
     following.close()
     assert not path.exists()
+
+
+def test_a_host_that_cannot_start_a_worker_serves_the_next_connection(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tries: list[int] = []
+
+    def start(*arguments: object) -> subprocess.Popen[bytes]:
+        tries.append(1)
+        if len(tries) == 1:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return subprocess.Popen(['sleep', '60'])
+
+    monkeypatch.setattr(host_module, 'start_worker', start)
+    host = CaptureHost(tmp_path / 'robot.captures')
+    host.open()
+    try:
+        assert can_connect(host.path)
+        host.serve()
+        assert host.workers == []
+        assert can_connect(host.path)
+        host.serve()
+        assert len(host.workers) == 1
+    finally:
+        host.close()

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Iterator
+import contextlib
 import json
 import os
 from pathlib import Path
@@ -34,8 +35,12 @@ import pytest
 
 from rt_robot_os.alarms.journal_file import NAME
 from rt_robot_os.devices.journal import driver
+from rt_robot_os.devices.journal.service import JournalService
+from rt_robot_os.devices.journal.talk import Kind
+from rt_robot_os.devices.journal.talk import packet
 from rt_robot_os.devices.journal.twin import SimulatedJournal
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.process import parent_of
 from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
@@ -102,8 +107,9 @@ def test_two_robots_with_one_folder_are_told_apart(rig: Callable[..., Rig]) -> N
     first.keep(1)
     first.until_stored(1)  # it could be written, not only read
     with pytest.raises(DeviceError, match='give each robot a folder of its own'):
-        second.begin()  # it gives back what is there,
-        second.until(lambda: False)  # and then says that it cannot write
+        second.begin()
+    assert not any('record' in each for each in second.said)  # those are the first robot's
+    assert [each for each in second.said if 'fault' in each]
     first.device.close()
     deadline = time.monotonic() + 60
     while True:  # the first process needs a moment to end
@@ -237,3 +243,52 @@ def test_a_process_that_hangs_is_given_up(
         one.device.read(1)
         for seq in range(1, 100_000):
             one.keep(seq)
+
+
+def test_the_last_words_of_a_process_that_ends_with_packets_unread_are_heard(
+        rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    monkeypatch.setattr(driver, 'spawn_worker', lambda worker: (ours, None))
+    a_rig = rig()
+    a_rig.device.open()
+    theirs.send(packet(Kind.FAULT, 'the disk is broken'))
+    theirs.close()  # the request to open was not read
+    with pytest.raises(DeviceError, match='the disk is broken'):
+        a_rig.until(lambda: False)
+    assert [each['fault'] for each in a_rig.said] == ['the disk is broken']
+
+
+def test_a_host_of_journals_that_is_killed_is_started_again(tmp_path: Path) -> None:
+    service = JournalService()
+    path = service.start(tmp_path / 'robot.journals')
+    said: list[str] = []
+
+    def restarted() -> bool:
+        said.extend(filter(None, (service.check(),)))
+        return 'the process that starts writers of journals was started again (restart 1)' in said
+
+    try:
+        a_rig = Rig(tmp_path / 'alarms')
+        a_rig.device.services = {'journals': path}
+        a_rig.begin()
+        a_rig.keep(1)
+        a_rig.until_stored(1)
+        os.kill(int(parent_of(worker_of(a_rig))), signal.SIGKILL)
+        with pytest.raises(DeviceError):
+            a_rig.until(lambda: False)
+        wait_until(restarted, 'the host runs again')
+        wait_until(lambda: begun(a_rig) == ['1'], 'the journal is open')
+        a_rig.keep(2)
+        a_rig.until_stored(2)
+        a_rig.device.close()
+    finally:
+        service.stop()
+    assert not path.exists()
+
+
+def begun(a_rig: Rig) -> list[str] | None:
+    """Open the journal, if there is somebody who writes it already."""
+    with contextlib.suppress(DeviceError):
+        return a_rig.begin()
+    return None

@@ -86,6 +86,25 @@ def clock() -> SharedClock:
     return SharedClock()
 
 
+def test_a_job_is_not_aborted_for_time_that_it_did_not_have(
+        kernel: Kernel, clock: SharedClock) -> None:
+    ended: list[int] = []
+
+    def job() -> None:
+        clock.spend(MS)
+        clock.take(4 * MS + 50 * US)  # the CPU is back just when the budget would have ended
+        clock.spend(2 * MS)
+        ended.append(clock.now_ns())
+        clock.spend(10 * MS)
+
+    task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(50 * MS)
+    assert len(ended) == 1
+    assert task.aborted == 1  # for its own time, in the end
+    assert 4900 * US < task.execution_maximum_ns < 5200 * US
+
+
 @pytest.mark.parametrize('stopped', [False, True])
 def test_a_job_that_is_robbed_is_charged_with_its_own_time(
         kernel: Kernel, clock: SharedClock, stopped: bool) -> None:

@@ -28,6 +28,7 @@ from rt_robot_os.settings import load
 from rt_robot_os.settings import parameters
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.describe import describe
+from rt_robot_os.settings.tasks import without_watchdog
 import yaml
 
 pytest.importorskip('geometry_msgs.msg', reason='the ROS 2 messages are not installed')
@@ -119,3 +120,29 @@ def test_ros_reads_the_shipped_configurations_the_same_way() -> None:
                 if not isinstance(value, dict):
                     dotted = f'{section}.{key}'.rstrip('.')
                     assert found[dotted] == value, dotted
+
+
+SHIPPED = ['robot.yaml', 'serial.yaml', 'service_robot.yaml', 'assisted_living.yaml']
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_a_shipped_robot_that_moves_has_a_watchdog_and_budgets(name: str) -> None:
+    robot = load([ROOT / 'config' / name])
+    parts = {part.name: part for part in (*robot.devices, *robot.modules)}
+    critical = [part for part in parts.values() if part.task.critical]
+    assert {part.type for part in critical} <= {'twist_guard', 'collision_guard'} and critical
+    assert robot.watchdog.timeout_s >= 2.0  # shorter ones end cores that a busy machine starves
+    assert robot.watchdog.action == 'exit'
+    above = [part for part in robot.modules
+             if part.priority >= min(each.priority for each in critical)]
+    if name != 'robot.yaml':  # its attitude is the page of keys
+        assert all(part.task.on_budget == 'abort' for part in above)
+    assert without_watchdog(robot) == ''
+
+
+def test_what_is_critical_without_a_watchdog_is_named_with_the_remedy() -> None:
+    robot = load([ROOT / 'config/service_robot.yaml'], {'watchdog.timeout_s': 0.0})
+    assert without_watchdog(robot) == (
+        "critical: true of 'collision_guard' has no effect: watchdog.timeout_s is 0, so no "
+        'watchdog runs; set it, for instance to 2.0 with action: exit')
+    assert without_watchdog(load([])) == ''

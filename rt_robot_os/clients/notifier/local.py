@@ -21,12 +21,14 @@ from datetime import datetime
 import json
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
 from typing import Any
 from typing import Final
 
+from rt_robot_os.clients.notifier import bounded_program
 from rt_robot_os.clients.notifier.channel import DeliveryError
 from rt_robot_os.clients.notifier.notification import Notification
 from rt_robot_os.schema import Field
@@ -122,15 +124,29 @@ class External:
             raise ValueError('command is empty: name a program, such as [/usr/local/bin/page]')
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Run it; with all its children it is ended when its time is over."""
+        """Run it; with its children it is ended after its time, or with this process."""
+        program = self._command[0]
+        if shutil.which(program, path=self._environ.get('PATH')) is None:
+            raise DeliveryError(f'{program}: No such file that can be run')
+        # The end that this process holds is closed when it ends, by SIGKILL too.
+        life, held = os.pipe()
+        try:
+            self._run(life, notification.as_json(again).encode())
+        finally:
+            os.close(life)
+            os.close(held)
+        return 'the program took it'
+
+    def _run(self, life: int, given: bytes) -> None:
         try:
             process = subprocess.Popen(
-                self._command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, env=self._environ, start_new_session=True)
+                [sys.executable, '-I', bounded_program.__file__, str(life), *self._command],
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                env=self._environ, start_new_session=True, pass_fds=[life])
         except OSError as error:
             raise DeliveryError(f'{self._command[0]}: {error.strerror}') from error
         try:
-            process.communicate(notification.as_json(again).encode(), timeout=self._timeout_s)
+            process.communicate(given, timeout=self._timeout_s)
         except subprocess.TimeoutExpired:
             raise DeliveryError(f'the program was not done in {self._timeout_s:g} s') from None
         except OSError:
@@ -141,4 +157,3 @@ class External:
                 process.communicate()
         if process.returncode:
             raise DeliveryError(f'the program ended with code {process.returncode}')
-        return 'the program took it'

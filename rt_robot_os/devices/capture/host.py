@@ -29,6 +29,7 @@ import select
 import socket
 import subprocess
 import sys
+import time
 from typing import Final
 
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
@@ -38,9 +39,11 @@ from rt_robot_os.devices.capture.spawn import start_worker
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.programs import ended_by_signals
+from rt_robot_os.programs import tell
 
 WORKERS_MAXIMUM: Final = 32
 _WAIT_MS: Final = 500
+_FAILED_PAUSE_S: Final = 0.2
 
 
 class CaptureHost:
@@ -98,11 +101,15 @@ class CaptureHost:
         while self._listener is not None:
             try:
                 connection, _ = self._listener.accept()
-            except OSError:
+                with connection:
+                    if len(self.workers) < WORKERS_MAXIMUM:
+                        self.workers.append(start_worker(connection, self.scene, self._worker))
+            except BlockingIOError:
                 return
-            with connection:
-                if len(self.workers) < WORKERS_MAXIMUM:
-                    self.workers.append(start_worker(connection, self.scene, self._worker))
+            except OSError as error:  # no descriptors, no memory: the device tries again
+                tell(self._worker, f'cannot be started: {error.strerror or error}')
+                time.sleep(_FAILED_PAUSE_S)  # the connection may still wait: not at once again
+                return
 
     def close(self) -> None:
         """Listen no more and end all workers; may be called twice."""

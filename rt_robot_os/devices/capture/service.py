@@ -18,16 +18,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import subprocess
 import time
 from typing import ClassVar
 
 from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.service import Service
 from rt_robot_os.errors import DeviceError
-from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
+from rt_robot_os.linux.supervised_child import SupervisedChild
 
 _STOP_TIMEOUT_S = 3.0
 
@@ -44,7 +43,7 @@ class CaptureService(Service):
     FOR: ClassVar[str] = 'cameras and microphones'
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: SupervisedChild | None = None
 
     def start(self, path: Path) -> Path:
         """
@@ -55,20 +54,24 @@ class CaptureService(Service):
         :raises DeviceError: it ended or hangs.
         """
         path.unlink(missing_ok=True)  # a leftover of a core that was killed
-        self._process = start_child('rt_robot_os.devices.capture.host', os.getpid(), path,
-                                    self.WORKER)
+        self._child = SupervisedChild(f'the process that starts {self.FOR}', lambda: start_child(
+            'rt_robot_os.devices.capture.host', os.getpid(), path, self.WORKER))
+        process = self._child.start()
         deadline = time.monotonic() + START_PATIENCE_S
         while not path.exists():
-            if self._process.poll() is not None or time.monotonic() > deadline:
+            if process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
                 raise DeviceError(f'the process that starts {self.FOR} did not start; see the '
                                   'message above')
             time.sleep(0.01)
         return path
 
+    def check(self) -> str:
+        """Start it again when it has ended; its devices connect to it when they are reopened."""
+        return '' if self._child is None else self._child.check()
+
     def stop(self) -> None:
         """End it, and with it all captures; may be called twice."""
-        if self._process is None:
-            return
-        end_child(self._process, _STOP_TIMEOUT_S)
-        self._process = None
+        if self._child is not None:
+            self._child.stop(_STOP_TIMEOUT_S)
+            self._child = None

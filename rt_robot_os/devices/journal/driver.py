@@ -180,6 +180,8 @@ class Journal(Device):
                 data = connection.recv(PACKET_BYTES)
             except BlockingIOError:
                 break
+            except ConnectionResetError:  # it ended with packets unread; its last words follow
+                continue
             except OSError:
                 data = b''
             if not data:

@@ -92,7 +92,11 @@ class Worker:
             folder.close()
 
     def _opened(self, folder: Folder, lock: LockFile) -> JournalFile:
-        """Open the journal and give back what it holds, also when it cannot be written."""
+        """
+        Open the journal and give back what it holds, also when it cannot be written.
+
+        :raises DeviceError: another robot writes it; nothing is given back.
+        """
         try:
             if not lock.acquire():
                 there = holder(lock.path) or {}
@@ -103,6 +107,8 @@ class Worker:
                 lock.note(pid=os.getpid(), device=self._wanted['name'])
             journal = JournalFile(folder, self._wanted['limit_bytes'], time.time_ns)
             found = journal.open()
+        except DeviceError:  # the alarms of another robot are not this one's to give back
+            raise
         except OSError:
             self._give_back(read_journal(folder), 0)
             raise

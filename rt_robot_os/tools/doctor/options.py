@@ -107,6 +107,7 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
     source = 'the given configuration' if argv else 'the default configuration'
     try:
         from rt_robot_os.settings.load import load_from_arguments
+        from rt_robot_os.settings.tasks import without_watchdog
         settings, _ = load_from_arguments(argv)
     except Exception as error:
         # Without arguments it is our own file: the installation is broken, a check tells how.
@@ -124,8 +125,8 @@ def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
         cpu=core.cpu if cpu is None else cpu, priority=core.scheduler_priority,
         lock_memory=core.lock_memory, ports=ports, cpu_latency_us=core.cpu_latency_us,
         spin_us=core.spin_us, watchdog=settings.watchdog.device,
-        black_box_folder=core.black_box_folder, journals=_journals(settings),
-        boards=_boards(settings), source=source)
+        unwatched=without_watchdog(settings), black_box_folder=core.black_box_folder,
+        journals=_journals(settings), boards=_boards(settings), source=source)
 
 
 def _journals(settings: RobotSettings) -> tuple[tuple[str, int], ...]:

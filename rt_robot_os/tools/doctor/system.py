@@ -54,6 +54,7 @@ class Wanted:
     :ivar cpu_latency_us: asked of ``/dev/cpu_dma_latency``; -1 nothing.
     :ivar spin_us: how early the kernel wakes to spin.
     :ivar watchdog: a watchdog of the machine that is fed; empty without.
+    :ivar unwatched: what is critical to no effect, without a watchdog; empty without.
     :ivar black_box_folder: where it is written; empty for ROS's folder of logs.
     :ivar journals: folder of each journal of alarms, and the bytes that it takes.
     :ivar boards: that move the robot.
@@ -67,6 +68,7 @@ class Wanted:
     cpu_latency_us: int = -1
     spin_us: float = 0.0
     watchdog: str = ''
+    unwatched: str = ''
     black_box_folder: str = ''
     journals: tuple[tuple[str, int], ...] = ()
     boards: tuple[MovingBoard, ...] = ()

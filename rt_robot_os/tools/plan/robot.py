@@ -29,6 +29,7 @@ from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.run_on import moving_boards
+from rt_robot_os.settings.tasks import without_watchdog
 from rt_robot_os.tools.plan.given import Given
 from rt_robot_os.tools.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.tools.plan.given import RobotTasks
@@ -184,6 +185,9 @@ class _Builder:
         self._add_service(LIFE, LIFE_PRIORITY, LIFE_RATE_HZ)
         self._add_service('core/watch', _WATCH_PRIORITY, _WATCH_RATE_HZ)
         timeout_ns = round(self._settings.watchdog.timeout_s * NS_PER_S)
+        unwatched = without_watchdog(self._settings)
+        if unwatched:
+            self._notes.append(unwatched)
         if timeout_ns:
             interval_ns = max(timeout_ns // _WATCHDOG_CHECKS, _WATCHDOG_SHORTEST_NS)
             self._add_service('core/watchdog', _WATCHDOG_PRIORITY, NS_PER_S / interval_ns)
@@ -244,10 +248,10 @@ class _Builder:
             if seen.runs < FEW_RUNS:
                 self._few[name] = seen.runs
             return max(1, self._with_margin(seen.execution_ns)), 'measured'
-        if declared.budget_us and declared.on_budget == 'abort':
-            return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
         if name in self._typical.execution_ns:
             return self._typical.execution_ns[name], 'typical'
+        if declared.budget_us and declared.on_budget == 'abort':
+            return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
         if name == LIFE:  # above all others: unknown, it would make every other unknown as well
             return LIFE_EXECUTION_NS, 'declared'
         return None, 'unknown'

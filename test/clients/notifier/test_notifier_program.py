@@ -29,6 +29,7 @@ import time
 from typing import Any
 
 from processes import environment
+from processes import has_ended
 from processes import wait_until
 import pytest
 
@@ -189,6 +190,22 @@ def test_a_notifier_that_is_killed_shows_nothing_twice(core: Any, tmp_path: Path
     # Nobody knows whether the page of the first went out: it goes with the same key, and says so.
     once, twice = (json.loads(line) for line in pages.read_text().split('\n') if line)
     assert once['key'] == twice['key'] == 'k2' and 'again' not in once and twice['again'] is True
+
+
+def test_the_program_of_a_channel_ends_with_a_notifier_that_is_killed(
+        core: Any, tmp_path: Path) -> None:
+    pids = tmp_path / 'pids'
+    page = f'sleep 600 & echo $$ $! > {pids}.new; mv {pids}.new {pids}; wait'
+    path = settings(tmp_path, page={'type': 'command', 'command': ['sh', '-c', page],
+                                    'timeout_s': 60.0})
+    notifier = start(core, path)
+    wait_until(lambda: core.heard['notifier/heartbeat'], 'the notifier')
+    notify(core, 'k1', 'page')
+    wait_until(pids.exists, 'the program')
+    notifier.send_signal(signal.SIGKILL)
+    notifier.wait()
+    for pid in map(int, pids.read_text().split()):
+        wait_until(lambda pid=pid: has_ended(pid), f'the end of {pid}')
 
 
 def test_wrong_use_is_told(core: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -140,13 +140,13 @@ def test_a_device_that_finds_more_samples_in_a_poll_takes_longer() -> None:
     assert time_ns(20.0) == 10 * time_ns(200.0) == 10 * time_ns(400.0)
 
 
-def test_what_was_measured_or_declared_goes_before_what_is_typical() -> None:
+def test_what_is_measured_or_declared_goes_before_typical_times_and_these_before_budgets() -> None:
     settings = load([ROBOT], {'imu.execution_us': 70.0, 'gps.budget_us': 300.0,
                               'gps.on_budget': 'abort'})
     typical = Given(typical=shipped())
     origins = robot_tasks(settings, given=typical).origins
     assert [origins[name] for name in ('imu', 'gps', 'guard')] == [
-        'declared', 'budget', 'typical']
+        'declared', 'typical', 'typical']
     only_gps = Measured(10 ** 9, {'gps': MeasuredTask(60, 0, 9, 9, 10 ** 6, 0, 0, 0)})
     origins = robot_tasks(settings, only_gps, typical).origins
     assert [origins[name] for name in ('imu', 'gps', 'guard')] == [

@@ -170,6 +170,14 @@ def watchdog(system: System) -> Iterator[Finding]:
             f'sudo udevadm trigger --name-match={os.path.basename(device)}'), weight=60)
 
 
+def critical(system: System) -> Iterator[Finding]:
+    """Check that a watchdog monitors the tasks that are declared critical."""
+    if system.wanted.unwatched:
+        yield warn(system.wanted.unwatched, weight=60)
+    else:
+        yield ok('no critical task is without a watchdog')
+
+
 CHECKS = (
     Check('limits.scheduler', 'SCHED_FIFO',
           'without it any other program on the CPU can delay the core by milliseconds', scheduler),
@@ -178,6 +186,8 @@ CHECKS = (
           memory_lock),
     Check('limits.signals', 'pending signals',
           "the kernel's timer needs one entry of the user's signal queue", signals),
+    Check('limits.critical', 'critical tasks',
+          'without a watchdog nothing ends a job that blocks a critical task', critical),
     Check('limits.watchdog', 'watchdog',
           'a machine that hangs is restarted only by a watchdog that somebody feeds', watchdog),
 )
