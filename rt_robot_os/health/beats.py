@@ -219,7 +219,8 @@ def _without_dicrotic(places: list[int], sums: Floats, within: float) -> list[in
     if len(places) < _FEWEST_BEATS:
         return places
     usual = float(np.median(np.diff(places)))
-    if places[1] - places[0] < EARLY * usual and sums[places[0]] < DICROTIC_SHARE * sums[places[1]]:
+    first, second = places[:2]
+    if second - first < EARLY * usual and sums[first] < DICROTIC_SHARE * sums[second]:
         places = places[1:]  # its beat was before the window
     return _without_weak(places, sums, within, 1.0, DIVIDED * usual)
 

@@ -15,8 +15,9 @@
 """
 Which way is up along the trunk of a wearer: learned from their steps.
 
-A person lying down does not take eight steps in eight seconds, so the mean force of a walk, a run or a row
-of jumps is the direction that is up when the wearer stands, whatever the mounting of the sensor.
+A person lying down does not take eight steps in eight seconds, so the mean force of a walk, a run
+or a row of jumps is the direction that is up when the wearer stands, whatever the mounting of the
+sensor.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ Recorded waveforms of monitors: WFDB records as PhysioNet has them, of one segme
 A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16, the usual
 one, is pairs of bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first,
 which is how MATLAB files of version 4 (``NAME.mat``) are read; ``212x4`` has four samples of the
-signal in each frame, and ``16:3`` a signal whose samples stand three frames late. The header has a checksum of each
-signal, so a file that is cut short or damaged is not taken for a patient.
+signal in each frame, and ``16:3`` a signal whose samples stand three frames late. The header has a
+checksum of each signal, so a file that is cut short or damaged is not taken for a patient.
 """
 
 from __future__ import annotations
