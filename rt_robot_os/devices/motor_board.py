@@ -186,7 +186,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     def run_on(cls, settings: Mapping[str, Any]) -> RunOn:
         """Return how far the robot goes on when this computer falls silent."""
         if 'coast_s' not in settings:
-            return RunOn()  # of a recording from before boards declared it, which replays as it was
+            return RunOn()  # a recording from before boards declared it replays as it was
         return RunOn(cls.silence_s(settings), float(settings['coast_s']))
 
     def takes_orders(self, now_ns: int) -> bool:

@@ -68,6 +68,8 @@ from rt_robot_os.sim.orders import order  # noqa: E402
 
 SHIPPED = ROOT / 'config' / 'service_robot.yaml'
 PATIENCE_S = 30.0
+# On a machine that computes something else the node takes long.
+START_PATIENCE_S = 120.0
 REST_M_S = 0.005
 REST_RAD_S = 0.01
 COMMAND_HZ = 20.0
@@ -224,8 +226,9 @@ class Robot:
                 [sys.executable, '-m', f'rt_robot_os.{program}.program', '--ros-args',
                  '--params-file', str(self.folder / 'robot.yaml')],
                 stdout=log, stderr=log, env=self.environment, cwd=self.folder)
-        wait(self._connected, 'the core', lambda: self.log('core'))
-        wait(self._delivers, 'a core whose devices deliver', lambda: self.log('core'))
+        for condition, what in ((self._connected, 'the core'),
+                                (self._delivers, 'a core whose devices deliver')):
+            wait(condition, what, lambda: self.log('core'), START_PATIENCE_S)
 
     def _connected(self) -> bool:
         if self._client is not None:

@@ -86,8 +86,8 @@ class ArduinoBridge(MotorBoard[Reply]):
                  'unless it was built otherwise)')
     IF_UNUSED = ('it answers, but not with the counts of its encoders: build the firmware with '
                  'USE_BASE and with the kind of encoders that it has')
-    IF_SLOW = ('build the firmware with #define AUTO_STOP_INTERVAL 500 and set auto_stop_s: 0.5; or '
-               'lower maximum_wheel_speed_m_s')
+    IF_SLOW = ('build the firmware with #define AUTO_STOP_INTERVAL 500 and set auto_stop_s: 0.5; '
+               'or lower maximum_wheel_speed_m_s')
     # Slow: its firmware as it comes drives on for 2 s.
     SETTINGS = motor_settings(baud=57600, rate_hz=30.0, maximum_wheel_speed_m_s=0.2) + (
         Field('auto_stop_s', float, 2.0, 'AUTO_STOP_INTERVAL of its firmware: it drives on for so '

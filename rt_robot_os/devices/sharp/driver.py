@@ -101,7 +101,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._filler = RangeFiller(name, settings, INFRARED)
         self._coefficient_m, self._exponent = SHARP_FITS.get(
             settings['model'], (settings['coefficient_m'], settings['exponent']))
-        # Recordings of before have no such setting, and every voltage was a reading.
+        # A recording of an earlier release has no such setting, and replays as it was.
         self._lowest_mv: int = settings.get('lowest_mv', 0)
         self._places = {channel: place for place, channel in enumerate(channels)}
         self._recent: list[deque[float]] = [deque(maxlen=settings['median']) for _ in channels]

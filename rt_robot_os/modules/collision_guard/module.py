@@ -251,11 +251,11 @@ class CollisionGuard(Module):
                 self._asked_m_s = asked_m_s if asked_m_s > 0.0 else math.inf
         fastest = min(s['linear_max_m_s'], self._asked_m_s)
         if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
-            fastest = min(fastest, s['backward_max_m_s'], self._unseen_m_s())
+            fastest = min(fastest, s['backward_max_m_s'], self._surroundings.unseen_m_s())
         turning = s['angular_max_rad_s']
         if self._swings_unseen(v, w):
-            turning = min(turning,
-                          min(s['slow_m_s'], self._unseen_m_s()) / self._footprint.reach_m)
+            slow_m_s = min(s['slow_m_s'], self._surroundings.unseen_m_s())
+            turning = min(turning, slow_m_s / self._footprint.reach_m)
         share = min(1.0, fastest / abs(v) if v else 1.0, turning / abs(w) if w else 1.0)
         return v * share, w * share
 
@@ -265,11 +265,6 @@ class CollisionGuard(Module):
             return False
         return len(frozenset[int]().union(
             *(sensor.bearings for sensor, _ in self._sensors))) < BEARINGS
-
-    def _unseen_m_s(self) -> float:
-        """Return the speed at which it goes on by stop_m where no sensor looks."""
-        s = self.settings
-        return self.run_on.speed_m_s(s['stop_m'], s['reaction_s'])
 
     def _pass_on(self, is_new: bool, now_ns: int) -> None:
         verdict = self._judge(now_ns)
@@ -296,7 +291,7 @@ class CollisionGuard(Module):
         if silent and self.settings['silent'] == STOP:
             return Verdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
         verdict = self._surroundings.judge(self._v, self._w, self._driven_m)
-        slow_m_s = min(self.settings['slow_m_s'], self._unseen_m_s())
+        slow_m_s = min(self.settings['slow_m_s'], self._surroundings.unseen_m_s())
         if silent and verdict.share * speed > slow_m_s:
             return Verdict(slow_m_s / speed, f'{silent}: silent',
                            f'{silent}: nothing is heard')

@@ -81,8 +81,8 @@ class Surroundings:
     """
 
     def __init__(self, footprint: Footprint, sensors: Sequence[Sensor], sights: Sequence[Sight],
-                 bumper: Bumper | None, settings: Mapping[str, Any], run_on: RunOn = RunOn()
-                 ) -> None:
+                 bumper: Bumper | None, settings: Mapping[str, Any],
+                 run_on: RunOn = RunOn()) -> None:
         self._run_on = run_on
         self._footprint = footprint
         self._sensors = sensors
@@ -107,6 +107,10 @@ class Surroundings:
             speed * speed / (2 * s['deceleration_m_s2']), self._run_on.way_m(speed))
         return float(self._footprint.reach_m + s['clearance_m'] + s['stop_m'] + s['hysteresis_m']
                      + s['slow_m'] + braking)
+
+    def unseen_m_s(self) -> float:
+        """Return the speed at which it goes on by stop_m without this computer, for the blind."""
+        return self._run_on.speed_m_s(self._settings['stop_m'], self._settings['reaction_s'])
 
     def gather(self) -> None:
         """Put together what the sensors see; after one of them sees something new."""
@@ -164,15 +168,14 @@ class Surroundings:
         times = shape.times(sight.x, sight.y, v, w, 0.0)
         times = times - (driven_m - sight.driven_m) / (abs(v) + abs(w) * shape.reach_m)
         first = int(times.argmin())
-        way_m = float(times[first]) * speed
-        room_m = way_m - s['stop_m']
-        share = min(self._braking(room_m, v, w, speed),
-                    self._run_on_share(way_m, speed)) if room_m > _NEAR_M else 0.0
+        room_m = float(times[first]) * speed - s['stop_m']
+        share = min(self._braking(room_m, v, w, speed), self._running_on(
+            room_m + s['stop_m'], speed)) if room_m > _NEAR_M else 0.0
         # As where no sensor looks: it can always get away, but slowly.
         least_m_s = s['backward_max_m_s'] if v <= 0.0 else 0.0
         if s['unseen'] == SLOW:
             least_m_s = max(least_m_s, s['slow_m_s'])
-        least_m_s = min(least_m_s, self._run_on.speed_m_s(s['stop_m'], s['reaction_s']))
+        least_m_s = min(least_m_s, self.unseen_m_s())
         share = max(share, min(1.0, least_m_s / speed))
         if share == 1.0:
             return FREE
@@ -207,9 +210,7 @@ class Surroundings:
             self._stands = True
             return self._stop(first)
         self._stands = False
-        share = self._braking(room_m, v, w, speed)
-        # Should this computer fall silent now, it goes on; then it need not stand stop_m before.
-        run_on = self._run_on_share(way_m, speed)
+        share, run_on = self._braking(room_m, v, w, speed), self._running_on(way_m, speed)
         if run_on < min(share, slow):
             return Verdict(run_on, 'run-on', f'{way_m:.2f} m are free, and without this computer '
                            f'the motors go on for {self._run_on.total_s:.1f} s')
@@ -223,9 +224,13 @@ class Surroundings:
         stopping_s = max(abs(v) / s['deceleration_m_s2'], abs(w) / s['deceleration_rad_s2'])
         return braking_share(room_m / speed, stopping_s, s['reaction_s'])
 
-    def _run_on_share(self, way_m: float, speed: float) -> float:
-        """Return the share of a velocity with which it goes on no farther than a distance."""
-        return self._run_on.speed_m_s(way_m, self._settings['reaction_s']) / speed
+    def _running_on(self, way_m: float, speed: float) -> float:
+        """
+        Return the share of a velocity from which it stops within a distance without this computer.
+
+        It may then stand nearer than stop_m, as long as it touches nothing.
+        """
+        return min(1.0, self._run_on.speed_m_s(way_m, self._settings['reaction_s']) / speed)
 
     def _way(self, v: float, w: float, speed: float, driven_m: float, clearance_m: float
              ) -> tuple[int, float]:

@@ -237,8 +237,8 @@ class VelocityMux(Module):
         if fastest_m_s <= limit_m_s:
             return linear, angular
         self._slowed += 1
-        self.log.warn('slowed to %.2f m/s: without this computer the motors go on for %.1f s, and '
-                      'run_on_max_m is %g', limit_m_s, self.run_on.total_s,
+        self.log.warn('slowed to %.2f m/s: without this computer the motors go on for %.1f s, '
+                      'and run_on_max_m is %g', limit_m_s, self.run_on.total_s,
                       self.settings['run_on_max_m'], throttle_s=_SELDOM_S)
         share = limit_m_s / fastest_m_s
         return ((linear[0] * share, linear[1] * share, linear[2] * share),
