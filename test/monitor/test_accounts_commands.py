@@ -34,6 +34,7 @@ from accounts_app import Monitor  # noqa: E402
 from accounts_app import monitor  # noqa: E402
 from accounts_app import PASSWORD  # noqa: E402
 from accounts_app import QUICK  # noqa: E402
+from rt_robot_os.errors import StartError  # noqa: E402
 from rt_robot_os.monitor.command import run  # noqa: E402
 from rt_robot_os.monitor.security import passwords  # noqa: E402
 from rt_robot_os.monitor.security.accounts import Revoked  # noqa: E402
@@ -116,8 +117,10 @@ def test_a_broken_chain_is_the_exit_code(console: Console, tmp_path: Path) -> No
     assert console('audit', 'verify', '--noted', head)[0] == 0
     assert console('audit', 'verify', '--noted', 'nonsense')[0] == 2
     assert json.loads(console('audit', 'export')[1])['action'] == 'robot.add'
+    assert console('audit', 'verify', '--noted', f'1:{"0" * 64}')[0] == 1
     (tmp_path / 'audit.key').write_text('00' * 32)
-    assert console('audit', 'verify')[0] == 1
+    with pytest.raises(StartError, match='is not the one'):  # which is exit code 1 as well
+        console('audit', 'verify')
 
 
 def test_certificates_are_made_and_renewed(console: Console, tmp_path: Path) -> None:

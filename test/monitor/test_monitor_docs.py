@@ -104,7 +104,8 @@ def help_of(run: object, words: list[str], capsys: pytest.CaptureFixture[str]) -
 
 def test_every_option_that_is_typed_exists(capsys: pytest.CaptureFixture[str]) -> None:
     lines = re.findall(r'^(?:\$ )?((?:monitor|gateway) .*)$', '\n'.join(
-        [*re.findall(r'```console\n(.*?)```', TEXT, re.DOTALL), *re.findall(r'`([^`\n]+)`', TEXT)]),
+        [*re.findall(r'```console\n(.*?)```', TEXT, re.DOTALL),
+         *re.findall(r'`([^`\n]+)`', TEXT)]),
         re.MULTILINE)
     assert len(lines) > 5
     for line in lines:

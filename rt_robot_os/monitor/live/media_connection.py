@@ -105,7 +105,7 @@ def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:
         Through that of a robot of nobody only those look who may see everybody.
     """
     return robot is not None and (people is None or (
-        bool(robot.people) and robot.people <= people))
+        robot.people is not None and frozenset() < robot.people <= people))
 
 
 class MediaHub:

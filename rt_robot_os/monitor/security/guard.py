@@ -166,7 +166,7 @@ def check_origin(connection: HTTPConnection) -> None:
                       'open the page of this server itself')
 
 
-def allowed(permission: Permission | None) -> Callable[..., Actor]:
+def allowed(permission: Permission | None) -> Callable[..., Awaitable[Actor]]:
     """
     Make the dependency that gives the actor of a request.
 

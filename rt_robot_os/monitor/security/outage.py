@@ -29,6 +29,7 @@ from concurrent.futures import Future
 from concurrent.futures import ThreadPoolExecutor
 import threading
 import time
+from typing import Any
 from typing import Final
 from typing import Generic
 from typing import TypeVar
@@ -95,7 +96,7 @@ class Questions:
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(_THREADS, 'questions')
-        self._asked_s: dict[Future[object], float] = {}
+        self._asked_s: dict[Future[Any], float] = {}
 
     async def ask(self, question: Callable[[], _T], remembered: Callable[[], _T | None]
                   ) -> _T:
@@ -140,9 +141,8 @@ class Questions:
             future = self._pool.submit(question)
         except RuntimeError as error:
             raise StoreError('the server is about to end') from error
-        self._asked_s[future] = time.monotonic()  # type: ignore[index]
-        future.add_done_callback(lambda done: self._asked_s.pop(
-            done, None))  # type: ignore[call-overload]
+        self._asked_s[future] = time.monotonic()
+        future.add_done_callback(lambda done: self._asked_s.pop(done, None))
         return future
 
 

@@ -195,4 +195,5 @@ def media_row(row: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _alarm(row: Mapping[Any, Any]) -> dict[str, Any]:
     return {'robot': row['robot'], 'id': row['alarm'], 'kinds': json.loads(row['kinds']),
-            'utc_ns': row['t_ns'], 'seq': row['last_seq'], **{name: row[name] for name in _COLUMNS}}
+            'utc_ns': row['t_ns'], 'seq': row['last_seq'],
+            **{name: row[name] for name in _COLUMNS}}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether an event of an alarm begins another alarm of the same name: the robot lost its journal."""
+"""Whether an event begins another alarm of the same name: the robot lost its journal."""
 
 from __future__ import annotations
 

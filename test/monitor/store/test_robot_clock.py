@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What was confirmed is stored: also from a robot whose clock is wrong, and what makes no sense."""
+"""What was confirmed is stored, also of a robot whose clock is wrong."""
 
 from __future__ import annotations
 
