@@ -34,8 +34,10 @@ from large_clients import World
 from processes import in_a_folder
 import pytest
 from rt_robot_os.errors import TopicError
+from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.client_rooms import ClientRoom
 from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
@@ -281,7 +283,7 @@ def test_turns_go_to_whoever_waited_longest() -> None:
     class Waiting:
         def __init__(self, name: str, count: int) -> None:
             self.name, self.count = name, count
-            self.uploads = Uploads()
+            self.uploads = Uploads(EntryTimes(VirtualClock()))
             self.uploads.waiting.extend([None] * count)  # type: ignore[list-item]
 
         def upload(self) -> int:
