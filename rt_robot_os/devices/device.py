@@ -151,7 +151,7 @@ class Device(PortOwner, ABC):
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar log: the device's logger: ``self.log.warn('%d bytes of garbage', count)``.
-    :ivar unread_since_ns: set for the first read after a gap in which the core stood still: what
+    :ivar unread_since_ns: set for the first reads after a gap in which the core stood still: what
         lies in the port may have come at any time since then; 0 otherwise.
     :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.

@@ -23,6 +23,8 @@ from rt_robot_os.units import NS_PER_MS
 
 #: Without a round for longer than this, and than some periods, there was a gap.
 GAP_NS: Final = 250 * NS_PER_MS
+#: Within that time after a gap Linux has handed over what lay in a port.
+EMPTIED_NS: Final = 50 * NS_PER_MS
 _PERIODS: Final = 3
 
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.gaps import EMPTIED_NS
 from rt_robot_os.devices.gaps import Gaps
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import reason_of
@@ -80,7 +81,7 @@ class ManagedDevice:
         self._retry_at_ns = 0
         self._alive_ns = 0
         self._sample_ns = 0
-        self._checked_ns = 0
+        self._checked_ns = self._emptied_ns = 0
         self._bytes_when_alive = 0
         self._bytes_noted_ns = 0
         self._port_open = False
@@ -137,8 +138,9 @@ class ManagedDevice:
                 self._receive(now_ns, command)
             if command:
                 device.write(now_ns)
+            if device.unread_since_ns and now_ns >= self._emptied_ns:
+                device.unread_since_ns = 0
             samples = device.read(now_ns)
-            device.unread_since_ns = 0
         except Exception as error:
             if tap is not None:
                 tap.failed(now_ns)
@@ -156,6 +158,7 @@ class ManagedDevice:
         self.rest()
         self.device.wake_up(now_ns)
         self.device.unread_since_ns = self._gaps.since_ns
+        self._emptied_ns = now_ns + EMPTIED_NS
         if self.guards:
             self._note(Severity.WARN, f'not served for {self._gaps.last_ns / NS_PER_S:.1f} s, as '
                        'the core or the machine stood still: brought to rest; only commands of '

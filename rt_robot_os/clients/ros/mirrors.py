@@ -169,7 +169,7 @@ class InwardMirror:
         self._arrivals = Arrivals(gaps, settings.durability == 'transient_local')
         carry = self._carry if self._conversion is None else self._carry_converted
         self._take = self._carry_stamped if settings.stamped else carry
-        receive: Any = self._receive  # with what rclpy knows of a sample, which its types leave out
+        receive: Any = self._receive  # takes what rclpy knows of a sample, too; its types do not
         self.subscription = node.create_subscription(
             ros_class(settings), settings.ros_topic, receive, qos_of(settings), raw=True)
 
