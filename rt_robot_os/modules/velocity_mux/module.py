@@ -247,7 +247,7 @@ class VelocityMux(Module):
         self.command.publish(stamp_ns)
 
     def _slow(self, linear: Triple, angular: Triple) -> tuple[Triple, Triple]:
-        """Return a velocity at which the robot can be left alone, both slowed alike: on its arc."""
+        """Return a velocity at which the robot can be left alone, slowed alike: on its arc."""
         fastest_m_s, limit_m_s = math.hypot(*linear), run_on_speed_m_s(self)
         if fastest_m_s <= limit_m_s:
             return linear, angular
