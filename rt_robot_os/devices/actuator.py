@@ -18,7 +18,8 @@ The actuator: a device that moves something, as long as somebody commands it and
 
 A command is in force from when it is taken until it is ``command_timeout_s`` old. Then, and
 whenever the device is opened, given up, held or closed, it is brought to its safe state, and only
-a command that is published afterwards moves it again.
+a command that is published afterwards moves it again. After a gap, in which the core or the
+machine stood still, only one that was given afterwards does: its stamp says when.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class Actuator(Device):
         if not isinstance(self.ports().get('command'), Input):
             raise TopicError(f'{name}: {type(self).__name__} has no command: an actuator declares '
                              "command = Input('cmd_vel', ...)")
-        self._deadline_ns = 0
+        self._deadline_ns = self._awake_ns = 0
         self._commands = self._late = self._timeouts = self._rests = 0
 
     @abstractmethod
@@ -134,6 +135,8 @@ class Actuator(Device):
         if is_new:
             self._commands += 1
             deadline_ns = min(command.stamp_ns, now_ns) + self._timeout_ns()
+            if command.stamp_ns < self._awake_ns:
+                deadline_ns = 0
             if deadline_ns > now_ns:
                 self._deadline_ns = deadline_ns
             else:
@@ -148,6 +151,10 @@ class Actuator(Device):
             elif is_new or polled:
                 self.actuate(now_ns)
         return self._deadline_ns
+
+    def wake_up(self, now_ns: int) -> None:
+        """Have commands count only when they were given from now on."""
+        self._awake_ns = now_ns
 
     def rest(self) -> None:
         """
@@ -165,8 +172,8 @@ class Actuator(Device):
         """
         Return what became of the commands.
 
-        ``commands`` were taken, ``late_commands`` of them were too old already;
-        ``command_timeouts`` times the last one became too old, and ``rests`` times the device was
+        ``commands`` were taken, ``late_commands`` of them were too old already, or of before a
+        gap; ``command_timeouts`` times the last one became too old, and ``rests`` times it was
         brought to rest, for whatever reason. ``command`` says whether one is in force.
         """
         return {'command': 'in force' if self._deadline_ns else 'none',

@@ -151,6 +151,8 @@ class Device(PortOwner, ABC):
     :ivar name: name of the device in the configuration, used in every error.
     :ivar clock_ns: gives the time; that of the kernel once the device is managed.
     :ivar log: the device's logger: ``self.log.warn('%d bytes of garbage', count)``.
+    :ivar unread_since_ns: set for the first reads after a gap in which the core stood still: what
+        lies in the port may have come at any time since then; 0 otherwise.
     :ivar tap: who listens to its bytes; None while nobody does.
     :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
     :ivar services: what there is of the services that it asks for, by name.
@@ -187,6 +189,7 @@ class Device(PortOwner, ABC):
         self.log = Logger(name)
         self.clock_ns: Callable[[], int] = time.monotonic_ns
         self.tap: Tap | None = None
+        self.unread_since_ns = 0
         self._publishers: tuple[SamplePublisher, ...] = ()
 
     @classmethod
@@ -261,6 +264,9 @@ class Device(PortOwner, ABC):
         :raises DeviceError: the device is gone.
         """
         self.safe_state()
+
+    def wake_up(self, now_ns: int) -> None:
+        """Note that the core, or the machine, stood still until now; :meth:`rest` came first."""
 
     def input_counters(self) -> Mapping[str, Value]:
         """Return counters of what :meth:`receive` took, besides those of :meth:`statistics`."""

@@ -25,6 +25,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rt_robot_os.devices.device import Device
+from rt_robot_os.devices.gaps import EMPTIED_NS
+from rt_robot_os.devices.gaps import Gaps
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import reason_of
 from rt_robot_os.devices.state import RecoverySettings
@@ -37,6 +39,7 @@ from rt_robot_os.reports import Report
 from rt_robot_os.reports import Reports
 from rt_robot_os.reports import Severity
 from rt_robot_os.topics import Bus
+from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 _CHECKS_PER_TIMEOUT = 8
@@ -69,6 +72,7 @@ class ManagedDevice:
         self.reason = ''
         self.faults = self.opened = 0
         self.task: Task | None = None
+        self._gaps = Gaps(kernel.clock)
         self._kernel = kernel
         self._now_ns = kernel.now_ns
         self._recovery = recovery
@@ -77,7 +81,7 @@ class ManagedDevice:
         self._retry_at_ns = 0
         self._alive_ns = 0
         self._sample_ns = 0
-        self._checked_ns = 0
+        self._checked_ns = self._emptied_ns = 0
         self._bytes_when_alive = 0
         self._bytes_noted_ns = 0
         self._port_open = False
@@ -126,12 +130,16 @@ class ManagedDevice:
         if (tap := device.tap) is not None:
             tap.command = command
         try:
+            if self._gaps.round(now_ns, self.task.period_ns if self.task is not None else 0):
+                self._wake_up(now_ns)
             if device.changes:
                 device.take_changes()
             if self._receives:
                 self._receive(now_ns, command)
             if command:
                 device.write(now_ns)
+            if device.unread_since_ns and now_ns >= self._emptied_ns:
+                device.unread_since_ns = 0
             samples = device.read(now_ns)
         except Exception as error:
             if tap is not None:
@@ -144,6 +152,19 @@ class ManagedDevice:
                 self._recovered()
         elif now_ns - self._checked_ns > self._recovery.timeout_ns // _CHECKS_PER_TIMEOUT:
             self._check(now_ns)
+
+    def _wake_up(self, now_ns: int) -> None:
+        """After a gap: what moves is told to stop before anything else; our silence is our own."""
+        self.rest()
+        self.device.wake_up(now_ns)
+        self.device.unread_since_ns = self._gaps.since_ns
+        self._emptied_ns = now_ns + EMPTIED_NS
+        if self.guards:
+            self._note(Severity.WARN, f'not served for {self._gaps.last_ns / NS_PER_S:.1f} s, as '
+                       'the core or the machine stood still: brought to rest; only commands of '
+                       'after that count')
+        # The device was not silent; nobody listened.
+        self._alive_ns = self._sample_ns = now_ns
 
     def _receive(self, now_ns: int, polled: bool) -> None:
         """Let the device take its inputs; if it moves, not while its other task is held."""
@@ -248,6 +269,7 @@ class ManagedDevice:
             self._fault(reason_of(error))
             return
         self.opened += 1
+        self._gaps.restart()
         self._alive_ns = self._checked_ns = self._bytes_noted_ns = self._kernel.now_ns()
         self._sample_ns = self._alive_ns
         self._bytes_when_alive = self.device.statistics().bytes_read
@@ -316,6 +338,10 @@ class ManagedDevice:
         counters = self.device.statistics()
         if self._receives:
             counters = replace(counters, more={**counters.more, **self.device.input_counters()})
+        if self._gaps.count:
+            counters = replace(counters, more={
+                **counters.more, 'gaps': self._gaps.count,
+                'gap_maximum_ms': self._gaps.longest_ns / NS_PER_MS})
         last_ns = counters.last_frame_ns
         reason = self.reason or str(counters.more.get('warning', ''))
         return SensorStatistics(

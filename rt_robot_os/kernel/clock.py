@@ -177,6 +177,10 @@ class Clock(ABC):
         """Give the time that the thread waited for a CPU so far, if the system tells."""
         return 0
 
+    def suspended_ns(self) -> int:
+        """Give the time that the machine was suspended so far, which ``now_ns`` leaves out."""
+        return 0
+
     @abstractmethod
     def spend(self, duration_ns: int) -> None:
         """Pretend to compute: what a task calls in a simulation or a test."""
@@ -188,6 +192,11 @@ def _refuse(*_: object) -> Any:
 
 def _nothing() -> None:
     """Do nothing, as long as the clock is not attached."""
+
+
+def _suspended_ns() -> int:
+    # CLOCK_BOOTTIME counts while the machine is suspended, see clock_gettime(2).
+    return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
 
 class MonotonicClock(Clock):
@@ -345,6 +354,9 @@ class MonotonicClock(Clock):
     def waited_ns(self) -> int:
         return self._waiting.read()
 
+    def suspended_ns(self) -> int:
+        return _suspended_ns()
+
     def rest(self, owner: Noting) -> bool:
         signo = self._rest(owner)
         return signo not in (0, TICK_SIGNAL) and self._take(signo)
@@ -483,6 +495,9 @@ class CooperativeClock(Clock):
 
     def admit(self) -> None:
         """Do nothing: nothing is asynchronous here."""
+
+    def suspended_ns(self) -> int:
+        return _suspended_ns()
 
     def wait(self) -> bool:
         left_ns = min(self._alarm_ns - self.now_ns(), _LOOK_NS)

@@ -304,12 +304,13 @@ class LinkClient(Reader):
         Publish a sample in the core, however long it is; any thread.
 
         :param cdr: with its four bytes of encapsulation.
-        :param stamp_ns: on CLOCK_MONOTONIC; 0, or a time in the future, means the arrival in
-            the core.
+        :param stamp_ns: moment of the data on CLOCK_MONOTONIC; 0 means now, so that a sample
+            ages while it waits for the core. A time in the future counts as the arrival there.
         :raises SampleTooLong: the topic takes no such sample; nothing was sent.
         :raises LinkSilent: the core does not keep up; nothing was sent.
         :raises LinkError: the core is gone.
         """
+        stamp_ns = stamp_ns or time.monotonic_ns()
         if channel in self.rooms.by_channel:
             self._publish_large(self.rooms.by_channel[channel], cdr, stamp_ns)
             return

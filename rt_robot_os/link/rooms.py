@@ -32,6 +32,7 @@ from typing import Protocol
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
@@ -184,13 +185,15 @@ class Uploads:
     """
     The rooms of one client, and the samples that it has handed over.
 
+    :param entries: when samples entered, by the stamps of clients.
     :ivar rooms: by channel.
     :ivar waiting: samples that it has handed over: room, slot, length, stamp.
     :ivar published: samples that went through.
     :ivar turn: the number of its last turn.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, entries: EntryTimes) -> None:
+        self._entries = entries
         self.rooms: dict[int, Room] = {}
         self.published = self.turn = 0
         self.waiting: deque[tuple[Room, int, int, int]] = deque()
@@ -218,8 +221,7 @@ class Uploads:
         number, slot, length = SLOT.unpack(body)
         wrong = room.handed_over(number, slot, length)
         if not wrong:
-            # A stamp in the future would make a sample seem fresh for ever.
-            stamp_ns = head.stamp_ns if 0 < head.stamp_ns <= now_ns else 0
+            stamp_ns = self._entries.stamp_of(head.stamp_ns, now_ns)
             self.waiting.append((room, slot, length, stamp_ns))
         return wrong
 

@@ -33,6 +33,7 @@ import struct
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.fairness import Lines
 from rt_robot_os.link.fairness import Shares
 from rt_robot_os.link.gather import Gather
@@ -109,6 +110,7 @@ class LinkServer:
         self._parent = os.getppid()
         self._shares = Shares()
         self._uploads = UploadTurns()
+        self._entries = EntryTimes(kernel.clock)
         self._lines = Lines(functools.partial(self._tell, Severity.WARN))
         self._identity: tuple[int, int] | None = None
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
@@ -191,6 +193,7 @@ class LinkServer:
 
     def _receive(self) -> None:
         now_ns = self._kernel.now_ns()
+        self._entries.update(now_ns)
         for session in self._shares.begin(self._sessions, now_ns):
             if not session.gone:
                 self._kernel.add_interrupt(session.connection.fileno(), self._commands)
@@ -287,7 +290,7 @@ class LinkServer:
             return
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         now_ns = self._kernel.now_ns()
-        session = Session(connection, self._bus, pid, now_ns, self._buffer)
+        session = Session(connection, self._bus, pid, now_ns, self._buffer, self._entries)
         session.left = _FIRST_SHARE
         self._sessions = (*self._sessions, session)
         self.accepted += 1

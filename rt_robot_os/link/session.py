@@ -28,6 +28,7 @@ from typing import Any
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.link.batch import Batch
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.large import CLIENT_MEMORY_MAXIMUM
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.mirror import Mirror
@@ -93,6 +94,7 @@ class Session:
 
     :meth:`receive` runs in the task for commands, everything else in the link's low one.
 
+    :param entries: when samples entered, by the stamps of clients.
     :param buffer: where packets are received; one serves all sessions. A new one for each packet
         would cost six times as much as the packet: it is so large that malloc maps it anew.
     :ivar gone: why it is to be removed; empty while it is welcome.
@@ -103,7 +105,8 @@ class Session:
     """
 
     def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int,
-                 buffer: bytearray) -> None:
+                 buffer: bytearray, entries: EntryTimes) -> None:
+        self._entries = entries
         self.since_ns = now_ns
         self.greeted = self.paused = False
         self.left = self.greedy_ns = 0
@@ -120,7 +123,7 @@ class Session:
         self.batch = Batch(connection)
         self._large: dict[int, LargeMirror] = {}
         self._memories = 0
-        self.uploads = Uploads()
+        self.uploads = Uploads(entries)
         self._bus = bus
         self._publishers: dict[int, Publisher] = {}
         self._outbox: deque[bytes] = deque()
@@ -164,8 +167,7 @@ class Session:
         packet = self._view[:length]
         head = parse_header(packet)
         if head.kind == Kind.DATA:
-            # A stamp in the future would make a command seem fresh for ever.
-            stamp_ns = head.stamp_ns if 0 < head.stamp_ns <= now_ns else 0
+            stamp_ns = self._entries.stamp_of(head.stamp_ns, now_ns)
             self._publish(head.channel, stamp_ns, packet[HEADER_BYTES:])
         elif head.kind == Kind.REQUEST:
             if length > REQUEST_BYTES_MAXIMUM:

@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.devices.gaps import Gaps
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.run_on import RUN_ON_MAX
 from rt_robot_os.modules.run_on import run_on_speed_m_s
@@ -43,9 +44,10 @@ class TwistGuard(Module):
 
     A motor board that goes on for long when this computer falls silent is driven slowly.
 
-    The age that counts is that of the command's arrival, so a sender that died, a network that
-    stalls and a ROS side that was killed all end in a standstill after ``timeout_s``. A stamp can
-    make a command older than that, never younger.
+    A command ages from its stamp, the moment at which it entered, and from its arrival: a sender
+    that died, a network that stalls and a ROS side that was killed all end in a standstill after
+    ``timeout_s``. After a gap, in which the core or the machine stood still, only commands count
+    that were given afterwards.
     """
 
     command = Input('cmd_vel', message=_TWIST)
@@ -64,6 +66,8 @@ class TwistGuard(Module):
     _arrived_ns = 0
     _late_ns = 0
     _late = 0
+    _awake_ns = 0
+    _gaps: Gaps | None = None
 
     def safe_state(self) -> None:
         """Publish a standstill."""
@@ -75,15 +79,19 @@ class TwistGuard(Module):
         """Publish the command in force."""
         command = self.command
         now_ns = command.topic.kernel.now_ns()
+        if self._gaps is None:
+            self._gaps = Gaps(command.topic.kernel.clock)
+        if self._gaps.round(now_ns, self.period_ns):
+            self._awake_ns = now_ns
         if command.latest():
             self._arrived_ns = now_ns
             self._late_ns = 0
         message = self.safe.msg
         age_ns = max(command.age_ns, now_ns - self._arrived_ns)
         timeout_ns = self.settings['timeout_s'] * NS_PER_S
-        if command.seq < 0 or age_ns > timeout_ns:
+        if command.seq < 0 or age_ns > timeout_ns or command.stamp_ns < self._awake_ns:
             if command.seq >= 0 and now_ns == self._arrived_ns:
-                self._late_ns = age_ns
+                self._late_ns = age_ns if age_ns > timeout_ns else 0
                 self._late += 1
             elif now_ns - self._arrived_ns > timeout_ns:
                 self._late_ns = 0  # commands have stopped
@@ -105,4 +113,5 @@ class TwistGuard(Module):
                        f'(timeout_s {self.settings["timeout_s"]:g}): the robot is held; are the '
                        'clocks synchronised?')
         return {'too_old': self._late, 'speed_limit_m_s': self._linear_max_m_s(),
+                'gaps': self._gaps.count if self._gaps is not None else 0,
                 'warning': warning}

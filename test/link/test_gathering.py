@@ -38,6 +38,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.batch import BATCH_BYTES
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
@@ -166,7 +167,8 @@ class Carried:
         self.kernel = Kernel(VirtualClock())
         self.bus = Bus(self.kernel)
         self.ours, self.theirs = pair()
-        self.session = Session(self.ours, self.bus, 1, 0, bytearray(100))
+        self.session = Session(self.ours, self.bus, 1, 0, bytearray(100),
+                               EntryTimes(VirtualClock()))
         self.service = self.kernel.add_task('service', self._serve, priority=2)
         self.gather = Gather(self.kernel, self.service, gather_ns)
         self.served_ns: list[int] = []

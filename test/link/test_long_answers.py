@@ -30,6 +30,7 @@ import pytest
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Kind
@@ -50,7 +51,8 @@ class Ends:
         ours, self.client = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for one in (ours, self.client):
             one.setblocking(False)
-        self.session = Session(ours, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100))
+        self.session = Session(ours, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
+                               EntryTimes(VirtualClock()))
         self.made = 0
 
     def packets(self) -> Iterator[bytes]:
@@ -132,7 +134,8 @@ def test_an_answer_of_any_length_arrives_whole(size: int) -> None:
     client = Reader(there)
     replies: queue.SimpleQueue[Any] = queue.SimpleQueue()
     client.replies[7] = replies
-    session = Session(here, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100))
+    session = Session(here, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
+                      EntryTimes(VirtualClock()))
     content = {'text': 'x' * size, 'list': list(range(100))}
     try:
         session.post(encode_json(Kind.REPLY, content, seq=7))

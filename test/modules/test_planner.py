@@ -74,6 +74,7 @@ class Planned:
         self.scan = self.bench.topic('scan', 'sensor_msgs/msg/LaserScan', {
             'header.frame_id': 'laser', 'ranges': RAYS, 'intensities': 0})
         self.map_out = map_topic(self.bench.bus)
+        self.cancel_out = self.bench.topic('trajectory_cancel', 'std_msgs/msg/Bool')
         self.planner = self.bench.add(
             Planner, 'planner', rate_hz=10.0, priority=5,
             **{'map': write_map(folder, doors == 2), 'scan_topics': ['scan'], **changes})

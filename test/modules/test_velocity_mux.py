@@ -40,6 +40,7 @@ SOURCES = {'teleop': 'cmd_vel_teleop', 'agent': 'cmd_vel_agent',
            'trajectory': 'cmd_vel_trajectory', 'ros': 'cmd_vel'}
 LOCK = {'locks': ['pause'], 'lock_topics': ['pause'], 'lock_priorities': [50],
         'lock_timeouts_s': [0.0]}
+NO_HOLD = {'source_holds_s': [0.0] * len(SOURCES)}
 
 
 class Steered:
@@ -103,8 +104,8 @@ def test_a_command_goes_out_at_once_and_one_standstill_when_the_last_source_is_s
     assert robot.told() == ['ros', 'nobody']
 
 
-def test_the_higher_priority_steers_until_it_is_silent_and_then_the_lower_at_once() -> None:
-    robot = Steered()
+def test_without_a_hold_the_lower_steers_as_soon_as_the_higher_is_silent() -> None:
+    robot = Steered(**NO_HOLD)
     robot.steer('trajectory', 0.3, *[n / 10 for n in range(1, 20)])
     robot.steer('teleop', -0.1, 0.55, 0.75)
     moved = robot.run(1.5)
@@ -112,6 +113,77 @@ def test_the_higher_priority_steers_until_it_is_silent_and_then_the_lower_at_onc
     assert [(t, v) for t, v in moved if 0.55 <= t <= 1.3] == [
         (0.55, -0.1), (0.75, -0.1), (1.2, 0.3), (1.3, 0.3)]
     assert robot.told() == ['trajectory', 'teleop', 'trajectory']
+
+
+@pytest.mark.parametrize('timeout_s', [0.12, 0.5])
+def test_a_slow_operator_is_not_reversed_by_a_fast_source(timeout_s: float) -> None:
+    robot = Steered(source_timeouts_s=[timeout_s, 0.5, 0.5, 0.5])
+    robot.steer('teleop', 0.8, *[n / 5 for n in range(1, 6)])
+    robot.steer('ros', -0.8, *[n / 20 + 0.003 for n in range(24)])
+    moved = robot.run(1.19)
+    came = moved.index((0.2, 0.8))
+    assert {speed for _, speed in moved[:came]} == {-0.8}
+    # Where it sends more slowly than its time-out the robot stands in between.
+    assert {speed for _, speed in moved[came:]} == ({0.8, 0.0} if timeout_s < 0.2 else {0.8})
+    assert robot.told()[-1] == ('nobody: held for teleop' if timeout_s < 0.2 else 'teleop')
+
+
+def test_a_hold_counts_from_the_last_command_and_then_the_next_steers_at_once() -> None:
+    robot = Steered(source_holds_s=[0.8, 0.0, 0.0, 0.0])
+    robot.steer('teleop', 0.3, 0.1, 0.2)
+    robot.steer('agent', -0.1, *[n / 20 + 0.01 for n in range(24)])
+    moved = robot.run(1.2)
+    assert [(t, v) for t, v in moved if t >= 0.1 and v >= 0.0] == [
+        (0.1, 0.3), (0.2, 0.3), (0.7, 0.0)]
+    after = [t for t, v in moved if t >= 0.1 and v < 0.0]
+    assert after[0] == 0.96 and robot.out.topic.head == len(moved)  # taken at 1.0 s
+    assert robot.told() == ['agent', 'teleop', 'nobody: held for teleop', 'agent']
+
+
+def test_a_hold_keeps_nobody_of_higher_priority_off() -> None:
+    robot = Steered()
+    robot.steer('ros', 0.3, 0.1)
+    robot.steer('teleop', -0.1, 0.15)
+    assert robot.run(0.2) == [(0.1, 0.3), (0.15, -0.1)]
+
+
+def test_commands_that_were_too_old_when_they_came_hold_nothing() -> None:
+    robot = Steered()
+    robot.steer('teleop', 0.3, *[n / 10 for n in range(1, 9)], age_s=0.6)
+    robot.steer('ros', 0.1, 0.55)
+    assert robot.run(0.6) == [(0.55, 0.1)]
+
+
+def test_holds_that_do_not_fit_the_sources_are_refused() -> None:
+    with pytest.raises(ConfigError, match='source_holds_s has 1 items, sources has 4'):
+        VelocityMux('mux', settings_of(VelocityMux, source_holds_s=[1.0]))
+
+
+def test_a_dead_man_switch_that_waited_somewhere_is_not_held() -> None:
+    robot = Steered(dead_man_topic='enable')
+
+    def waited() -> None:
+        robot.switches['enable'].msg.data = True
+        robot.switches['enable'].publish(robot.bench.kernel.now_ns() - 400_000_000)
+    robot.bench.at(1.0, waited)
+    robot.steer('teleop', 0.3, 1.1)
+    assert robot.run(1.2) == []
+
+
+@pytest.mark.parametrize('age_s', [0.6, 2.1])
+def test_a_release_of_before_the_stop_or_too_old_frees_nothing(age_s: float) -> None:
+    robot = Steered()
+
+    def release() -> None:
+        robot.switches['estop_release'].msg.data = True
+        robot.switches['estop_release'].publish(
+            robot.bench.kernel.now_ns() - round(age_s * 1e9))
+    robot.switch('estop', True, 3.0 if age_s < 2.0 else 0.1)
+    robot.switch('estop', False, 3.1)
+    robot.bench.at(3.5, release)
+    robot.steer('teleop', 0.3, 3.6)
+    assert robot.run(3.7) == [(3.0 if age_s < 2.0 else 0.1, 0.0)]
+    assert robot.mux.statistics()['releases_refused'] == 1
 
 
 def test_the_time_out_needs_no_rate_and_counts_from_the_stamp() -> None:
@@ -165,7 +237,7 @@ def test_how_far_they_may_go_on_can_be_set_and_0_slows_nothing() -> None:
 
 
 def test_a_lock_holds_off_what_is_below_it_and_stops_at_once() -> None:
-    robot = Steered(**LOCK)
+    robot = Steered(**LOCK, **NO_HOLD)
     robot.steer('trajectory', 0.3, 0.1, 0.2, 0.3, 0.5)
     robot.switch('pause', True, 0.25)
     robot.steer('teleop', 0.1, 0.35)
@@ -202,7 +274,7 @@ def test_tele_operation_needs_its_dead_man_switch() -> None:
     robot.steer('ros', 0.1, 1.21)
     moved = robot.run(1.3)
     assert moved == [(0.2, 0.3), (0.3, 0.3), (0.4, 0.3), (0.5, 0.3), (0.55, 0.0),
-                     (0.9, 0.3), (1.0, 0.3), (1.1, 0.3), (1.2, 0.3), (1.21, 0.1)]
+                     (0.9, 0.3), (1.0, 0.3), (1.1, 0.3), (1.2, 0.3), (1.25, 0.0)]
     assert 'nobody: the dead-man switch is not held' in robot.told()
 
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Collection
 from collections.abc import Iterable
+from collections.abc import Mapping
 from collections.abc import Sequence
 import struct
 import time
@@ -30,6 +31,8 @@ from rclpy.qos import QoSHistoryPolicy
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
 
+from rt_robot_os.clients.ros.arrivals import Arrivals
+from rt_robot_os.clients.ros.arrivals import OwnGaps
 from rt_robot_os.clients.ros.conversions import inward
 from rt_robot_os.clients.ros.conversions import is_lacking
 from rt_robot_os.clients.ros.conversions import outward
@@ -139,8 +142,10 @@ class InwardMirror:
     One topic from ROS 2 to the core.
 
     What is latched in ROS (``transient_local``, such as a map) comes once: the last sample is kept
-    for the next core.
+    for the next core. A sample ages from the moment at which it was published in ROS, see
+    :mod:`rt_robot_os.clients.ros.arrivals`.
 
+    :param gaps: of this process.
     :ivar received: samples that ROS 2 delivered.
     :ivar dropped: samples that came while there was no core and are not kept, or that it did not
         take, or that were no message of their type.
@@ -149,7 +154,7 @@ class InwardMirror:
         the sender's clock is ahead.
     """
 
-    def __init__(self, node: Node, settings: MirrorSettings, tell: Tell) -> None:
+    def __init__(self, node: Node, settings: MirrorSettings, tell: Tell, gaps: OwnGaps) -> None:
         self.settings = settings
         self.received = self.dropped = 0
         self.refused = Refusals(f'{settings.ros_topic} -> {settings.topic}', tell)
@@ -160,12 +165,13 @@ class InwardMirror:
         self._conversion = inward(settings)
         self._convert: Inward = bytes
         self._latched = settings.durability == 'transient_local' and not settings.stamped
-        self._kept: bytes | None = None
+        self._kept: tuple[bytes, int] | None = None
+        self._arrivals = Arrivals(gaps, settings.durability == 'transient_local')
         carry = self._carry if self._conversion is None else self._carry_converted
         self._take = self._carry_stamped if settings.stamped else carry
+        receive: Any = self._receive  # takes what rclpy knows of a sample, too; its types do not
         self.subscription = node.create_subscription(
-            ros_class(settings), settings.ros_topic,
-            self._carry_latched if self._latched else self._take, qos_of(settings), raw=True)
+            ros_class(settings), settings.ros_topic, receive, qos_of(settings), raw=True)
 
     def connect(self, client: LinkClient | None) -> None:
         """
@@ -180,17 +186,19 @@ class InwardMirror:
         self._client = client
         if client is not None and self._kept is not None:
             self.received -= 1  # it was counted when it came
-            self._take(self._kept)
+            self._take(*self._kept)
 
-    def _carry_latched(self, cdr: bytes) -> None:
-        """Carry what comes once: kept for a core that is not there yet, or is started again."""
-        self._kept = cdr
-        if self._client is None:
-            self.received += 1
-            return
-        self._take(cdr)
+    def _receive(self, cdr: bytes, info: Mapping[str, Any]) -> None:
+        """Carry a sample; what comes once is kept for a core that is not there yet, or again."""
+        entered_ns = max(1, time.monotonic_ns() - self._arrivals.age_ns(info))
+        if self._latched:
+            self._kept = cdr, entered_ns
+            if self._client is None:
+                self.received += 1
+                return
+        self._take(cdr, entered_ns)
 
-    def _carry_stamped(self, cdr: bytes) -> None:
+    def _carry_stamped(self, cdr: bytes, entered_ns: int) -> None:
         """Take the header off; the sample is as old as its stamp in ROS time, simulated or not."""
         try:
             stamp_ns, body = take_off(cdr, STAMPED_BYTES[self.settings.message])
@@ -201,9 +209,9 @@ class InwardMirror:
         age_ns = self._now_ns() - stamp_ns if stamp_ns else 0  # 0: the sender has not filled it in
         self.stamp_age_ms = round(age_ns / NS_PER_MS, 1)
         # A stamp in the future counts as its arrival.
-        self._carry(body, max(1, time.monotonic_ns() - max(0, age_ns)))
+        self._carry(body, max(1, min(entered_ns, time.monotonic_ns() - max(0, age_ns))))
 
-    def _carry_converted(self, cdr: bytes) -> None:
+    def _carry_converted(self, cdr: bytes, entered_ns: int) -> None:
         if self._client is not None:
             try:
                 cdr = self._convert(cdr)
@@ -211,9 +219,9 @@ class InwardMirror:
                 self.received += 1
                 self.refused.add(str(error))
                 return
-        self._carry(cdr)
+        self._carry(cdr, entered_ns)
 
-    def _carry(self, cdr: bytes, stamp_ns: int = 0) -> None:
+    def _carry(self, cdr: bytes, stamp_ns: int) -> None:
         self.received += 1
         client = self._client
         if client is None:
@@ -228,11 +236,13 @@ class InwardMirror:
 
     def counters(self) -> dict[str, Any]:
         """Return its counters for /diagnostics."""
-        counted: dict[str, Any] = {'received': self.received, 'dropped': self.dropped}
+        counted: dict[str, Any] = {
+            'received': self.received, 'dropped': self.dropped, **self._arrivals.counters()}
         if self.settings.stamped:
             counted['stamp_age_ms'] = self.stamp_age_ms
         if self._conversion is not None or self.refused.count:
-            counted |= self.refused.counters()
+            refused = self.refused.counters()
+            counted |= {**refused, 'warning': refused.get('warning') or counted.get('warning', '')}
         return counted
 
 
@@ -258,14 +268,17 @@ class Mirrors:
     All mirrored topics of a node; the entities exist as long as the node is configured.
 
     :param tell: takes a line of what goes wrong.
+    :param gaps: of this process, which somebody else notes, too.
     :param heard: topics of the core of which somebody else at this connection needs every sample.
     :ivar active: whether samples are carried outward.
     :ivar lacking: those whose type ROS does not have here; they carry nothing.
     """
 
     def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper,
-                 tell: Tell = print, heard: Collection[str] = ()) -> None:
+                 tell: Tell = print, heard: Collection[str] = (), gaps: OwnGaps | None = None
+                 ) -> None:
         self.active = False
+        gaps = OwnGaps() if gaps is None else gaps
         self._heard = heard
         self._node = node
         self._client: LinkClient | None = None
@@ -274,7 +287,7 @@ class Mirrors:
         shared: dict[str, Any] = {}
         self.outward = [
             OutwardMirror(node, m, mapper, shared, tell) for m in there if m.direction == 'out']
-        self.inward = [InwardMirror(node, m, tell) for m in there if m.direction == 'in']
+        self.inward = [InwardMirror(node, m, tell, gaps) for m in there if m.direction == 'in']
 
     def connect(self, client: LinkClient) -> None:
         """

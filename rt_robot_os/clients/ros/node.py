@@ -33,6 +33,7 @@ from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from rt_robot_os.clients.ros.arrivals import OwnGaps
 from rt_robot_os.clients.ros.console import Console
 from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.clients.ros.diagnostics import Diagnostics
@@ -65,6 +66,7 @@ from rt_robot_os.units import NS_PER_S
 from std_srvs.srv import Trigger
 
 _START_TIMEOUT_S = 10.0
+_NOTED_EVERY_S = 0.1
 
 
 class RobotNode(LifecycleNode):
@@ -110,6 +112,9 @@ class RobotNode(LifecycleNode):
         self._status_timer = self.create_timer(
             1.0 / settings.diagnostics_rate_hz, self._diagnose,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._gaps = OwnGaps()
+        self.create_timer(_NOTED_EVERY_S, self._gaps.note,
+                          clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._ros_parameters = NodeParameters(
             self, self._robot_parameters.known.values(), self._change)
 
@@ -125,7 +130,7 @@ class RobotNode(LifecycleNode):
         process = CoreProcess(self._for_core(self.settings), self.path) if (
             self.settings.core.spawn) else None
         self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn,
-                                self._text_services.answer_topics)
+                                self._text_services.answer_topics, self._gaps)
         frames = published_frames(self.settings)
         self._static = StaticTransforms(self, frames)
         self._tell_what_is_lacking()

@@ -256,7 +256,8 @@ class SerialDevice(Device, Generic[FrameT]):
                 raise DeviceError(f'{self.name}: {error}') from error
             if self.tap is not None:
                 self.tap.read(now_ns, data)
-            self._came_ns = now_ns
+            # After a gap nobody knows when it came: it may be as old as the gap.
+            self._came_ns = self.unread_since_ns or now_ns
             if len(data) > JOB_BYTES:
                 data, self._left = data[:JOB_BYTES], data[JOB_BYTES:]
                 self._deferred_bytes += len(self._left)

@@ -48,6 +48,7 @@ from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.live_map import LiveMap
 from rt_robot_os.modules.live_map import MAP_MESSAGE
+from rt_robot_os.modules.order_age import why_too_old
 from rt_robot_os.modules.sensor_packets import survey_from
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.schema import made
@@ -56,6 +57,8 @@ from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.units import period_from_rate
 
+# Commands that stop what it does are never too old.
+_STOPS: Final = ('abort', 'stay')
 _TEXT: Final = 'std_msgs/msg/String'
 _BOOL: Final = 'std_msgs/msg/Bool'
 _FLOAT: Final = 'std_msgs/msg/Float64'
@@ -230,7 +233,7 @@ class AgentModule(Module):
                 self._orders.tell(agent.text, self._stamp_ns)
             else:
                 self._begin_at(source.stamp_ns)
-                agent.command(str(source.msg.data), self._stamp_ns)
+                self._take_command(agent, str(source.msg.data), source.stamp_ns)
                 self._orders.tell(agent.text, self._stamp_ns)
 
     def _next_point(self, after_ns: int) -> int:
@@ -250,6 +253,17 @@ class AgentModule(Module):
         agent.tick(self._stamp_ns)
         self._orders.refresh(self._stamp_ns)
         self._orders.tell(agent.text, self._stamp_ns)
+
+    def _take_command(self, agent: Agent, text: str, stamp_ns: int) -> None:
+        """Do what an operator says; what sets the robot in motion must not be old."""
+        why = ''
+        if not text.startswith(_STOPS):
+            why = why_too_old(stamp_ns, self.events.topic.kernel.now_ns(), self.settings)
+        if why:
+            agent.refused += 1
+            self.log.warn('command %r refused: %s', text[:_TEXT_BYTES], why, throttle_s=1.0)
+        else:
+            agent.command(text, self._stamp_ns)
 
     def _take_map(self) -> None:
         """Take the newest map, if there is a new one: 2 ms for 1000 x 1000 cells, in pieces."""

@@ -32,6 +32,7 @@ from rt_robot_os.modules.collision_guard.sensors import place_of
 from rt_robot_os.modules.live_map import check_map
 from rt_robot_os.modules.live_map import LiveMap
 from rt_robot_os.modules.live_map import MAP_MESSAGE
+from rt_robot_os.modules.order_age import why_too_old
 from rt_robot_os.modules.planner.corrections import Corrections
 from rt_robot_os.modules.planner.ground import Ground
 from rt_robot_os.modules.planner.ground import POSES_MAXIMUM
@@ -154,9 +155,9 @@ class Planner(Module):
         """Take what came, and plan on."""
         now_ns = self.plan.topic.kernel.now_ns()
         self._take_pose(now_ns)
-        if self.goal.latest():
+        if is_new := self.goal.latest():
             self._take_goal(now_ns)
-        self._take_cancels(now_ns)
+        self._take_cancels(is_new, now_ns)
         self._take_corrections(now_ns)
         if self._corrections.pending:
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
@@ -213,14 +214,21 @@ class Planner(Module):
         self._is_held = self._is_possible = False
         self._is_of_before = self._is_given
         self._is_wanted = goal is not None
-        if goal is None:
-            self._refuse('the goal is no pose', now_ns)
+        why = ('the goal is no pose' if goal is None else
+               why_too_old(self.goal.stamp_ns, now_ns, self.settings))
+        if why:
+            self._refuse(why, now_ns)
 
-    def _take_cancels(self, now_ns: int) -> None:
-        """Give the goal up; who follows the plan hears it, too, unless the plan came later."""
+    def _take_cancels(self, is_new: bool, now_ns: int) -> None:
+        """
+        Give the goal up; who follows the plan hears it, too, unless the plan came later.
+
+        :param is_new: the goal has just come: a cancellation that is older is not meant for it.
+        """
         while self.connected('cancel') and self.cancel.take():
             stamp_ns = self.cancel.stamp_ns
-            if self.cancel.msg.data and self._goal is not None and stamp_ns >= self.goal.stamp_ns:
+            is_for_it = not is_new or stamp_ns >= self.goal.stamp_ns
+            if self.cancel.msg.data and self._goal is not None and is_for_it:
                 if self._is_given and self._route_ns >= stamp_ns:
                     self._give(None, now_ns)
                 self._is_given = False

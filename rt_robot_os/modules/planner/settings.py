@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.modules.order_age import ORDER_AGE
 from rt_robot_os.schema import Field
 
 SETTINGS: Final = (
@@ -62,4 +63,5 @@ SETTINGS: Final = (
           3600.0, live=True),
     Field('cancel_topic', str, '', 'True takes the goal back, also one that waits for a way, a '
           'std_msgs/msg/Bool: the cancel_topic of the trajectory; empty: there is none'),
+    ORDER_AGE,
 )

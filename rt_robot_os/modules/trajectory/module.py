@@ -31,6 +31,8 @@ from typing import Final
 from rt_robot_os.devices.motor_faults import held_by
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.order_age import ORDER_AGE
+from rt_robot_os.modules.order_age import why_too_old
 from rt_robot_os.modules.trajectory.whereabouts import planar
 from rt_robot_os.modules.trajectory.whereabouts import Whereabouts
 from rt_robot_os.motion.controllers import CONTROLLERS
@@ -112,7 +114,7 @@ class Trajectory(Module):
               'it is no step of the wheels', 'm/s', 0.001, 100.0, live=True),
         Field('correction_rad_s', float, 0.3, 'The same of the heading', 'rad/s', 0.001, 100.0,
               live=True),
-        *gain_fields(),
+        ORDER_AGE, *gain_fields(),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
@@ -217,7 +219,7 @@ class Trajectory(Module):
         pose = (0.0, 0.0, 0.0)
         if where.prediction.known:
             pose = where.prediction.at(now_ns, s['motor_lag_s'], period_s)
-        pose = self._take_wishes(pose, where.prediction.velocity, problem)
+        pose = self._take_wishes(pose, where.prediction.velocity, problem, now_ns)
         if problem and follower.driving:
             follower.stop(problem)
         command = follower.step(pose, period_s, where.prediction.velocity)
@@ -239,7 +241,7 @@ class Trajectory(Module):
             self._held_by = held_by(bits)
         return self._held_by
 
-    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str) -> Pose:
+    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str, now_ns: int) -> Pose:
         """Take the newest goal, path or cancellation; return the pose to go on with."""
         newest: tuple[int, str, Subscription] | None = None
         for wish, source in self._wishes:
@@ -265,6 +267,9 @@ class Trajectory(Module):
             poses = self._goal_poses() if newest[1] == 'goal' else _triplets(newest[2].msg)
             if newest[1] == 'plan' and not poses:
                 raise PathError('the planner took the plan back')
+            # A plan is the planner's, which has looked at the age of the goal.
+            if newest[1] != 'plan' and (why := why_too_old(newest[0], now_ns, self.settings)):
+                raise PathError(why)
             if self._is_stopped:
                 problem = 'e-stop, not released yet'
             if problem:

@@ -16,9 +16,9 @@
 Who steers: of several sources of velocity commands the one of highest priority.
 
 Names and rules are those of twist_mux: sources with priorities and time-outs, locks that hold off
-what is below them. What it has besides: a dead-man switch, and an e-stop that stays until it is
-released. A command goes out as soon as it is taken; when nobody steers any more one standstill
-does.
+what is below them. What it has besides: a source that has steered holds the robot for a while
+after its last command, a dead-man switch, and an e-stop that stays until it is released. A command
+goes out as soon as it is taken; when nobody steers any more one standstill does.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from rt_robot_os.modules.velocity_mux.settings import locks_of
 from rt_robot_os.modules.velocity_mux.settings import SETTINGS
 from rt_robot_os.modules.velocity_mux.settings import sources_of
 from rt_robot_os.modules.velocity_mux.sources import chosen
+from rt_robot_os.modules.velocity_mux.sources import holder
 from rt_robot_os.modules.velocity_mux.sources import Latch
 from rt_robot_os.modules.velocity_mux.sources import LATE
 from rt_robot_os.modules.velocity_mux.sources import REFUSED
@@ -52,6 +53,8 @@ _BOOL: Final = 'std_msgs/msg/Bool'
 _NOBODY: Final = 'nobody'
 _NEWS: Final = int(NEWS)
 _SELDOM_S: Final = 600.0
+# A release that is older when it comes was meant for another moment.
+_RELEASE_AGE_NS: Final = 2 * NS_PER_S
 
 
 class VelocityMux(Module):
@@ -84,7 +87,7 @@ class VelocityMux(Module):
             self._latch.end('start')
         self._steers: Source | None = None
         self._told = ''
-        self._switches = self._lost = self._slowed = 0
+        self._switches = self._lost = self._slowed = self._stopped_ns = 0
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -130,6 +133,8 @@ class VelocityMux(Module):
         steers = chosen(self._sources, self._locks, held, now_ns)
         if steers is not self._steers:
             self._switches += 1
+        if steers is not None:
+            steers.hold()
         if steers is not None and (steers.is_new or steers is not self._steers):
             self._publish(steers.linear, steers.angular, steers.stamp_ns)
         elif steers is None and (stopped or self._steers is not None):
@@ -137,7 +142,7 @@ class VelocityMux(Module):
         self._steers = steers
         for source in self._sources:
             source.is_new = False
-        self._watch(steers)
+        self._watch(steers, now_ns)
         self._tell(steers, now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
@@ -169,10 +174,11 @@ class VelocityMux(Module):
     def _take_switches(self, now_ns: int) -> None:
         for lock, told in self._lock_inputs:
             while told.take():
-                lock.hear(bool(told.msg.data), now_ns)
+                lock.hear(bool(told.msg.data), min(told.stamp_ns, now_ns))
         if self._has_dead_man:
             while self.dead_man.take():
-                self._dead_man.hear(bool(self.dead_man.msg.data), now_ns)
+                self._dead_man.hear(bool(self.dead_man.msg.data),
+                                    min(self.dead_man.stamp_ns, now_ns))
 
     def _look_at_estop(self, now_ns: int) -> bool:
         """Return whether it has just been set."""
@@ -180,30 +186,39 @@ class VelocityMux(Module):
         if self.connected('estop'):
             while self.estop.take():
                 if self.estop.msg.data:
+                    self._stopped_ns = now_ns
                     stopped |= latch.set('estop', f'asked for on {self.topic_of("estop")}')
                 else:
                     latch.end('estop')
             if self.estop.lost != self._lost:
                 # Nobody knows what they said: the worst is believed.
                 self._lost = self.estop.lost
+                self._stopped_ns = now_ns
                 stopped |= latch.set('lost', 'samples of the e-stop were lost')
                 latch.end('lost')
         if self.connected('motor_faults'):
             while self.motor_faults.take():
                 bits = int(self.motor_faults.msg.data) & ~_NEWS
                 if bits:
+                    self._stopped_ns = now_ns
                     stopped |= latch.set('motors', f'motor faults {bits:#x}')
                 else:
                     latch.end('motors')
         if self.connected('estop_release'):
             while self.estop_release.take():
                 if self.estop_release.msg.data and latch.why:
-                    self._release()
+                    self._release(now_ns)
         if stopped:
             self.log.warn('e-stop: %s', latch.why)
         return stopped
 
-    def _release(self) -> None:
+    def _release(self, now_ns: int) -> None:
+        stamp_ns = self.estop_release.stamp_ns
+        if stamp_ns < self._stopped_ns or now_ns - stamp_ns > _RELEASE_AGE_NS:
+            self._latch.refused += 1
+            self.log.warn('e-stop not released: the release is %.1f s old, or of before the stop; '
+                          'give it again', (now_ns - stamp_ns) / NS_PER_S, throttle_s=1.0)
+            return
         lasting = self._latch.release()
         if lasting:
             self.log.warn('e-stop not released: %s still; end that first', lasting, throttle_s=1.0)
@@ -232,7 +247,7 @@ class VelocityMux(Module):
         self.command.publish(stamp_ns)
 
     def _slow(self, linear: Triple, angular: Triple) -> tuple[Triple, Triple]:
-        """Return a velocity at which the robot can be left alone, both slowed alike: on its arc."""
+        """Return a velocity at which the robot can be left alone, slowed alike: on its arc."""
         fastest_m_s, limit_m_s = math.hypot(*linear), run_on_speed_m_s(self)
         if fastest_m_s <= limit_m_s:
             return linear, angular
@@ -244,9 +259,12 @@ class VelocityMux(Module):
         return ((linear[0] * share, linear[1] * share, linear[2] * share),
                 (angular[0] * share, angular[1] * share, angular[2] * share))
 
-    def _watch(self, steers: Source | None) -> None:
-        """Have a look when something that lets somebody steer is over."""
+    def _watch(self, steers: Source | None, now_ns: int) -> None:
+        """Have a look when something that lets somebody steer, or keeps others off, is over."""
         if steers is None:
+            held_by = holder(self._sources, now_ns)
+            if held_by is not None:
+                self._wake_up.no_later_than(held_by.held_until_ns)
             return
         next_ns: float = steers.deadline_ns
         if steers.needs_dead_man and self._has_dead_man:
@@ -272,6 +290,10 @@ class VelocityMux(Module):
         fresh = [source for source in self._sources if source.is_fresh(now_ns)]
         if not fresh:
             return _NOBODY
+        held_by = holder(self._sources, now_ns)
+        if held_by is not None and held_by not in fresh and (
+                held_by.priority >= fresh[0].priority):
+            return f'{_NOBODY}: held for {held_by.name}'
         locks = [lock for lock in self._locks
                  if lock.is_locked(now_ns) and lock.priority > fresh[0].priority]
         if not locks:

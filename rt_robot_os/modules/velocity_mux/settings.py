@@ -28,6 +28,7 @@ from rt_robot_os.schema import Field
 from rt_robot_os.units import NS_PER_S
 
 _PRIORITY_MAXIMUM: Final = 255  # as in twist_mux
+HOLD_S: Final = 1.0
 
 SETTINGS: Final = (
     Field('sources', list, ['teleop', 'agent', 'trajectory', 'ros'],
@@ -40,6 +41,9 @@ SETTINGS: Final = (
           '', 0, _PRIORITY_MAXIMUM, item=int),
     Field('source_timeouts_s', list, [0.5, 0.5, 0.5, 0.5],
           'Age at which the last command of each no longer counts', 's', 0.01, 60.0, item=float),
+    Field('source_holds_s', list, [], 'Age of its last command up to which each, once it has '
+          'steered, keeps the robot from those below it; at least its time-out; empty: '
+          f'{HOLD_S:g} s for each', 's', 0.0, 60.0, item=float),
     Field('locks', list, [], 'What holds sources off, such as pause; as many places in the '
           'three lists that follow'),
     Field('lock_topics', list, [], 'The topic of each, a std_msgs/msg/Bool: true locks'),
@@ -80,6 +84,10 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[Source]:
     """
     problems = _uneven(name, settings, 'source', 'sources')
     names = settings['sources']
+    holds_s = settings['source_holds_s'] or [HOLD_S] * len(names)
+    if len(holds_s) != len(names):
+        problems.append(f'{name}.source_holds_s has {len(holds_s)} items, sources has '
+                        f'{len(names)}: give one for each, or none')
     if not names:
         problems.append(f'{name}.sources is empty: nobody could steer')
     problems += [f'{name}.dead_man_sources: {each!r} is none of the sources, {", ".join(names)}'
@@ -96,9 +104,9 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[Source]:
     if problems:
         raise ConfigError(problems)
     made = [Source(each, priority, round(timeout_s * NS_PER_S),
-                   each in settings['dead_man_sources'])
-            for each, priority, timeout_s in zip(
-                names, settings['source_priorities'], settings['source_timeouts_s'])]
+                   each in settings['dead_man_sources'], round(hold_s * NS_PER_S))
+            for each, priority, timeout_s, hold_s in zip(
+                names, settings['source_priorities'], settings['source_timeouts_s'], holds_s)]
     return sorted(made, key=lambda source: -source.priority)
 
 

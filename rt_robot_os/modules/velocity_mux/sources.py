@@ -39,6 +39,8 @@ class Source:
     :ivar name: for people.
     :ivar priority: higher steers; of equal ones the first.
     :ivar timeout_ns: age at which a command no longer counts.
+    :ivar hold_ns: age of its last command up to which it holds a robot that it had.
+    :ivar held_until_ns: until when it holds the robot; 0 when it does not.
     :ivar needs_dead_man: whether it steers only while the dead-man switch is held.
     :ivar deadline_ns: when the last command is too old; 0 when there is none.
     :ivar commands: that were taken.
@@ -47,14 +49,18 @@ class Source:
     :ivar last: what became of the last one.
     """
 
-    __slots__ = ('name', 'priority', 'timeout_ns', 'needs_dead_man', 'deadline_ns', 'stamp_ns',
-                 'linear', 'angular', 'commands', 'refused', 'late', 'last', 'is_new')
+    __slots__ = ('name', 'priority', 'timeout_ns', 'hold_ns', 'held_until_ns', 'needs_dead_man',
+                 'deadline_ns', 'stamp_ns', 'linear', 'angular', 'commands', 'refused', 'late',
+                 'last', 'is_new')
 
-    def __init__(self, name: str, priority: int, timeout_ns: int, needs_dead_man: bool) -> None:
+    def __init__(self, name: str, priority: int, timeout_ns: int, needs_dead_man: bool,
+                 hold_ns: int = 0) -> None:
         self.name = name
         self.priority = priority
         self.timeout_ns = timeout_ns
         self.needs_dead_man = needs_dead_man
+        self.hold_ns = max(hold_ns, timeout_ns)
+        self.held_until_ns = 0
         self.deadline_ns = self.stamp_ns = 0
         self.linear = self.angular = STANDSTILL
         self.commands = self.refused = self.late = 0
@@ -90,9 +96,13 @@ class Source:
         """Return whether its last command counts."""
         return now_ns < self.deadline_ns
 
+    def hold(self) -> None:
+        """Note that its last command steers: it holds the robot for a while after it."""
+        self.held_until_ns = self.stamp_ns + self.hold_ns
+
     def forget(self) -> None:
-        """Have no command any more."""
-        self.deadline_ns = 0
+        """Have no command any more, and hold nothing."""
+        self.deadline_ns = self.held_until_ns = 0
         self.is_new = False
 
 
@@ -117,9 +127,9 @@ class Switch:
         self.heard_ns = -1
         self.timeout_ns = timeout_ns
 
-    def hear(self, value: bool, now_ns: int) -> None:
-        """Take a value."""
-        self.value, self.heard_ns = value, now_ns
+    def hear(self, value: bool, stamp_ns: int) -> None:
+        """Take a value; its age counts from its stamp, which is not in the future."""
+        self.value, self.heard_ns = value, stamp_ns
 
     def is_silent(self, now_ns: int) -> bool:
         """Return whether it has a time-out and was not heard within it."""
@@ -207,6 +217,9 @@ def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns:
     """
     Return who steers: of the sources that are fresh and not locked the one of highest priority.
 
+    It is nobody while a source of higher priority holds the robot: two sources, one of which sends
+    more slowly than its time-out, must not drive it to and fro.
+
     :param sources: by priority, the highest first.
     :param held: whether the dead-man switch is held.
     """
@@ -216,7 +229,14 @@ def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns:
             return None
         if source.is_fresh(now_ns) and (held or not source.needs_dead_man):
             return source
+        if now_ns < source.held_until_ns:
+            return None
     return None
+
+
+def holder(sources: Sequence[Source], now_ns: int) -> Source | None:
+    """Return the source of highest priority that holds the robot, fresh or not."""
+    return next((each for each in sources if now_ns < each.held_until_ns), None)
 
 
 def lock_level(locks: Sequence[Lock], now_ns: int) -> int:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -172,6 +173,7 @@ class Core(Client):
     def __init__(self) -> None:
         super().__init__()
         self.published: list[bytes] = []
+        self.stamps: list[int] = []
         self.fails: type[LinkError] | None = None
 
     def advertise(self, topic: str) -> int:
@@ -181,6 +183,7 @@ class Core(Client):
         if self.fails is not None:
             raise self.fails('a sample of 9 bytes')
         self.published.append(cdr)
+        self.stamps.append(stamp_ns)
 
 
 def coming(mirrors: Mirrors) -> Any:
@@ -212,7 +215,7 @@ def test_what_is_latched_waits_for_a_core_and_is_there_for_the_next(
     mirrors = inward(both, [], durability='transient_local')
     mirrors.active = True
     for each in (b'old', b'new'):
-        coming(mirrors)(each)
+        coming(mirrors)(each, {})
     for _ in range(2):
         core = Core()
         mirrors.connect(core)  # type: ignore[arg-type]
@@ -224,7 +227,7 @@ def test_what_is_latched_waits_for_a_core_and_is_there_for_the_next(
 def test_what_is_not_latched_is_not_kept(both: tuple[MirrorSettings, ...]) -> None:
     mirrors, core = inward(both, []), Core()
     mirrors.active = True
-    coming(mirrors)(b'old')
+    coming(mirrors)(b'old', {})
     mirrors.connect(core)  # type: ignore[arg-type]
     assert core.published == [] and counted(mirrors)['dropped'] == 1
 
@@ -235,6 +238,36 @@ def test_what_is_too_long_for_the_topic_is_told(both: tuple[MirrorSettings, ...]
     mirrors.active = True
     core.fails = SampleTooLong
     mirrors.connect(core)  # type: ignore[arg-type]
-    coming(mirrors)(b'long')
+    coming(mirrors)(b'long', {})
     assert told == ['a -> a: refused: a sample of 9 bytes']
     assert counted(mirrors)['refused'] == 1 and 'a sample of 9' in counted(mirrors)['warning']
+
+
+def test_a_sample_has_the_time_at_which_it_was_published_in_ros(
+        both: tuple[MirrorSettings, ...]) -> None:
+    mirrors, core = inward(both, []), Core()
+    mirrors.active = True
+    mirrors.connect(core)  # type: ignore[arg-type]
+    for age_ns in (0, 20 * 1000 * MS):
+        source_ns = time.time_ns() - age_ns
+        before_ns = time.monotonic_ns()
+        coming(mirrors)(b'command', {'source_timestamp': source_ns,
+                                     'received_timestamp': time.time_ns()})
+    assert len(core.stamps) == 2
+    assert core.stamps[1] < before_ns - 10_000 * MS, 'it waited, and is as old as that'
+    assert counted(mirrors)['delayed'] == 1 and counted(mirrors)['delay_ms'] > 10_000
+
+
+def test_what_is_kept_for_the_next_core_grows_no_younger(
+        both: tuple[MirrorSettings, ...]) -> None:
+    mirrors = inward(both, [], durability='transient_local')
+    mirrors.active = True
+    coming(mirrors)(b'kept', {'source_timestamp': time.time_ns() - 60_000 * MS,
+                              'received_timestamp': time.time_ns()})
+    stamps = []
+    for _ in range(2):
+        core = Core()
+        mirrors.connect(core)  # type: ignore[arg-type]
+        stamps += core.stamps
+        mirrors.disconnect()
+    assert stamps[0] == stamps[1] <= time.monotonic_ns() - 59_000 * MS or stamps[0] == 1
