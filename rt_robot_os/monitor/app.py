@@ -39,6 +39,7 @@ from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import media
 from rt_robot_os.monitor.api import observations
+from rt_robot_os.monitor.api import residents as residents_api
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
@@ -47,6 +48,7 @@ from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.live import client_connection
 from rt_robot_os.monitor.live import media_connection
+from rt_robot_os.monitor.live import residents
 from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect
@@ -70,6 +72,7 @@ API: Final = (
     media,
     media_connection,
     observations,
+    residents_api,
     robot_connection,
     robots,
     session,
@@ -100,6 +103,7 @@ def _lifespan(services: Services) -> Any:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         services.accounts.on_revoked(services.hub.revoked)
         tasks = [asyncio.create_task(_look(services)),
+                 asyncio.create_task(residents.watch(services)),
                  asyncio.create_task(services.accounts.watch()),
                  asyncio.create_task(_stay_alone(services))]
         if services.media is not None:

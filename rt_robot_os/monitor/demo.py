@@ -94,6 +94,7 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     """
     name, ros, node = companions
     token = token_file(accounts, folder, name)
+    accounts.residents.accept_first_hello(name)
     more = ('-p', f'ca_file:={ca_file}') if ca_file else ()
     ended: list[str] = []
     children = {}

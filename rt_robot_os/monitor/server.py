@@ -31,6 +31,7 @@ from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.connections import Loop
 from rt_robot_os.monitor.demo import Companions
 from rt_robot_os.monitor.demo import running
+from rt_robot_os.monitor.live import residents
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.maps import Maps
@@ -70,6 +71,7 @@ def make_services(settings: MonitorSettings) -> Services:
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
     hub.retire(set(hub.robots) - set(accounts.robots.tokens()))
+    residents.apply(hub, accounts.residents.all())
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
     return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
                     maps=Maps(folder / 'maps'), media=media)

@@ -30,6 +30,7 @@ from accounts_app import QUICK
 from asgi_client import request
 from asgi_client import Response
 from broad import examples
+from households import confirm
 from hypothesis import given
 from hypothesis import HealthCheck
 from hypothesis import settings
@@ -62,8 +63,10 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
     found.audit = found.accounts.audit
     found.hub.remember([{'id': 'robot', 'people': ['anna']}, {'id': 'other', 'people': ['bob']}],
                        [])
-    found.store.hello('robot', 'b', name='robot', people=['anna'])
-    found.store.hello('other', 'b', name='other', people=['bob'])
+    confirm(found.store, 'robot', 'anna')
+    found.store.hello('robot', 'b', name='robot')
+    confirm(found.store, 'other', 'bob')
+    found.store.hello('other', 'b', name='other')
     for robot, person in (('robot', 'anna'), ('other', 'bob')):
         found.store.add(robot, 'b', [
             {'seq': 1, 'importance': 0, 'type': 'alarm_event', 'utc_ns': 1_700_000_000 * 10 ** 9,

@@ -24,6 +24,7 @@ from pathlib import Path
 import time
 from typing import Any
 
+from households import confirm
 import httpx
 from monitor_server import logged_in
 from monitor_server import quick_services
@@ -66,7 +67,8 @@ RECORDS = [
 @pytest.fixture
 def services(tmp_path: Path) -> Services:
     made = quick_services(tmp_path)
-    made.store.hello('robot', 'b1', people=['anna', 'ben'])
+    confirm(made.store, 'robot', 'anna', 'ben')
+    made.store.hello('robot', 'b1')
     made.store.add('robot', 'b1', RECORDS)
     return made
 

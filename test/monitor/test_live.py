@@ -173,6 +173,7 @@ def test_records_of_a_clock_that_is_days_ahead_are_confirmed_and_found(
         address: str, script: RobotScript, services: Services) -> None:
     ahead_ns = 2 * 86400 * 10 ** 9
     script.about['utc_ns'] = time.time_ns() + ahead_ns
+    services.accounts.residents.confirm(script.robot, ['ahead'], 'test')
     with FakeRobot(f'ws://{address}', script=script) as robot:
         one = script.observation('ahead', 'pulse_per_min', 60.0)
         robot.keep({**one, 'utc_ns': one['utc_ns'] + ahead_ns})

@@ -152,6 +152,7 @@ def test_who_stops_reading_changes_nothing_for_others_and_is_closed_when_alarms_
 def test_what_many_want_alike_is_encoded_once() -> None:
     async def scene() -> None:
         robot, fan_out = RobotState('robot', 'robot'), FanOut()
+        robot.lives_with(['anna'])
         peers = [Peer() for _ in range(20)]
         outlets = [opened(each) for each in peers]
         for outlet, _ in outlets:

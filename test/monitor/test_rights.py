@@ -86,9 +86,8 @@ def test_an_alarm_of_another_is_nobodys_business_and_a_text_names_nobody_else() 
 
 def test_a_robot_without_anybody_granted_does_not_exist() -> None:
     hub = Hub(2.0, 1.0)
-    hub.remember([{'id': 'r1', 'people': ['bob']}, {'id': 'r2', 'people': ['anna']},
-                  {'id': 'r3', 'people': []}], [])
-    hub.known('r4')  # has never said who lives with it
+    for name, people in (('r1', ['bob']), ('r2', ['anna']), ('r3', []), ('r4', None)):
+        hub.known(name).lives_with(people)  # of the last nobody has confirmed them
     assert [each.id for each in hub.seen(ANNA)] == ['r2']
     assert [each.id for each in hub.seen(Rights(None, False))] == ['r1', 'r2', 'r3', 'r4']
     actor = SimpleNamespace(people=frozenset({'anna'}), may=lambda permission: True)
@@ -117,7 +116,7 @@ def test_who_may_not_see_health_sees_where_somebody_is_and_no_sign_of_theirs() -
 
 def test_somebody_who_has_moved_away_is_still_not_named() -> None:
     robot = robot_of_two()
-    robot.lives_with(['anna'])
+    robot.lives_with(['anna'], ever=['anna', 'bob'])
     robot.take(1, 1, {'agent/state': [1, 'looks for bob']})
     frame = Group(robot, ANNA, ('*',), 5.0).frame(0)
     assert frame is not None and not names_bob(frame)

@@ -89,6 +89,7 @@ def let_robot_in(services: Services, name: str) -> None:
     with services.store.writing() as connection:
         connection.execute(robot_accounts.update().where(robot_accounts.c.name == name).values(
             id=name, token=kept(token_of(name))))
+    services.accounts.residents.accept_first_hello(name)
 
 
 def logged_in(services: Services, name: str = 'olga', role: Role = Role.OWNER,

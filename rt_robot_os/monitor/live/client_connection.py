@@ -25,6 +25,7 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.monitor.live import turns
 from rt_robot_os.monitor.live.fan_out import Watch
 from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.robot_state import encoded
@@ -41,6 +42,8 @@ WATCHES_MOST: Final = 16
 PATTERNS_MOST: Final = 200
 PATTERN_CHARACTERS: Final = 200
 STARS_MOST: Final = 3
+#: Names with a star in one watch: each is compared with all names.
+STARRED_MOST: Final = 32
 RATE_HZ: Final = 5.0
 RATE_MOST_HZ: Final = 30.0
 RATE_LEAST_HZ: Final = 0.1
@@ -96,7 +99,7 @@ class ClientConnection:
                     self.close(1008, 'too much')
                     await writing
                     break
-                self._take(text)
+                await self._take(text)
         except (WebSocketDisconnect, RuntimeError, KeyError):
             pass
         finally:
@@ -114,7 +117,7 @@ class ClientConnection:
         self._tokens -= 1
         return self._tokens >= 0
 
-    def _take(self, text: str) -> None:
+    async def _take(self, text: str) -> None:
         try:
             message = json.loads(text)
         except (ValueError, RecursionError):
@@ -124,11 +127,11 @@ class ClientConnection:
             self.say(encoded({'kind': 'pong', 't': _plain(message.get('t')),
                               'utc_ns': time.time_ns()}))
         elif kind == 'watch':
-            problem = self._watch(message)
+            problem = await self._watch(message)
             if problem:
                 self.say(encoded({'kind': 'error', 'text': problem}))
 
-    def _watch(self, message: dict[str, Any]) -> str:
+    async def _watch(self, message: dict[str, Any]) -> str:
         key, robot = message.get('id', ''), message.get('robot')
         patterns, rate = message.get('signals', []), message.get('rate_hz', RATE_HZ)
         if not isinstance(key, str) or len(key) > 64 or not isinstance(robot, str | None):
@@ -140,13 +143,33 @@ class ClientConnection:
                     f'{PATTERN_CHARACTERS} characters with {STARS_MOST} stars each')
         if not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e9:
             return 'watch: rate_hz is a number above 0'
-        self._end(key)
-        if not patterns:
-            return ''
-        if len(self._wanted) >= WATCHES_MOST:
-            return f'watch: {WATCHES_MOST} are the most; end one by an empty list of signals'
+        starred = sum('*' in each for each in patterns)
+        if starred > STARRED_MOST:
+            return f'watch: {starred} names with a star; at most {STARRED_MOST} in one watch'
         rate = min(max(float(rate), RATE_LEAST_HZ), RATE_MOST_HZ)
-        self._wanted[key] = (robot, tuple(sorted(set(patterns))), rate)
+        wanted = (robot, tuple(sorted(set(patterns))), rate)
+        if self._wanted.get(key) == wanted:
+            return ''  # the same again
+        if patterns:
+            await self._turn(robot, starred)
+        self._end(key)
+        return self._start(key, wanted) if patterns else ''
+
+    async def _turn(self, robot: str | None, starred: int) -> None:
+        """Wait until the user may cause this work; other connections are served meanwhile."""
+        names = sum(len(each.signals) for each in self._hub.robots.values()
+                    if robot in (None, each.id))
+        wait_s = self._hub.turns.wait_s(self.actor.id, names * starred,
+                                        asyncio.get_running_loop().time())
+        if wait_s:
+            self._hub.counts['watches_delayed'] += 1
+            await asyncio.sleep(wait_s)
+
+    def _start(self, key: str, wanted: tuple[str | None, tuple[str, ...], float]) -> str:
+        if len(self._wanted) >= WATCHES_MOST or not self._hub.turns.begin(self.actor.id):
+            return (f'watch: at most {WATCHES_MOST} on a connection and {turns.WATCHES_MOST} of a '
+                    'user; end one by an empty list of signals')
+        self._wanted[key] = wanted
         self._watches[key] = []
         for each in list(self._hub.robots.values()):
             self._begin(key, each)
@@ -165,7 +188,8 @@ class ClientConnection:
             self._hub.want(robot)
 
     def _end(self, key: str) -> None:
-        self._wanted.pop(key, None)
+        if self._wanted.pop(key, None) is not None:
+            self._hub.turns.end(self.actor.id)
         for robot, watch in self._watches.pop(key, ()):
             watch.end()
             self._hub.want(robot)

@@ -23,15 +23,20 @@ gets all that it missed in one, each signal once with its newest value.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-import re
 import time
+from typing import Final
 
 from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.patterns import matcher
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.robot_state import Signal
+
+#: Patterns that a robot is asked for; beyond that it is asked for everything.
+WANTED_MOST: Final = 256
+#: Frames of one version that are kept, for clients that are behind by as many different ones.
+_FRAMES_MOST: Final = 16
 
 
 class Watch:
@@ -108,6 +113,8 @@ class Group:
             self._made.clear()
             self._made_at = self.robot.version
         if since not in self._made:
+            if len(self._made) >= _FRAMES_MOST:
+                del self._made[next(iter(self._made))]
             self._made[since] = self._encode(since)
         return self._made[since]
 
@@ -125,13 +132,14 @@ class Group:
     def _choose(self) -> None:
         """Choose the signals anew when there are others, or other people."""
         robot = self.robot
-        state = (robot.names, robot.ever, robot.people)
+        state = (robot.names, robot.named, robot.people)
         if state == self._names_at:
             return
         self._names_at = state
-        self._hidden = self._rights.hidden(robot.ever)
+        self._hidden = self._rights.hidden(robot.named)
         visible = self._rights.sees_robot(robot.people)
         self._names = [name for name in robot.signals if visible and self._wanted(name)
+                       and robot.knows(name)
                        and self._rights.sees_signal(name, self._hidden)]
 
 
@@ -147,8 +155,9 @@ class FanOut:
         groups = self._groups.setdefault(robot.id, {})
         for key in [key for key, each in groups.items() if not each.watches]:
             groups.pop(key).end()
-        group = groups.setdefault((rights, patterns, rate_hz),
-                                  Group(robot, rights, patterns, rate_hz))
+        group = groups.get((rights, patterns, rate_hz))
+        if group is None:
+            group = groups[rights, patterns, rate_hz] = Group(robot, rights, patterns, rate_hz)
         return Watch(outlet, group)
 
     def changed(self, robot: RobotState) -> None:
@@ -160,12 +169,6 @@ class FanOut:
     def wanted(self, robot: str) -> tuple[float, tuple[str, ...]]:
         """Return the highest rate at which somebody watches a robot, and what they watch."""
         groups = [each for each in self._groups.get(robot, {}).values() if each.watches]
+        patterns = {name for each in groups for name in each.patterns}
         return (max((each.rate_hz for each in groups), default=0.0),
-                tuple(sorted({name for each in groups for name in each.patterns})))
-
-
-def matcher(patterns: tuple[str, ...]) -> Callable[[str], bool]:
-    """Return what tells whether one of these matches a name; ``*`` is any text."""
-    words = '|'.join('.*'.join(map(re.escape, each.split('*'))) for each in patterns)
-    found = re.compile(words)
-    return lambda name: found.fullmatch(name) is not None
+                tuple(sorted(patterns)) if len(patterns) <= WANTED_MOST else ('*',))

@@ -36,11 +36,14 @@ from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.live.turns import Turns
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 
 #: Heart-beats that may be missing before a robot is silent.
 BEATS: Final = 3
+#: From one message that tells a robot what is wanted to the next.
+WANT_S: Final = 0.5
 
 
 class AwayError(Exception):
@@ -99,8 +102,11 @@ class Hub:
         self._connections: dict[str, Connection] = {}
         self._answers: dict[str, tuple[str, asyncio.Future[dict[str, Any]]]] = {}
         self._commands = time.time_ns()
+        self._wants: dict[str, asyncio.TimerHandle] = {}
+        self.turns = Turns()
 
         self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0,
+                                       'watches_delayed': 0,
                                        'robots_refused': 0}
         #: Called with the id of a robot and what it has sent, for each ``beat``.
         self.on_beat: list[Callable[[str, Mapping[str, Any]], object]] = []
@@ -120,7 +126,6 @@ class Hub:
         """Take the robots and open alarms that the database has of before this start."""
         for each in robots:
             robot = self.known(each['id'], each.get('name') or '')
-            robot.lives_with(each.get('people') or ())
             robot.last_seen_ns = each.get('last_seen_ns') or 0
         for each in alarms:
             self.known(each['robot']).alarms[each['id']] = dict(each)
@@ -169,6 +174,8 @@ class Hub:
         robot.connected, robot.retired = True, False
         self.heard(robot, now_ns, quietly=True)
         robot.wanted = (-1.0, ())
+        if robot.id in self._wants:  # of its connection before
+            self._wants.pop(robot.id).cancel()
         self.tell_robot(robot)
         self._tell_listeners(robot)
         if gone_ns:
@@ -239,11 +246,18 @@ class Hub:
 
     def want(self, robot: RobotState) -> None:
         """Tell a robot which signals are wanted, and how often."""
+        if robot.id not in self._wants:  # the first is sent now, what follows soon after in one
+            self._want(robot)
+
+    def _want(self, robot: RobotState) -> None:
+        self._wants.pop(robot.id, None)
         connection = self._connections.get(robot.id)
         wanted = self.fan_out.wanted(robot.id)
         if connection is not None and wanted != robot.wanted:
             robot.wanted = wanted
             connection.say('want', {'signals_hz': wanted[0], 'signals': list(wanted[1])})
+            self._wants[robot.id] = asyncio.get_running_loop().call_later(
+                WANT_S, self._want, robot)
 
     def storing(self, fault: str) -> None:
         """Tell everybody whether records can be stored; ``fault`` is empty when they can."""
@@ -347,6 +361,18 @@ class Hub:
                 'robots': [each.shown(rights) for each in robots],
                 'people': self.people(rights), 'alarms': self.alarms(rights),
                 'server': self._server}
+
+    def residents_changed(self) -> None:
+        """Tell every client the whole state: who lives with which robot has changed."""
+        for client in list(self.clients):
+            if not client.say(encoded(self.state(client.rights))):
+                self.counts['overrun'] += 1
+                self.leave(client)
+
+    def lives_elsewhere(self, person: str, robot: RobotState) -> bool:
+        """Return whether a person is a confirmed resident of another robot."""
+        return any(person in (each.people or ()) for each in self.robots.values()
+                   if each is not robot)
 
     def people(self, rights: Rights) -> list[dict[str, Any]]:
         """Return the people that they see, each with the robots they live with."""

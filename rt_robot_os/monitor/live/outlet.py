@@ -34,7 +34,7 @@ from starlette.websockets import WebSocketDisconnect
 #: A peer that reads nothing while so many urgent messages wait is closed: it comes back and gets
 #: the whole state, which is less than what it missed.
 URGENT_MOST: Final = 1000
-URGENT_BYTES: Final = 8 << 20
+URGENT_BYTES: Final = 2 << 20
 #: Close codes.
 OVERRUN: Final = 1013
 DEFECT: Final = 1011

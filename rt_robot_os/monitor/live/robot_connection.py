@@ -31,6 +31,8 @@ from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.residents import admitted
+from rt_robot_os.monitor.live.residents import greet
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
@@ -165,23 +167,20 @@ class RobotConnection:
         self._boot = boot
         now_ns = time.time_ns()
         self._take_about(hello, now_ns)
+        await greet(self._services, self._robot, _people(hello))
         wants_map = await self._wants_map(hello.get('map'))
         if wants_map:  # a page asks for a map when it hears of it: until then there is that before
             self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self.say('welcome', {'utc_ns': now_ns, 'version': VERSION, 'want_map': wants_map})
         self._services.hub.connect(self._robot, self, now_ns)
         self._services.writer.hello(Hello(
-            self._robot.id, boot, self._robot.name, sorted(self._robot.people or ()),
-            dict(self._robot.about)))
+            self._robot.id, boot, self._robot.name,
+            {'people': sorted(self._robot.suggested), **self._robot.about}))
         return True
 
     def _take_about(self, hello: Mapping[str, Any], now_ns: int) -> None:
         robot = self._robot
         robot.boot = self._boot
-        people = hello.get('people')
-        robot.lives_with([each for each in people[:PEOPLE_MOST] if isinstance(each, str)
-                          and 0 < len(each) <= NAME_CHARACTERS]
-                         if isinstance(people, list) else ())
         robot.about = {}
         for key in _ABOUT:
             # Everybody who watches is sent it with each change of the robot.
@@ -257,6 +256,7 @@ class RobotConnection:
         if not isinstance(records, list) or not isinstance(message.get('batch'), int | str):
             self._robot.count('messages_wrong')
             return
+        records = [admitted(self._services.hub, self._robot, each) for each in records]
         boot = message.get('boot', self._boot)  # an earlier start may have left some
         if not isinstance(boot, str) or not 0 < len(boot) <= NAME_CHARACTERS:
             boot = self._boot
@@ -303,6 +303,12 @@ class RobotConnection:
 
     def _refuse(self, batch: object, text: str) -> None:
         self.say('refused', {'batch': batch, 'text': text, 'retry_s': RETRY_S})
+
+
+def _people(hello: Mapping[str, Any]) -> list[str]:
+    people = hello.get('people')
+    return [each for each in people[:PEOPLE_MOST] if isinstance(each, str)
+            and 0 < len(each) <= NAME_CHARACTERS] if isinstance(people, list) else []
 
 
 def clean(value: Any) -> Any:

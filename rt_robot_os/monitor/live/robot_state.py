@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Iterable
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,12 +25,20 @@ import json
 from typing import Any
 from typing import Final
 
+from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.store.alarm_reuse import is_reused
 
 #: Signals that are kept of a robot; further ones are counted and left out.
 SIGNALS_MOST: Final = 2000
+#: Of the name of a signal.
+SIGNAL_NAME_CHARACTERS: Final = 256
+#: Memory of one signal, and of all signals of a robot: one that takes more is null, and counted.
+SIGNAL_BYTES: Final = 2 << 20
+SIGNALS_BYTES: Final = 8 << 20
+#: Texts of a signal that are kept, for groups of clients with different rights.
+_TEXTS_MOST: Final = 16
 #: What is longer reaches nobody: it is null in messages.
 SIGNAL_CHARACTERS: Final = 256 << 10
 #: Of the name of an alarm.
@@ -55,11 +64,13 @@ class Signal:
     The newest value of a signal.
 
     :ivar version: of the robot when it came.
+    :ivar size: memory that the value takes, in bytes.
     """
 
-    __slots__ = ('version', 'utc_ns', 'value', '_name', '_texts')
+    __slots__ = ('version', 'utc_ns', 'value', 'size', '_name', '_texts')
 
-    def __init__(self, name: str, version: int, utc_ns: int, value: Any) -> None:
+    def __init__(self, name: str, version: int, utc_ns: int, value: Any, size: int = 0) -> None:
+        self.size = size
         self.version = version
         self.utc_ns = utc_ns
         self.value = value
@@ -70,6 +81,8 @@ class Signal:
         """Return it as a member of a JSON object, written once for all with the same rights."""
         found = self._texts.get(hidden)
         if found is None:
+            if len(self._texts) >= _TEXTS_MOST:
+                del self._texts[next(iter(self._texts))]
             found = self._texts[hidden] = self._encode(hidden)
         return found
 
@@ -88,11 +101,13 @@ class RobotState:
     """
     A robot.
 
-    :ivar people: who live with it; None until it has said so once.
-    :ivar ever: who have lived with it as far as is known.
+    :ivar people: who live with it, as confirmed; None until that was confirmed once.
+    :ivar ever: those, and people of whom it sent records earlier.
+    :ivar suggested: the people that it named when it connected.
     :ivar retired: its token was revoked: that it is away is meant to be.
     :ivar lost: records that gave way at the robot, by importance, as it counts them.
     :ivar version: counts what came live; a signal has that with which it came.
+    :ivar signals_bytes: memory that the values of its signals take.
     :ivar heard: when something came last, on the loop's clock.
     :ivar offset_s: how far its clock is ahead of ours.
     """
@@ -101,6 +116,7 @@ class RobotState:
     name: str
     people: frozenset[str] | None = None
     ever: frozenset[str] = frozenset()
+    suggested: frozenset[str] = frozenset()
     connected: bool = False
     silent: bool = True
     retired: bool = False
@@ -119,28 +135,62 @@ class RobotState:
     counts: dict[str, int] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
     wanted: tuple[float, tuple[str, ...]] = (-1.0, ())
+    signals_bytes: int = 0
 
     def count(self, what: str, how_many: int = 1) -> None:
         """Count something of it, for `/api/status`."""
         self.counts[what] = self.counts.get(what, 0) + how_many
 
-    def lives_with(self, people: Iterable[str]) -> None:
-        """Note who live with it now."""
-        self.people = frozenset(people)
-        self.ever |= self.people
+    @property
+    def named(self) -> frozenset[str]:
+        """Return the people whose names may stand in what it sends."""
+        return self.ever | self.suggested
+
+    def lives_with(self, people: Iterable[str] | None, ever: Iterable[str] = ()) -> None:
+        """Note who is confirmed to live with it now, and of whom it has sent records."""
+        self.people = None if people is None else frozenset(people)
+        self.ever = frozenset(ever) | (self.people or frozenset())
+        if self.signals:  # those that may be shown from now on count as new
+            self.version += 1
+            for each in self.signals.values():
+                each.version = self.version
+
+    def knows(self, signal: str) -> bool:
+        """Return whether a signal is about nobody, or about a confirmed resident."""
+        kind, _, rest = signal.partition('/')
+        return kind != 'health' or rest.partition('/')[0] in (self.people or ())
 
     def take(self, utc_ns: int, n: int, signals: Mapping[str, Any]) -> None:
         """Take the signals of a ``live``; what is no signal is counted."""
         self.version += 1
         self.live_n, self.live_utc_ns = n, utc_ns
         for name, pair in signals.items():
-            if not (isinstance(pair, list) and len(pair) == 2 and is_time(pair[0])):
+            if not (isinstance(pair, list) and len(pair) == 2 and is_time(pair[0])
+                    and len(name) <= SIGNAL_NAME_CHARACTERS):
                 self.count('signals_wrong')
             elif name not in self.signals and len(self.signals) >= SIGNALS_MOST:
                 self.count('signals_too_many')
             else:
-                self.names += name not in self.signals
-                self.signals[name] = Signal(name, self.version, pair[0], pair[1])
+                self._store(name, pair[0], pair[1])
+
+    def drop_signals(self, is_dropped: Callable[[str, Any], bool]) -> None:
+        """Forget signals, by name and value, until they come again."""
+        self.signals = {name: each for name, each in self.signals.items()
+                        if not is_dropped(name, each.value)}
+        self.signals_bytes = sum(each.size for each in self.signals.values())
+        self.names += 1
+
+    def _store(self, name: str, utc_ns: int, value: Any) -> None:
+        before = self.signals.get(name)
+        others = self.signals_bytes - (before.size if before is not None else 0)
+        most = min(SIGNAL_BYTES, SIGNALS_BYTES - others)
+        size = memory_of(value, most)
+        if size > most:
+            self.count('signals_too_long')
+            value, size = None, 0
+        self.names += before is None
+        self.signals_bytes = others + size
+        self.signals[name] = Signal(name, self.version, utc_ns, value, size)
 
     def take_alarm(self, event: Mapping[str, Any], utc_ns: int, boot: str = ''
                    ) -> dict[str, Any] | None:
@@ -189,7 +239,7 @@ class RobotState:
 
     def shown(self, rights: Rights) -> dict[str, Any]:
         """Return it as those with these rights see it."""
-        hidden = rights.hidden(self.ever)
+        hidden = rights.hidden(self.named)
         return {'id': self.id, 'name': without(self.name, hidden), 'connected': self.connected,
                 'silent': self.silent, 'retired': self.retired, 'last_seen_ns': self.last_seen_ns,
                 'people': sorted(filter(rights.sees_person, self.people or ())),
@@ -199,7 +249,7 @@ class RobotState:
         """Return an alarm as those with these rights see it; None when it is not for them."""
         if not rights.sees_robot(self.people):
             return None
-        hidden = rights.hidden(self.ever)
+        hidden = rights.hidden(self.named)
         if alarm.get('subject') in hidden:
             return None
         shown: dict[str, Any] = without(alarm, hidden)

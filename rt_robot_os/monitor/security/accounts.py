@@ -33,6 +33,7 @@ from argon2 import PasswordHasher
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
 from rt_robot_os.monitor.security.audit import Audit
+from rt_robot_os.monitor.security.connections import Connected
 from rt_robot_os.monitor.security.devices import Devices
 from rt_robot_os.monitor.security.emergencies import Emergencies
 from rt_robot_os.monitor.security.invitations import Invitations
@@ -40,6 +41,7 @@ from rt_robot_os.monitor.security.limits import LockOut
 from rt_robot_os.monitor.security.login_history import restore_limits
 from rt_robot_os.monitor.security.outage import Questions
 from rt_robot_os.monitor.security.passwords import Passwords
+from rt_robot_os.monitor.security.residents import Residents
 from rt_robot_os.monitor.security.robots import Robot
 from rt_robot_os.monitor.security.robots import Robots
 from rt_robot_os.monitor.security.sessions import Limits
@@ -95,8 +97,10 @@ class Accounts:
         self.sessions = Sessions(engine, limits or Limits(), now_ns)
         self.invitations = Invitations(engine, self.users, now_ns)
         self.robots = Robots(engine, now_ns)
+        self.residents = Residents(engine, now_ns)
         self.emergencies = Emergencies(engine, now_ns)
         self.passwords = Passwords(hasher)
+        self.connected = Connected()
         self.lock_out = LockOut()
         self.devices = Devices(key)
         self._engine = engine
@@ -148,11 +152,24 @@ class Accounts:
         """Have something called, on the event loop, when a session or a robot must go."""
         self._callbacks.append(callback)
 
-    def follow(self, session: Session) -> None:
-        """Look after a session that holds a connection open."""
+    def follow(self, session: Session) -> bool:
+        """
+        Look after a session that holds a connection open, until :meth:`unfollow`.
+
+        :return: False when the session or its user has as many connections as they may have.
+        """
+        if not self.connected.add(session):
+            return False
         with self._lock:
             if len(self._sessions) < _FOLLOWED:
                 self._sessions.setdefault(session.id, _rights(session))
+        return True
+
+    def unfollow(self, session: Session) -> None:
+        """Note that a connection has ended; a session without one costs nothing."""
+        if self.connected.remove(session):
+            with self._lock:
+                self._sessions.pop(session.id, None)
 
     def follow_robot(self, robot: str, kept_token: str) -> None:
         """Look after a robot that holds a connection open."""

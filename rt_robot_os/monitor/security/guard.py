@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Awaitable
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 import hmac
 from typing import Any
 from typing import Final
@@ -34,6 +35,7 @@ from rt_robot_os.monitor.security.accounts import ENDED
 from rt_robot_os.monitor.security.origins import is_expected_host
 from rt_robot_os.monitor.security.origins import is_same_origin
 from rt_robot_os.monitor.security.origins import is_secure
+from rt_robot_os.monitor.security.protection import ENDED_CALLBACKS
 from rt_robot_os.monitor.security.robots import Robot
 from rt_robot_os.monitor.security.roles import Permission
 from rt_robot_os.monitor.security.roles import PERMISSIONS
@@ -49,6 +51,7 @@ __all__ = ('Actor', 'Permission', 'Robot', 'allowed', 'robot_of', 'websocket_act
 SAFE: Final = frozenset({'GET', 'HEAD', 'OPTIONS'})
 _FORBIDDEN: Final = 4403
 _TRY_LATER: Final = 1013
+_TOO_MANY: Final = 4429
 _T = TypeVar('_T')
 _BEARER: Final = 'bearer '
 
@@ -221,7 +224,11 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
     if not actor.may(permission):
         reason: Any = lacking(actor, permission).detail
         raise WebSocketException(_FORBIDDEN, reason['text'])
-    accounts.follow(session)
+    if not accounts.follow(session):
+        raise WebSocketException(_TOO_MANY, 'this browser or this user has too many connections '
+                                 'open: close other tabs')
+    # The connection ends wherever it is served: see Protection.
+    websocket.scope.setdefault(ENDED_CALLBACKS, []).append(partial(accounts.unfollow, session))
     accounts.audit.open(actor, websocket.scope['path'], people=shown_people(actor.people))
     return actor
 

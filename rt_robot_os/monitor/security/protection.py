@@ -37,6 +37,8 @@ _TOO_LONG: Final = (413, 'the request is too long', f'at most {BODY_BYTES} bytes
 #: Requests of one address, perhaps a whole ward behind one router; files of the page are free.
 PER_S: Final = 200.0
 BURST: Final = 2000
+#: In the scope of a WebSocket: a list of functions that are called when it has ended.
+ENDED_CALLBACKS: Final = 'rt_robot_os.ended'
 
 
 def protect(app: FastAPI, *, per_s: float = PER_S, burst: int = BURST) -> Rate:
@@ -74,7 +76,12 @@ class Protection:
             await send({'type': 'websocket.close', 'code': 4429, 'reason': 'too many requests'})
             return
         if scope['type'] == 'websocket':
-            await self._app(scope, receive, send)
+            ended = scope[ENDED_CALLBACKS] = []
+            try:
+                await self._app(scope, receive, send)
+            finally:
+                for each in ended:
+                    each()
             return
         headers = Headers(scope=scope)
         more = headers_for(scope['path'], scope['scheme'] == 'https', headers.get('host', ''))

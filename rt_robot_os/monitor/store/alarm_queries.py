@@ -67,7 +67,8 @@ def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     An alarm about somebody who is known and not granted is nobody's business.
     """
     theirs = select(ROBOT_PEOPLE.c.robot_id).join(
-        PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(PEOPLE.c.person.in_(people))
+        PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(
+            PEOPLE.c.person.in_(people), ROBOT_PEOPLE.c.lives)
     others = select(PEOPLE.c.person).where(PEOPLE.c.person.not_in(people))
     return or_(ALARMS.c.subject.in_(people),
                ALARMS.c.robot_id.in_(theirs) & not_(ALARMS.c.subject.in_(others)))

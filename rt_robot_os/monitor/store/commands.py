@@ -38,6 +38,7 @@ from rt_robot_os.monitor.store.migrate import HEAD
 from rt_robot_os.monitor.store.migrate import upgrade
 from rt_robot_os.monitor.store.migrate import version
 from rt_robot_os.monitor.store.migrate import versions
+from rt_robot_os.monitor.store.person_name import key_of
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.upkeep import backup
 from rt_robot_os.monitor.store.upkeep import check
@@ -66,8 +67,10 @@ def add_to(commands: Any) -> None:
     one.add_argument('--yes', action='store_true', help='do it')
     one = add_command(words, 'erase', _erase, 'erase a person: observations, alarms about them '
                       'with their files, their name elsewhere; not in the audit nor in backups')
-    one.add_argument('person')
+    one.add_argument('person', help='in any spelling: capitals do not count')
     one.add_argument('--yes', action='store_true', help='do it')
+    one.add_argument('--with-account', action='store_true', help='also the account of the user '
+                     'with this name')
     one = add_command(words, 'aside', _aside, 'show records that made no sense, as lines of JSON')
     one.add_argument('--limit', type=int, default=100)
 
@@ -141,12 +144,14 @@ def _erase(arguments: argparse.Namespace) -> int:
         raise ConfigError([f'{arguments.person} is erased for good: say --yes'])
     settings = settings_of(arguments)
     with _store(arguments) as store, opened(arguments) as accounts:
-        erased = store.erase(arguments.person)
+        erased = store.erase(arguments.person, arguments.with_account)
         media = MediaStore(settings.where / 'media', settings.media_mb, settings.media_days)
         gone = sum(media.forget(robot, sha256) for robot, sha256 in erased.files)
-        accounts.audit.note(console(), 'person.erase', arguments.person, **erased.rows)
+        # The audit proves that a person was erased to those who know the name, without it.
+        accounts.audit.note(console(), 'person.erase', accounts.audit.pseudonym(
+            key_of(arguments.person)), **erased.rows)
     print(json.dumps({**asdict(erased), 'files_deleted': gone}, indent=1))
-    return OK if erased.rows['people'] else FAILED
+    return OK if any(erased.rows.values()) or erased.changed else FAILED
 
 
 def _aside(arguments: argparse.Namespace) -> int:

@@ -20,21 +20,22 @@ The audit keeps who saw what of whom, which is what it is for; backups are the k
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from collections.abc import Iterable
 from dataclasses import dataclass
-import json
-import re
 from typing import Any
 from typing import Final
 
+from rt_robot_os.monitor.security.tables import grants
+from rt_robot_os.monitor.security.tables import users
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
+from rt_robot_os.monitor.store.erased_files import forget_deleted
+from rt_robot_os.monitor.store.metadata import METADATA
+from rt_robot_os.monitor.store.person_name import PersonName
 from rt_robot_os.monitor.store.retention import drop
-from rt_robot_os.monitor.store.tables import ALARM_EVENTS
-from rt_robot_os.monitor.store.tables import ALARM_NOTES
 from rt_robot_os.monitor.store.tables import ALARMS
-from rt_robot_os.monitor.store.tables import EVENTS
 from rt_robot_os.monitor.store.tables import MEDIA
-from rt_robot_os.monitor.store.tables import NODES
 from rt_robot_os.monitor.store.tables import OBSERVATIONS
 from rt_robot_os.monitor.store.tables import PEOPLE
 from rt_robot_os.monitor.store.tables import PLACES
@@ -42,20 +43,30 @@ from rt_robot_os.monitor.store.tables import ROBOT_PEOPLE
 from rt_robot_os.monitor.store.tables import ROBOTS
 from rt_robot_os.monitor.store.tables import SERIES
 from rt_robot_os.monitor.store.tables import UNKNOWN
+from sqlalchemy import Column
 from sqlalchemy import Connection
 from sqlalchemy import delete
 from sqlalchemy import Engine
 from sqlalchemy import select
+from sqlalchemy import String
 from sqlalchemy import Table
+from sqlalchemy import tuple_
+from sqlalchemy import UniqueConstraint
 from sqlalchemy import update
 
-#: Stands where a name was.
-NOBODY: Final = '(erased)'
-#: Where a name may stand in a text.
-_TEXTS: Final[tuple[tuple[Table, tuple[str, ...]], ...]] = (
-    (ALARMS, ('subject', 'text', 'by', 'why', 'acknowledged_by')), (ALARM_EVENTS, ('content',)),
-    (ALARM_NOTES, ('text', 'by')), (EVENTS, ('content',)), (NODES, ('content',)),
-    (UNKNOWN, ('content', 'why')), (ROBOTS, ('details',)), (OBSERVATIONS, ('source',)))
+#: Tables that are never changed: the audit proves who saw what, and is a chain.
+KEPT_TABLES: Final = frozenset({'audit', 'audit_head', 'progress'})
+#: Columns that the server alone writes: random ids, hashes, words of its own.
+MADE_HERE: Final = frozenset({
+    'robots.robot', 'robots.residents', 'media.path', 'users.id', 'users.role', 'users.password',
+    'sessions.id', 'sessions.token', 'sessions.user', 'emergencies.id', 'emergencies.user',
+    'emergencies.session', 'invitations.token', 'invitations.user', 'robot_accounts.id',
+    'robot_accounts.token', 'grants.user'})
+#: Of accounts: a user is not the person of the same name, and is erased only when that is said.
+OF_ACCOUNTS: Final = frozenset({'users.name', 'users.key'})
+#: Large tables in which one value stands in many rows.
+_REPEATED: Final = frozenset({'observations.source', 'places.room'})
+_STEP: Final = 1000
 
 
 @dataclass
@@ -66,47 +77,74 @@ class Erased:
     :ivar rows: deleted, by table.
     :ivar changed: rows of others in which the name stood.
     :ivar files: pictures and clips that have to be deleted: robot and SHA-256.
+    :ivar accounts: names of users that are or contain the name, and stay.
+    :ivar left: what may still have a copy, in words.
     """
 
     rows: dict[str, int]
     changed: int
     files: list[tuple[str, str]]
+    accounts: list[str]
+    left: list[str]
 
 
-def erase(engine: Engine, person: str) -> Erased:
+def erase(engine: Engine, person: str, with_account: bool = False) -> Erased:
     """
-    Erase a person; when it ends early, do it again.
+    Erase a person, by any spelling of the name; when it ends early, do it again.
 
+    :param with_account: also the account of a user with this name.
     :raises StoreError: the database is away or full.
     """
+    name = PersonName(person)
     with reading(engine) as connection:
-        number = connection.execute(select(PEOPLE.c.id).where(
-            PEOPLE.c.person == person)).scalar()
+        people = [row.id for row in connection.execute(select(PEOPLE)) if name.is_of(row.person)]
         series = list(connection.execute(select(SERIES.c.id).where(
-            SERIES.c.person_id == number)).scalars())
+            SERIES.c.person_id.in_(people))).scalars())
     # Most of it in steps, so that robots can go on writing.
     rows = {'observations': sum(drop(engine, OBSERVATIONS, OBSERVATIONS.c.series_id == each)
                                 for each in series),
-            'places': drop(engine, PLACES, PLACES.c.person_id == number)}
+            'places': sum(drop(engine, PLACES, PLACES.c.person_id == each) for each in people)}
     with writing(engine) as connection:
-        files = _media(connection, person, rows)
-        rows['alarms'] = connection.execute(delete(ALARMS).where(
-            ALARMS.c.subject == person)).rowcount
-        connection.execute(delete(ROBOT_PEOPLE).where(ROBOT_PEOPLE.c.person_id == number))
-        rows['people'] = connection.execute(delete(PEOPLE).where(PEOPLE.c.id == number)).rowcount
-    changed = 0
-    for table, columns in _TEXTS:
-        for column in columns:
-            changed += _take_out(engine, table, column, person)
-    return Erased(rows, changed, files)
+        files = _delete(connection, name, people, rows)
+        if with_account:
+            accounts = [row.id for row in connection.execute(
+                select(users.c.id, users.c.name, users.c.key))
+                        if name.is_of(row.name) or name.is_of(row.key)]
+            rows['users'] = connection.execute(delete(users).where(
+                users.c.id.in_(accounts))).rowcount
+    rows['unknown'] = _delete_aside(engine, name)
+    changed = sum(_take_out(engine, table, name) for table in METADATA.sorted_tables
+                  if table.name not in KEPT_TABLES)
+    with reading(engine) as connection:
+        left = [row.name for row in connection.execute(select(users.c.name)) if name.is_in(
+            row.name)]
+    return Erased(rows, changed, files, left, forget_deleted(engine))
 
 
-def _media(connection: Connection, person: str, rows: dict[str, int]) -> list[tuple[str, str]]:
+def _delete(connection: Connection, name: PersonName, people: Collection[int],
+            rows: dict[str, int]) -> list[tuple[str, str]]:
+    """Delete what is about the person alone; return the files of which nothing is left."""
+    subjects = [each for each in connection.execute(
+        select(ALARMS.c.subject).distinct()).scalars() if name.is_of(each)]
+    files = _media(connection, subjects, rows)
+    rows['alarms'] = connection.execute(delete(ALARMS).where(
+        ALARMS.c.subject.in_(subjects))).rowcount
+    granted = [each for each in connection.execute(
+        select(grants.c.person).distinct()).scalars() if name.is_of(each)]
+    rows['grants'] = connection.execute(delete(grants).where(
+        grants.c.person.in_(granted))).rowcount
+    connection.execute(delete(ROBOT_PEOPLE).where(ROBOT_PEOPLE.c.person_id.in_(people)))
+    rows['people'] = connection.execute(delete(PEOPLE).where(PEOPLE.c.id.in_(people))).rowcount
+    return files
+
+
+def _media(connection: Connection, subjects: Collection[str], rows: dict[str, int]
+           ) -> list[tuple[str, str]]:
     """Delete the media of a person's alarms; return the files of which nothing is left."""
     about = (MEDIA.c.robot_id == ALARMS.c.robot_id) & (MEDIA.c.alarm == ALARMS.c.alarm)
     found = connection.execute(select(MEDIA.c.id, ROBOTS.c.robot, MEDIA.c.sha256).join(
         ROBOTS, ROBOTS.c.id == MEDIA.c.robot_id).join(ALARMS, about).where(
-            ALARMS.c.subject == person)).all()
+            ALARMS.c.subject.in_(subjects))).all()
     for one in found:
         connection.execute(delete(MEDIA).where(MEDIA.c.id == one.id))
     rows['media'] = len(found)
@@ -116,45 +154,86 @@ def _media(connection: Connection, person: str, rows: dict[str, int]) -> list[tu
     return sorted({(each.robot, each.sha256) for each in found} - left)
 
 
-def _take_out(engine: Engine, table: Table, column: str, person: str) -> int:
-    """Replace a name, as a word, in all texts of a column."""
-    word = re.compile(rf'(?<![^\W_]){re.escape(person)}(?![^\W_])')
-    is_json = column in ('content', 'details')
-    # In JSON some characters are written as escapes.
-    shown = json.dumps(person, ensure_ascii=False)[1:-1] if is_json else person
-    after = changed = 0
-    while True:
-        with reading(engine) as connection:
-            found = connection.execute(select(table.c.id, table.c[column]).where(
-                table.c.id > after, table.c[column].contains(shown, autoescape=True)).order_by(
-                    table.c.id).limit(1000)).all()
-        if not found:
-            return changed
-        after = found[-1][0]
+def _delete_aside(engine: Engine, name: PersonName) -> int:
+    """Delete records aside that name the person: they may hold what was measured."""
+    count = 0
+    for rows in _steps(engine, UNKNOWN):
+        found = [row['id'] for row in rows if any(
+            name.is_in(row[column] or '') for column in ('type', 'why', 'content'))]
+        if found:
+            with writing(engine) as connection:
+                count += connection.execute(delete(UNKNOWN).where(
+                    UNKNOWN.c.id.in_(found))).rowcount
+    return count
+
+
+def _take_out(engine: Engine, table: Table, name: PersonName) -> int:
+    """Replace the name in all texts of a table; return how many rows were changed."""
+    columns = [each for each in table.c if isinstance(each.type, String)
+               and str(each) not in MADE_HERE | OF_ACCOUNTS]
+    changed = 0
+    for column in [each for each in columns if str(each) in _REPEATED]:
+        changed += _replace_repeated(engine, table, column, name)
+        columns.remove(column)
+    if not columns:
+        return changed
+    unique = _unique(table)
+    for rows in _steps(engine, table):
+        changes = []
+        for row in rows:
+            values = {}
+            for column in columns:
+                old = row[column.name]
+                if old and (new := name.without(old)) != old:
+                    values[column.name] = _fitting(
+                        new, column, ''.join(str(row[key.name])[-12:] for key in
+                                             table.primary_key) if column.name in unique else '')
+            if values:
+                changes.append((row, values))
+        if changes:
+            with writing(engine) as connection:
+                for row, values in changes:
+                    connection.execute(update(table).where(*(
+                        key == row[key.name] for key in table.primary_key)), values)
+            changed += len(changes)
+    return changed
+
+
+def _replace_repeated(engine: Engine, table: Table, column: Column[Any], name: PersonName) -> int:
+    with reading(engine) as connection:
+        texts = [each for each in connection.execute(select(column).distinct()).scalars()
+                 if each and name.is_in(each)]
+    changed = 0
+    for each in texts:
         with writing(engine) as connection:
-            for number, text in found:
-                new = _replaced(text, word, is_json)
-                if new != text:
-                    changed += 1
-                    connection.execute(update(table).where(table.c.id == number), {column: new})
+            changed += connection.execute(update(table).where(column == each), {
+                column.name: _fitting(name.without(each), column)}).rowcount
+    return changed
 
 
-def _replaced(text: str, word: re.Pattern[str], is_json: bool) -> str:
-    if not is_json:
-        return word.sub(NOBODY, text)
-    try:
-        return json.dumps(_within(json.loads(text), word), ensure_ascii=False,
-                          separators=(',', ':'))
-    except ValueError:  # What was kept aside is cut.
-        return word.sub(NOBODY, text)
+def _fitting(text: str, column: Column[Any], suffix: str = '') -> str:
+    """Return a text that the column holds; with a suffix it is the only one of its kind."""
+    length = getattr(column.type, 'length', None) or len(text) + len(suffix) + 1
+    return f'{text[:length - len(suffix) - 1]}~{suffix}' if suffix else text[:length]
 
 
-def _within(found: Any, word: re.Pattern[str]) -> Any:
-    if isinstance(found, str):
-        return word.sub(NOBODY, found)
-    if isinstance(found, dict):
-        return {word.sub(NOBODY, name): _within(value, word) for name, value in found.items()
-                if not (name and word.fullmatch(name))}
-    if isinstance(found, list):
-        return [_within(each, word) for each in found]
-    return found
+def _unique(table: Table) -> set[str]:
+    found = {column.name for each in table.constraints if isinstance(each, UniqueConstraint)
+             for column in each.columns}
+    return found | {column.name for column in table.c if column.unique or column.primary_key}
+
+
+def _steps(engine: Engine, table: Table) -> Iterable[list[Any]]:
+    """Return all rows of a table, some at a time, in order of the primary key."""
+    key = list(table.primary_key)
+    after: list[Any] = []
+    while True:
+        statement = select(table).order_by(*key).limit(_STEP)
+        if after:
+            statement = statement.where(tuple_(*key) > tuple_(*after))
+        with reading(engine) as connection:
+            rows = [dict(row) for row in connection.execute(statement).mappings()]
+        if not rows:
+            return
+        yield rows
+        after = [rows[-1][column.name] for column in key]

@@ -83,7 +83,11 @@ class Names:
         return self._boots[key]
 
     def person(self, connection: Connection, robot: int, person: str, now_ns: int) -> int:
-        """Return the number of a person, who lives with this robot."""
+        """
+        Return the number of a person of whom this robot sends records.
+
+        That they live together is confirmed elsewhere; nothing is confirmed by a record.
+        """
         if person not in self._people:
             self._people[person] = _number(connection, PEOPLE, {'person': person},
                                            {'first_ns': now_ns})

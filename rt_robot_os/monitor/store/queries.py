@@ -69,7 +69,8 @@ def people(connection: Connection) -> list[dict[str, Any]]:
 def _lives(connection: Connection) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for robot, person in connection.execute(select(ROBOTS.c.robot, PEOPLE.c.person).select_from(
-            ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).order_by(PEOPLE.c.person)):
+            ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(ROBOT_PEOPLE.c.lives).order_by(
+                PEOPLE.c.person)):
         found.setdefault(robot, []).append(person)
     return found
 
@@ -173,7 +174,8 @@ def limits(connection: Connection, person: str, sign: str) -> list[Any]:
     """Return the limits of a person's sign, as their robots said when they connected last."""
     found: list[Any] = []
     for details in connection.execute(select(ROBOTS.c.details).select_from(
-            ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(PEOPLE.c.person == person)).scalars():
+            ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(
+                PEOPLE.c.person == person, ROBOT_PEOPLE.c.lives)).scalars():
         said = json.loads(details or '{}').get('limits')
         of_person = said.get(person) if isinstance(said, dict) else None
         of_sign = of_person.get(sign) if isinstance(of_person, dict) else of_person

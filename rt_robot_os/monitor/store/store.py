@@ -23,7 +23,6 @@ see: None is everybody.
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Collection
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
@@ -60,6 +59,7 @@ from rt_robot_os.monitor.store.rollups import roll_up
 from rt_robot_os.monitor.store.sole_server import SoleServer
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import ROBOTS
+from rt_robot_os.monitor.store.unconfirmed import file_confirmed
 from sqlalchemy import Connection
 from sqlalchemy import Engine
 from sqlalchemy import update
@@ -77,7 +77,6 @@ class Hello(NamedTuple):
     robot: str
     boot: str
     name: str = ''
-    people: Collection[str] = ()
     details: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -221,10 +220,10 @@ class Store:
             raise
         return added
 
-    def hello(self, robot: str, boot: str, *, name: str = '', people: Collection[str] = (),
+    def hello(self, robot: str, boot: str, *, name: str = '',
               details: Mapping[str, Any] | None = None) -> None:
-        """Note what a robot said of itself when it connected, and who lives with it."""
-        self.hello_all([Hello(robot, boot, name, people, details or {})])
+        """Note what a robot said of itself when it connected."""
+        self.hello_all([Hello(robot, boot, name, details or {})])
 
     def hello_all(self, hellos: Sequence[Hello]) -> None:
         """
@@ -243,12 +242,30 @@ class Store:
     def _hello(self, connection: Connection, hello: Hello, now_ns: int) -> None:
         number = self._names.robot(connection, hello.robot, now_ns)
         self._names.boot(connection, number, hello.boot, now_ns)
-        for person in hello.people:
-            self._names.person(connection, number, person, now_ns)
         values: dict[str, Any] = {'last_ns': now_ns, 'details': json.dumps(hello.details)}
         if hello.name:
             values['name'] = hello.name
         connection.execute(update(ROBOTS).where(ROBOTS.c.id == number), values)
+
+    def file_confirmed(self) -> int:
+        """
+        File the records set aside whose person has been confirmed as a resident since.
+
+        :return: how many.
+        :raises StoreError: the database is away or full; the rest stays aside.
+        """
+        count, after = 0, 0
+        while True:
+            try:
+                with self.writing() as connection:
+                    filed, last = file_confirmed(connection, self._names, after)
+            except BaseException:
+                self._names.forget()
+                raise
+            count += filed
+            if last is None:
+                return count
+            after = last
 
     # ---- robots and people -------------------------------------------------------------------
 
@@ -316,15 +333,24 @@ class Store:
         """Delete what is older than it is kept; return rows deleted, by table."""
         return thin(self.engine, kept, self.now_ns())
 
-    def erase(self, person: str) -> Erased:
+    def erase(self, person: str, with_account: bool = False) -> Erased:
         """
         Delete a person: what was measured, alarms about them, their name in everything else.
 
-        What comes of them later is kept again: take them out of the robot's settings first.
+        What robots send of them later is set aside: take them out of the robots' settings first.
         """
         try:
-            return erase(self.engine, person)
+            return erase(self.engine, person, with_account)
         finally:
+            self._names.forget()
+
+    def forget_names(self) -> None:
+        """
+        Read the names of people again when they are needed: some were erased.
+
+        :raises StoreError: the database is away.
+        """
+        with self.writing():  # not while records are being added
             self._names.forget()
 
     def unknown(self, limit: int = 1000) -> list[dict[str, Any]]:

@@ -76,10 +76,13 @@ def _sent() -> tuple[Column[int], ...]:
 
 # ---- who and what ------------------------------------------------------------------------------
 
-#: ``robot`` is its id everywhere outside, ``details`` the last hello.
+#: ``robot`` is its id everywhere outside, ``details`` the last hello; ``residents`` is how it was
+#: decided who lives with it, see :mod:`~rt_robot_os.monitor.security.residents`.
 ROBOTS: Final = Table(
     'robots', METADATA, _id(), Column('robot', String(NAME), nullable=False, unique=True),
-    _name('name'), _ns('first_ns'), _ns('last_ns'), _text('details'), sqlite_autoincrement=True)
+    _name('name'), _ns('first_ns'), _ns('last_ns'), _text('details'),
+    Column('residents', String(16), nullable=False, server_default=''),
+    sqlite_autoincrement=True)
 BOOTS: Final = Table(
     'boots', METADATA, _id(), _to('robots'), Column('boot', String(NAME), nullable=False),
     _ns('first_ns'), _ns('last_ns'), Column('blocks', BigInteger, nullable=False),
@@ -95,11 +98,16 @@ RECEIVED: Final = Table(
 PEOPLE: Final = Table(
     'people', METADATA, _id(), Column('person', String(NAME), nullable=False, unique=True),
     _ns('first_ns'), sqlite_autoincrement=True)
+#: ``lives``: an administrator confirmed that the person lives with the robot now; when not, there
+#: are only records of the past.
 ROBOT_PEOPLE: Final = Table(
     'robot_people', METADATA,
     Column('robot_id', BigInteger, ForeignKey('robots.id'), primary_key=True),
     Column('person_id', BigInteger, ForeignKey('people.id', ondelete='CASCADE'),
-           primary_key=True))
+           primary_key=True),
+    Column('lives', Boolean, nullable=False, server_default=false()),
+    Column('set_ns', BigInteger, nullable=False, server_default='0'),
+    Column('set_by', String(64), nullable=False, server_default=''))
 #: A sign of a person.
 SERIES: Final = Table(
     'series', METADATA, _id(), _to('people', ondelete='CASCADE'),

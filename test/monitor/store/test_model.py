@@ -21,6 +21,7 @@ import itertools
 import math
 from typing import Any
 
+from households import confirm
 from hypothesis import given
 from hypothesis import HealthCheck
 from hypothesis import settings
@@ -153,7 +154,8 @@ def _check_levels(store: Store, person: str, model: Model) -> None:
 
 
 def test_a_chart_has_the_alarms_that_were_open_and_the_limits(store: Store) -> None:
-    store.hello('r1', 'b1', people=['anna'], details={
+    confirm(store, 'r1', 'anna')
+    store.hello('r1', 'b1', details={
         'limits': {'anna': {'pulse_per_min': ['pulse_per_min > 120 level urgent']}}})
     store.add('r1', 'b1', [
         {'seq': seq, 'type': 'alarm_event', 'utc_ns': NOW_NS - ago * S, 'content': {

@@ -26,6 +26,7 @@ import pytest
 pytest.importorskip('sqlalchemy')
 pytest.importorskip('alembic')
 
+from households import confirm  # noqa: E402
 from rt_robot_os.monitor.store.store import Store  # noqa: E402
 
 NOW_NS = 1_800_000_000_000_000_000
@@ -148,8 +149,10 @@ def test_a_name_that_a_later_start_gives_again_within_a_minute_is_another_alarm(
 
 
 def test_alarms_of_people_who_are_not_granted_are_not_there(store: Store) -> None:
-    store.hello('r1', 'b1', name='robbie', people=['anna', 'ben'])
-    store.hello('r2', 'b1', people=['cleo'])
+    confirm(store, 'r1', 'anna', 'ben')
+    store.hello('r1', 'b1', name='robbie')
+    confirm(store, 'r2', 'cleo')
+    store.hello('r2', 'b1')
     store.add('r1', 'b1', [alarm(0, 1, 'raised', 'raised'),
                            alarm(1, 2, 'raised', 'raised', alarm='8', subject='ben'),
                            alarm(2, 3, 'raised', 'raised', alarm='9', subject='kitchen')])

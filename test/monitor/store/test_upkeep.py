@@ -25,6 +25,7 @@ import threading
 from typing import Any
 
 import databases
+from households import confirm
 import pytest
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import StoreError
@@ -54,7 +55,8 @@ def alarm(seq: int, name: str, subject: str, words: str) -> dict[str, Any]:
 
 def fill(store: Store) -> None:
     """Let the store know anna, Hanna and ben."""
-    store.hello('r1', 'b1', people=['anna', 'hanna', 'ben'],
+    confirm(store, 'r1', 'anna', 'hanna', 'ben')
+    store.hello('r1', 'b1',
                 details={'people': ['anna', 'ben'], 'limits': {'anna': {}}})
     store.add('r1', 'b1', [
         *(record(seq, 'observation', person=person, sign='pulse_per_min', value=60, quality='good',
@@ -83,7 +85,8 @@ def test_nothing_is_left_of_a_person_who_is_erased_and_all_of_the_others(store: 
     assert 'anna' in everything(store).replace('hanna', '')
     erased = store.erase('anna')
     assert {name: count for name, count in erased.rows.items() if count} == {
-        'observations': 5, 'places': 1, 'alarms': 1, 'media': 2, 'people': 1}
+        'observations': 5, 'places': 1, 'alarms': 1, 'media': 2, 'people': 1,
+        'unknown': 1}
     # The other picture is also that of an alarm that stays.
     assert erased.files == [('r1', 'aa' * 32)]
     left = everything(store)

@@ -23,7 +23,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import StartError
+from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.commands.opening import add_command
 from rt_robot_os.monitor.security.commands.opening import console
 from rt_robot_os.monitor.security.commands.opening import opened
@@ -38,6 +40,13 @@ def add_to(commands: Any) -> None:
     one.add_argument('name')
     one.add_argument('--token-file', type=Path, metavar='FILE', help='write the token there, '
                      'for its owner alone, rather than print it')
+    one.add_argument('--people', nargs='*', metavar='PERSON', help='who lives with it; without '
+                     'this, what its hello suggests waits to be confirmed')
+    one = add_command(words, 'people', _people, 'show or confirm who lives with which robot')
+    one.add_argument('name', nargs='?', help='a robot; without it all are shown')
+    one.add_argument('people', nargs='*', metavar='PERSON', help='who lives with it; this takes '
+                     'the place of whom was confirmed before')
+    one.add_argument('--nobody', action='store_true', help='confirm that nobody lives with it')
     one = add_command(words, 'list', _list, 'show the robots')
     one.add_argument('--json', action='store_true', help='print JSON')
     one = add_command(words, 'revoke', _revoke, 'let a robot in no more; its connection ends')
@@ -51,6 +60,8 @@ def _add(arguments: argparse.Namespace) -> int:
             raise StartError(f'{file} exists: nothing was done; remove it first')
         robot, token = accounts.robots.add(arguments.name)
         accounts.audit.note(console(), 'robot.add', robot.name)
+        if arguments.people is not None:
+            _confirm(accounts, robot.name, arguments.people)
         if file is None:
             print(token)
             return OK
@@ -62,6 +73,31 @@ def _add(arguments: argparse.Namespace) -> int:
             raise StartError(f'{file}: {error.strerror}; nothing was done') from error
         print(f'{robot.name}: its token is in {file}')
     return OK
+
+
+def _people(arguments: argparse.Namespace) -> int:
+    with opened(arguments) as accounts:
+        if arguments.people or arguments.nobody:
+            if arguments.people and arguments.nobody:
+                raise ConfigError(['--nobody and names of people: give one of them'])
+            _confirm(accounts, arguments.name, arguments.people)
+        robots = [each for each in accounts.robots.all()
+                  if arguments.name in (None, each['id'], each['name'])]
+        if arguments.name and not robots:
+            raise ConfigError([f'there is no robot {arguments.name[:64]!a}: monitor robot list '
+                               'shows them'])
+        for each in accounts.residents.table(robots):
+            people = each['people']
+            known = 'not confirmed' if people is None else ', '.join(people) or 'nobody'
+            more = sorted(set(each['suggested']) - set(people or ()))
+            print(f"{each['name']:<24} {known}" + (
+                f"; it also names {', '.join(more)}" if more else ''))
+    return OK
+
+
+def _confirm(accounts: Accounts, robot: str, people: list[str]) -> None:
+    household = accounts.residents.confirm(robot, people, console().name)
+    accounts.audit.note(console(), 'robot.residents', robot, people=sorted(household.people or ()))
 
 
 def _list(arguments: argparse.Namespace) -> int:

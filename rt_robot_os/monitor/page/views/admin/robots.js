@@ -5,23 +5,28 @@ import {h, replace} from '../../lib/dom.js';
 import {passwordForm} from '../../lib/entrance.js';
 import {badge, button, field, notice} from '../../lib/parts.js';
 import {attempt} from '../../lib/problem.js';
+import {residentsCell} from './residents.js';
 import {showSecret} from './secret.js';
 
 export async function robots(place, context, isOpen) {
   const {t, api, format} = context;
   await t.words.load('login');
   const found = await attempt(() => api.get('/api/tokens'), t);
-  if (!found || !isOpen()) {
+  const residents = found && await attempt(() => api.get('/api/residents'), t);
+  if (!residents || !isOpen()) {
     return;
   }
+  const household = Object.fromEntries(residents.map((each) => [each.id, each]));
   const again = () => robots(place, context, isOpen);
   replace(place, h('div.section-head', h('h2', t('admin.robots')),
     button(t('admin.add_robot'), () => add(context, again), {kind: 'primary', icon: 'plus'})),
   h('p.help', t('admin.robots_text')), found.length
     ? h('div.table-box', {tabindex: '0', role: 'region', 'aria-label': t('admin.robots')},
-      h('table.table', h('thead', h('tr', ['name', 'since', 'state', 'do'].map((each) => h('th',
-        {scope: 'col'}, t(`admin.robot_${each}`))))), h('tbody', found.map((each) => h('tr',
+      h('table.table', h('thead', h('tr', ['name', 'people', 'since', 'state', 'do'].map(
+        (each) => h('th', {scope: 'col'}, t(`admin.robot_${each}`))))), h('tbody', found.map((each) => h('tr',
         h('th', {scope: 'row'}, each.name),
+        residentsCell(context, household[each.id] || {...each, people: null, suggested: []},
+          again),
         h('td', format.time(each.created_ns / 1e6, false)),
         h('td', each.revoked_ns === null ? badge('ok', t('admin.robot_good'), 'check')
           : badge('stale', t('admin.robot_revoked'))),

@@ -1,0 +1,64 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How often a user may change what they watch: by what it costs, over all their connections."""
+
+from __future__ import annotations
+
+from typing import Final
+
+#: Watches of one user, over all connections.
+WATCHES_MOST: Final = 48
+#: What a watch costs at least, and for each comparison of a name with a pattern, in seconds.
+WATCH_S: Final = 0.25
+COMPARISON_S: Final = 5e-6
+#: What a user may use at once; it comes back in real time.
+BURST_S: Final = 15.0
+_USERS_MOST: Final = 2000
+
+
+class Turns:
+    """Users who watch; for the event loop alone."""
+
+    def __init__(self) -> None:
+        self._next_s: dict[str, float] = {}
+        self._watches: dict[str, int] = {}
+
+    def wait_s(self, user: str, comparisons: int, now_s: float) -> float:
+        """
+        Charge a user for a watch.
+
+        :param comparisons: of names with patterns, which it takes.
+        :param now_s: of any clock that never steps.
+        :return: how long to wait before it is served.
+        """
+        before = self._next_s.pop(user, now_s - BURST_S)
+        if len(self._next_s) >= _USERS_MOST:
+            del self._next_s[next(iter(self._next_s))]
+        found = max(before, now_s - BURST_S) + max(WATCH_S, comparisons * COMPARISON_S)
+        self._next_s[user] = found
+        return max(0.0, found - now_s)
+
+    def begin(self, user: str) -> bool:
+        """Count a watch; False when the user has as many as they may have."""
+        if self._watches.get(user, 0) >= WATCHES_MOST:
+            return False
+        self._watches[user] = self._watches.get(user, 0) + 1
+        return True
+
+    def end(self, user: str) -> None:
+        """Count a watch that has ended."""
+        self._watches[user] -= 1
+        if not self._watches[user]:
+            del self._watches[user]
