@@ -41,6 +41,10 @@ from typing import get_origin
 from typing import get_type_hints
 
 REQUIRED: Any = object()
+#: Of ``Field.before``: the key is left out, and its class knows what that means.
+ABSENT: Any = object()
+# Of the same: the default.
+_DEFAULT: Any = object()
 
 #: In the name of a topic that is read: it stands for one part of the name, or some letters of it.
 STAR = '*'
@@ -70,6 +74,8 @@ class Field:
     :ivar length: how many items a list has; 0 for any number.
     :ivar is_file: it names a file: a relative path counts from the folder of the configuration
         that has it, else from the folder of those that are shipped.
+    :ivar before: of a key that an earlier release did not have: the value with which its recordings
+        replay alike, or ``ABSENT``; by default the default.
     """
 
     name: str
@@ -84,6 +90,11 @@ class Field:
     live: bool = False
     length: int = 0
     is_file: bool = False
+    before: Any = _DEFAULT
+
+    def value_before(self) -> Any:
+        """Return the value for a recording of a release without this key."""
+        return self.default if self.before is _DEFAULT else self.before
 
     def problem(self, value: Any) -> str | None:
         """

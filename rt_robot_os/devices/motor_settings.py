@@ -20,6 +20,7 @@ from typing import Any
 
 from rt_robot_os.devices.battery import battery_settings
 from rt_robot_os.devices.serial.device import serial_settings
+from rt_robot_os.schema import ABSENT
 from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 
@@ -64,7 +65,7 @@ def motor_settings(
               's', 0.1, 10.0),
         Field('coast_s', float, coast_s, 'How far it rolls after the board has taken the power '
               'from its motors, over the speed before: 0.12 m at 0.3 m/s are 0.4 s. Measure it, '
-              'with the load that it carries.', 's', 0.0, 10.0),
+              'with the load that it carries.', 's', 0.0, 10.0, before=ABSENT),
         Field('standstill_from_m_s', float, 0.03, 'Slowest command at which that is watched; '
               'below it friction may hold the wheel.', 'm/s', 0.001, 20.0),
         Field('left_joint', str, 'left_wheel_joint', 'Name in joint_states, as in the URDF.'),

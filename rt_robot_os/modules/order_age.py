@@ -31,7 +31,8 @@ from rt_robot_os.units import NS_PER_S
 
 ORDER_AGE: Final = Field(
     'order_age_max_s', float, 5.0, 'Age at which an order that comes is refused when it starts a '
-    'movement, such as a goal: its giver does not expect it any more', 's', 0.5, 3600.0, live=True)
+    'movement, such as a goal: its giver does not expect it any more', 's', 0.5, 3600.0, live=True,
+    before=3600.0)
 
 
 def why_too_old(stamp_ns: int, now_ns: int, settings: Mapping[str, Any]) -> str:

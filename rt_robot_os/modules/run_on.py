@@ -27,11 +27,10 @@ from rt_robot_os.schema import Field
 RUN_ON_MAX: Final = Field(
     'run_on_max_m', float, 0.5, 'Commands are slowed so that the robot goes on no farther than '
     'this when its computer falls silent, as far as its motor boards declare it; 0: not slowed',
-    'm', 0.0, 100.0, live=True)
+    'm', 0.0, 100.0, live=True, before=0.0)
 
 
 def run_on_speed_m_s(module: Module) -> float:
     """Return the largest speed that ``run_on_max_m`` of a module allows; safe in the loop."""
-    # A recording of an earlier release has no such setting: then nothing is slowed, as it was.
-    way_m: float = module.settings.get(RUN_ON_MAX.name, 0.0)
+    way_m: float = module.settings[RUN_ON_MAX.name]
     return module.run_on.speed_m_s(way_m) if way_m else math.inf

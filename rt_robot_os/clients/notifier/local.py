@@ -28,7 +28,7 @@ import sys
 from typing import Any
 from typing import Final
 
-from rt_robot_os.clients.notifier import bounded_program
+from rt_robot_os.clients.notifier import bounded_run
 from rt_robot_os.clients.notifier.channel import DeliveryError
 from rt_robot_os.clients.notifier.notification import Notification
 from rt_robot_os.schema import Field
@@ -140,7 +140,7 @@ class External:
     def _run(self, life: int, given: bytes) -> None:
         try:
             process = subprocess.Popen(
-                [sys.executable, '-I', bounded_program.__file__, str(life), *self._command],
+                [sys.executable, '-I', bounded_run.__file__, str(life), *self._command],
                 stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                 env=self._environ, start_new_session=True, pass_fds=[life])
         except OSError as error:

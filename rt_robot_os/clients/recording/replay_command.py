@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 import time
+from typing import Final
 from typing import TYPE_CHECKING
 
 from rt_robot_os.clients.recording.library import need_mcap
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from rt_robot_os.clients.recording.replay import Replay
 
 IDENTICAL, DIFFERS = 0, 1
+# Names of settings that are newer than a recording, in its message.
+_NAMED: Final = 6
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,16 +67,19 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _settings(arguments: argparse.Namespace, recording: Recording) -> RobotSettings:
+def _settings(arguments: argparse.Namespace, recording: Recording
+              ) -> tuple[RobotSettings, list[str]]:
+    """Return the settings, and which of them are newer than the recording."""
+    from rt_robot_os.clients.recording.newer_settings import completed
     from rt_robot_os.clients.recording.trust import check_trusted
     if arguments.params_file:
-        return load(arguments.params_file, node=arguments.node)
+        return load(arguments.params_file, node=arguments.node), []
     if recording.settings is None:
         raise RecordingError('the recording has no configuration: give one with --params-file')
     try:
         settings = from_json(recording.settings)
         check_trusted(settings, arguments.allow)
-        return settings
+        return completed(settings)
     except ConfigError as error:
         raise RecordingError(
             f'the configuration in the recording cannot be read: {error} (it was recorded with '
@@ -86,7 +92,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     from rt_robot_os.clients.recording.replay import Replay
     from rt_robot_os.clients.recording.replay_output import ReplayOutput
     recording = Recording(arguments.recording, arguments.session)
-    settings = _settings(arguments, recording)
+    settings, newer = _settings(arguments, recording)
     begin = time.perf_counter()
     replay = Replay(recording, settings, from_bytes=arguments.source != 'topics',
                     boards_too=arguments.source == 'bytes')
@@ -98,7 +104,12 @@ def _replay(arguments: argparse.Namespace) -> int:
     finally:
         if output is not None:
             output.close()
-    return _report(replay, recording, time.perf_counter() - begin)
+    code = _report(replay, recording, time.perf_counter() - begin)
+    if code == DIFFERS and newer:
+        more = ', ...' if len(newer) > _NAMED else ''
+        _say(f'{len(newer)} settings are newer than the recording: '
+             f'{", ".join(newer[:_NAMED])}{more}')
+    return code
 
 
 def _say(text: str) -> None:

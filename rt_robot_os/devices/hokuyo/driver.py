@@ -113,7 +113,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._angle = 2 * math.pi / settings['steps_per_turn']
         self._angle_minimum = (first - settings['front_step']) * self._angle
         usual = (_OTHER_NO_ECHO if settings['steps_per_turn'] == _OTHER_STEPS else _NO_ECHO,)
-        self._no_echo = tuple(settings.get('no_echo_codes') or usual)
+        self._no_echo = tuple(settings['no_echo_codes'] or usual)
         self._scan_s = 1 / settings['output_rate_hz']
         self._maximum_mm = round(settings['maximum_m'] / _METRES)
         self._latency_ns = round(settings['latency_s'] * NS_PER_S)

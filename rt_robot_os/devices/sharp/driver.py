@@ -81,7 +81,7 @@ class Sharp(SerialDevice[NmeaFrame]):
               -5.0, -0.1),
         Field('lowest_mv', int, 1, 'A lower voltage is that of a broken wire or of no power, and '
               'is no reading. A little below what yours gives without a target is best; 0: it '
-              'gives no voltage then.', 'mV', 0, 1000),
+              'gives no voltage then.', 'mV', 0, 1000, before=0),
         Field('median', int, 3, 'Readings of which the median is published; 1 publishes each. '
               'The device gives a new one each 38 ms.', choices=(1, 3, 5, 7, 9)),
     )
@@ -101,8 +101,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._filler = RangeFiller(name, settings, INFRARED)
         self._coefficient_m, self._exponent = SHARP_FITS.get(
             settings['model'], (settings['coefficient_m'], settings['exponent']))
-        # A recording of an earlier release has no such setting, and replays as it was.
-        self._lowest_mv: int = settings.get('lowest_mv', 0)
+        self._lowest_mv: int = settings['lowest_mv']
         self._places = {channel: place for place, channel in enumerate(channels)}
         self._recent: list[deque[float]] = [deque(maxlen=settings['median']) for _ in channels]
         self._strangers = 0

@@ -70,7 +70,7 @@ SINK_SETTINGS: Final = (
     Field('node_rate_hz', float, 20.0, 'Packets that one node may send, by each relay, in all '
           'classes but the last; twice as many at once after a silence. Others are dropped, and '
           'counted: a node that floods, also in the name of another, displaces no alarm. 0 '
-          'accepts all.', 'Hz', 0.0, 10_000.0),
+          'accepts all.', 'Hz', 0.0, 10_000.0, before=0.0),
     Field('packets_per_job', int, 16, 'Packets that one job hands on, the most important first; '
           'what else there is waits for the next, a millisecond later. At most depth, so that '
           'readers of lower priority lose none.', '', 1, 1024),
