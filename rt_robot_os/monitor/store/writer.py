@@ -189,7 +189,7 @@ class Writer:
                 self._one_by_one(group, error)
             else:
                 # Whoever hears that it is stored finds no fault any more.
-                self.fault = ''
+                self.fault = '' if group else self.fault
                 for each, result in zip(group, added, strict=True):
                     each.done(result)
             self.commits += bool(group)
