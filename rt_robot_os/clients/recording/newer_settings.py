@@ -45,7 +45,8 @@ def completed(settings: RobotSettings) -> tuple[RobotSettings, list[str]]:
                for each in settings.devices]
     modules = [(each, _added(each.settings, module_class(each.type).fields()))
                for each in settings.modules]
-    keys = [f'{each.name}.{key}' for each, added in (*devices, *modules) for key in added]
+    keys = [f'{each.name}.{key}' for each, added in devices for key in added]
+    keys += [f'{each.name}.{key}' for each, added in modules for key in added]
     return replace(
         settings,
         devices=tuple(replace(each, settings={**each.settings, **added})

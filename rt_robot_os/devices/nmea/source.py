@@ -58,13 +58,20 @@ class FixSource:
     """Choose the sentences that become fixes; safe in the loop, holds 16 of them at most."""
 
     def __init__(self) -> None:
-        self.restart()
+        self._source: _Key | None = None
+        # Of the epoch before, and of this one.
+        self._before: frozenset[_Key] = frozenset()
+        self._before_ns: int | None = None
+        self._time_ns: int | None = None
+        self._keys: set[_Key] = set()
+        self._held: list[Timed] = []
+        self._given: PositionSentence | None = None
 
     def restart(self) -> None:
         """Forget everything: the stream begins again."""
-        self._source: _Key | None = None
-        self._before: frozenset[_Key] = frozenset()
-        self._before_ns: int | None = None
+        self._source = None
+        self._before = frozenset()
+        self._before_ns = None
         self._begin()
 
     @property
@@ -111,10 +118,10 @@ class FixSource:
         return []
 
     def _begin(self) -> None:
-        self._time_ns: int | None = None
-        self._keys: set[_Key] = set()
-        self._held: list[Timed] = []
-        self._given: PositionSentence | None = None
+        self._time_ns = None
+        self._keys = set()
+        self._held = []
+        self._given = None
 
     def _is_next(self, key: _Key, time_ns: int | None) -> bool:
         """Return whether a sentence begins the next epoch."""
