@@ -21,9 +21,9 @@ Blind the laser of a robot before a wall: it has to stand before it touches the 
 
 The robot has its laser only: sonar and infrared sensors do not help. Its scans pass through this
 program, which takes a share of the rays away, NaN or 0: those ahead, from the start or on the way,
-or other ones in each scan. The exit code is 1 when a robot touched the wall, when it moved ahead
-with all rays ahead lost and said nothing, or when one that sees everything did not reach the speed
-that it was asked for.
+or other ones in each scan. The exit code is 1 when a robot touched the wall, when it was blinded
+and there is no warning, or when one that sees everything did not reach the speed that it was asked
+for though nothing limited it.
 """
 
 from __future__ import annotations
@@ -133,9 +133,10 @@ def attack(report: Report, board: str, how: str, value: str, share: float, speed
                 robot.until(lambda now: now.free_m <= free_m, 'the place of the attack', 60.0)
                 spoiler.share = share
                 begun_ns = robot.now.at_ns
+            robot.until(lambda now: now.at_ns > begun_ns + _RUN_S / 2 * 1e9, 'the middle', 60.0)
+            limited_by = _guard(robot)['limited_by']
             robot.until(lambda now: now.at_ns > begun_ns + _RUN_S * 1e9, 'the end', 60.0)
-            said = next(each['values']['warning'] for each in robot.client.statistics().modules
-                        if each['name'] == 'collision_guard')
+            said = _guard(robot)['warning']
         finally:
             robot.drive(None)
             spoiler.end()
@@ -146,11 +147,18 @@ def attack(report: Report, board: str, how: str, value: str, share: float, speed
             problem = 'CONTACT'
         elif share and not said:
             problem = 'no warning'
-        elif not share and fastest < _FULL * speed_m_s:
+        elif not share and fastest < _FULL * speed_m_s and (
+                not limited_by or 'readings' in limited_by):
             problem = 'slow'
         report.add(problem, board=board, how=how, value=value, share=share, asked_m_s=speed_m_s,
                    free_m=free_m, fastest_m_s=fastest, left_m=last.free_m, contacts=last.contacts,
-                   impact_m_s=last.impact_m_s, said=said)
+                   impact_m_s=last.impact_m_s, said=said or limited_by)
+
+
+def _guard(robot: Robot) -> dict[str, Any]:
+    """Return the statistics of the guard."""
+    return next(dict(each['values']) for each in robot.client.statistics().modules
+                if each['name'] == 'collision_guard')
 
 
 def main() -> int:

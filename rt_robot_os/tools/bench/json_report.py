@@ -50,7 +50,8 @@ def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options:
         'interrupted': interrupted,
         'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full,
                     'quick': options.quick, 'hours': options.hours,
-                    'data': Path(options.data).name, 'expected': Path(options.expected).name},
+                    'data': Path(options.data).name, 'expected': Path(options.expected).name,
+                    'imu_mounting': list(options.imu_mounting)},
         'machine': dict(machine), 'samples': _files(options.out, results),
         'cases': [result.as_json() for result in results]}
 
