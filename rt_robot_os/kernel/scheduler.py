@@ -69,6 +69,8 @@ from rt_robot_os.units import NS_PER_US
 GRACE_NS: Final = 20 * NS_PER_MS
 STRIKE_AGAIN_NS: Final = 50 * NS_PER_US
 STRIKE_ALWAYS_NS: Final = 1
+# A job that may have lost its time to Linux is aborted after this many times its budget at last.
+STOLEN_LIMITS: Final = 20
 # Computing time for describing an exception and for dropping it: both may run its author's code.
 CONTAIN_NS: Final = 10 * NS_PER_MS
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
@@ -217,7 +219,8 @@ class Scheduler(Alarms):
             due_ns = firsts[0][0]
         if current is not None and (current.limit_ns or self._stopping):
             used_ns = entry_ns - current.start_ns - stolen_ns
-            if used_ns >= current.limit_ns > STRIKE_ALWAYS_NS:
+            if (used_ns >= current.limit_ns > 0 and not current.resists
+                    and entry_ns - current.start_ns < STOLEN_LIMITS * current.limit_ns):
                 taken_ns = self._consequences.taken(current, entry_ns, used_ns)
                 stolen_ns += taken_ns
                 used_ns -= taken_ns

@@ -32,6 +32,7 @@ import pytest
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import MARK
 from rt_robot_os.kernel.stolen import Stolen
@@ -103,6 +104,21 @@ def test_a_job_is_not_aborted_for_time_that_it_did_not_have(
     assert len(ended) == 1
     assert task.aborted == 1  # for its own time, in the end
     assert 4900 * US < task.execution_maximum_ns < 5200 * US
+
+
+def test_a_job_without_end_is_aborted_also_where_linux_takes_nearly_all_time(
+        kernel: Kernel, clock: SharedClock) -> None:
+    def job() -> None:
+        while True:
+            clock.spend(10)
+            clock.take(MS)
+
+    task = kernel.add_task('task', job, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted) == (1, 1)
+    at_ns, = (r[2] for r in kernel.black_box.records if r[0] == ABORT)
+    assert 99 * MS < at_ns - task.start_ns < 105 * MS
 
 
 @pytest.mark.parametrize('stopped', [False, True])
