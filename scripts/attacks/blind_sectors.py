@@ -22,8 +22,8 @@ Blind the laser of a robot before a wall: it has to stand before it touches the 
 The robot has its laser only: sonar and infrared sensors do not help. Its scans pass through this
 program, which takes a share of the rays away, NaN or 0: those ahead, from the start or on the way,
 or other ones in each scan. The exit code is 1 when a robot touched the wall, when it was blinded
-and there is no warning, or when one that sees everything did not reach the speed that it was asked
-for though nothing limited it.
+and there is no warning, or when one that sees everything does not drive, or is limited by what it
+cannot see.
 """
 
 from __future__ import annotations
@@ -52,10 +52,9 @@ _VALUES = {'nan': math.nan, 'zero': 0.0}
 _RUN_S = 3.0
 # On the way: the robot is blinded when so much more is free.
 _AWAY_M = 1.5
-# A robot that sees everything drives, with so much free, at this share of what it is asked for; a
-# Kobuki is asked for more than it can.
+# A robot that sees everything drives, with so much free; how fast is up to its board.
 _OPEN_M = 3.0
-_FULL = 0.85
+_MOVES_M_S = 0.15
 _CHANGES = {'laser': {'topic': 'scan_raw'}, 'collision_guard': {'range_topics': []}}
 
 
@@ -147,8 +146,7 @@ def attack(report: Report, board: str, how: str, value: str, share: float, speed
             problem = 'CONTACT'
         elif share and not said:
             problem = 'no warning'
-        elif not share and fastest < _FULL * speed_m_s and (
-                not limited_by or 'readings' in limited_by):
+        elif not share and ('readings' in limited_by or fastest < _MOVES_M_S):
             problem = 'slow'
         report.add(problem, board=board, how=how, value=value, share=share, asked_m_s=speed_m_s,
                    free_m=free_m, fastest_m_s=fastest, left_m=last.free_m, contacts=last.contacts,
