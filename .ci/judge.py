@@ -17,9 +17,10 @@ Judge a JUnit file: were tests run at all, and was nothing skipped that CI has t
 
     judge.py RESULTS STATUS
 
-STATUS is the exit code of the run of the tests. When at most MAX_REPEATED tests failed, and nothing
-else is wrong, just those run once more, alone. Those that pass then are named as flaky, and the run
-succeeds; a test that fails again fails the run. The last line is a closing line of pytest.
+STATUS is the exit code of the run of the tests. When at most MAX_REPEATED tests failed, and
+nothing else is wrong, just those run once more, alone. Those that pass then are named as flaky,
+and the run succeeds; a test that fails again fails the run. The last line is a closing line of
+pytest.
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ class Field:
     :ivar length: how many items a list has; 0 for any number.
     :ivar is_file: it names a file: a relative path counts from the folder of the configuration
         that has it, else from the folder of those that are shipped.
-    :ivar before: of a key that an earlier release did not have: the value with which its recordings
-        replay alike, or ``ABSENT``; by default the default.
+    :ivar before: of a key that an earlier release did not have: the value with which its
+        recordings replay alike, or ``ABSENT``; by default the default.
     """
 
     name: str

@@ -417,7 +417,7 @@ def wait(condition: Callable[[], Any], what: str, tell: Callable[[], str] = str,
         time.sleep(0.005)
 
 
-# ---- configuration and world ---------------------------------------------------------------------
+# ---- configuration and world --------------------------------------------------------------------
 
 
 def _configuration(board: str, whole: bool, realtime: bool,

@@ -104,9 +104,9 @@ def test_the_twin_answers_and_drives_as_the_firmware_did(recording: list[Line]) 
             assert answer == wanted
 
 
-# What the firmware on an emulated ATmega328P counted, with the motors of the recording: an order at
-# a time in ms, or what it answered to `e` then. In its loop a product of 16 bits overflows when the
-# wheels went far by `o` before `m` closes the loop.
+# What the firmware on an emulated ATmega328P counted, with the motors of the recording: an order
+# at a time in ms, or what it answered to `e` then. In its loop a product of 16 bits overflows when
+# the wheels went far by `o` before `m` closes the loop.
 FAR = [[(500, b'o -119 188'), (2000, b'm -37 -6'), (2300, (-2454, 2816)), (2900, (-3312, 2456))],
        [(500, b'o 150 188'), (2200, b'm 20 20'), (2300, (2873, 3621)), (2800, (2477, 3225)),
         (3100, b'm -20 -20'), (3600, (2603, 3348))]]

@@ -22,11 +22,10 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.settings import load
-
 pytest.importorskip('mcap', reason='no recordings without the library mcap')
 
 from rt_robot_os.clients.recording.newer_settings import completed  # noqa: E402
+from rt_robot_os.settings import load  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -26,7 +26,7 @@ import pytest
 pytest.importorskip('sqlalchemy')
 pytest.importorskip('alembic')
 
-from households import confirm  # noqa: E402
+from households import confirm  # noqa: E402, I100
 from rt_robot_os.monitor.store.store import Store  # noqa: E402
 
 NOW_NS = 1_800_000_000_000_000_000
