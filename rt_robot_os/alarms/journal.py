@@ -41,7 +41,7 @@ _HEAD: Final = re.compile(rb'R1 ([0-9a-f]{8}) ([0-9a-f]{8}) ')
 _HEAD_BYTES: Final = 21
 _END: Final = b'\n'
 # Bytes whose checksum is tried while the next line is searched for behind damage. When they are
-# used up, as by megabytes of false headers, only lines that begin and end where lines do are found.
+# used up, as by megabytes of false headers, only lines between line ends are found.
 _SEARCH_BYTES: Final = 32 << 20
 
 

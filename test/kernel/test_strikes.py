@@ -237,8 +237,8 @@ print(task.state.value, len(kernel.ended), bool(runs), sys.getrecursionlimit() =
 """
 
 
-@pytest.mark.parametrize('job', ['recursion', 'context', 'loops', 'in_finally', 'generator', 'text',
-                                 'coroutine'])
+@pytest.mark.parametrize('job', [
+    'recursion', 'context', 'loops', 'in_finally', 'generator', 'text', 'coroutine'])
 def test_a_job_that_swallows_its_abort_is_ended_and_those_above_it_run_on(job: str) -> None:
     result = run_program(SWALLOWING, job, timeout_s=120.0)
     assert (result.returncode, result.stdout) == (0, 'ended\nstopped 0 True True\n'), result.stderr

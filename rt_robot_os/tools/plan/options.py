@@ -33,9 +33,9 @@ from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
 Execution times come, for each task, from --execution, else from execution_us in its section, else
-from a measurement. Without a measurement, what comes with rt_robot_os has typical times, of another
-machine. Else budget_us with on_budget: abort counts, which is a true bound. Tasks without any are
-listed as unknown.
+from a measurement. Without a measurement, what comes with rt_robot_os has typical times, of
+another machine. Else budget_us with on_budget: abort counts, which is a true bound. Tasks without
+any are listed as unknown.
 
   plan --ros-args --params-file my_robot.yaml             with what the file declares
   plan --measure 10 --ros-args --params-file my_robot.yaml   run its core for 10 s and use that
