@@ -164,7 +164,8 @@ class Robot:
         self.environment = {
             **os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(self.folder), 'OPENBLAS_NUM_THREADS': '1',
             'ROS_HOME': str(self.folder / 'home'),
-            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')])}
+            'PYTHONPATH': os.pathsep.join([
+                str(ROOT), str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])}
         os.environ['RT_ROBOT_OS_RUNTIME_DIR'] = str(self.folder)
         self.socket = socket_path()
         self._hardware = device_folder(self.socket).with_suffix('.hardware')
