@@ -112,14 +112,16 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
     :param reader_gone: the exit code when nobody reads on.
     :return: the exit code.
     """
-    if argv is None:
-        own_process()
     end_quietly()
     try:
         run = load()
         if not listens:
             raise_again()
-        code = run(sys.argv[1:] if argv is None else argv)
+        if argv is None:
+            with own_process():
+                code = run(sys.argv[1:])
+        else:
+            code = run(argv)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -193,10 +195,15 @@ def raise_again() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def own_process() -> None:
-    """Declare that this process runs one program and ends with it."""
+@contextmanager
+def own_process() -> Iterator[None]:
+    """Declare that this process runs one program and ends after it."""
     global _one_program
-    _one_program = True
+    before, _one_program = _one_program, True
+    try:
+        yield
+    finally:
+        _one_program = before
 
 
 @contextmanager

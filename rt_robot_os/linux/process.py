@@ -75,9 +75,9 @@ def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM)
     :param signo: is sent to this process when the parent dies.
     :return: the exit code; 0 when the parent has ended before.
     """
-    own_process()
     parent, *arguments = sys.argv[1:]
-    return main(arguments) if die_with_parent(int(parent), signo) else 0
+    with own_process():
+        return main(arguments) if die_with_parent(int(parent), signo) else 0
 
 
 def end_child(process: subprocess.Popen[bytes], patience_s: float, signo: int = signal.SIGTERM

@@ -186,6 +186,7 @@ def test_an_alarm_and_a_person_whose_names_have_slashes_are_found(
         address: str, users: dict[str, dict[str, str]], services: Services) -> None:
     operator = users['operator']
     alarm, person = 'flat/7/fall', 'anna/maria'
+    services.accounts.residents.confirm('robot', ['anna', 'bob', person], 'test')
     with FakeRobot(f'ws://{address}', script=RobotScript(people=('anna', person))) as robot:
         robot.raise_alarm(alarm, subject='anna')
         robot.keep(robot.script.observation(person, 'pulse_per_min', 61.0))

@@ -33,6 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+import threading
 import time
 from typing import Any
 from typing import Final
@@ -42,6 +43,7 @@ from rt_robot_os.units import NS_PER_S
 
 #: A process that did not run for longer than this was frozen; see :meth:`OwnGaps.note`.
 GAP_NS: Final = 250 * NS_PER_MS
+_NOTED_EVERY_S: Final = 0.1
 # Within that time after it what had waited has been read.
 _DRAINED_NS: Final = 250 * NS_PER_MS
 _STEP_NS: Final = 50 * NS_PER_MS
@@ -74,13 +76,35 @@ class OwnGaps:
         self._offset_ns = wall_ns() - self._ran_ns
         self._since_ns = self._until_ns = 0
         self._clock_until_ns = 0
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+
+    def watch(self) -> None:
+        """
+        Note ten times a second from now on, in a thread of its own.
+
+        Callbacks do not tell: while one of them takes long, DDS goes on to receive.
+        """
+        threading.Thread(target=self._watch, name='rt_robot_os gaps', daemon=True).start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ended.set()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(_NOTED_EVERY_S):
+            self.note()
 
     def note(self) -> tuple[int, int]:
         """
-        Note that this process runs; call it at least ten times a second.
+        Note that this process runs, at least ten times a second; from any thread.
 
         :return: the time of CLOCK_BOOTTIME, and of the system clock.
         """
+        with self._lock:
+            return self._note()
+
+    def _note(self) -> tuple[int, int]:
         now_ns, wall_ns = self._boottime_ns(), self._wall_ns()
         gap_ns = now_ns - self._ran_ns
         step_ns = wall_ns - now_ns - self._offset_ns

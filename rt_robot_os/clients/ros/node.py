@@ -66,7 +66,6 @@ from rt_robot_os.units import NS_PER_S
 from std_srvs.srv import Trigger
 
 _START_TIMEOUT_S = 10.0
-_NOTED_EVERY_S = 0.1
 
 
 class RobotNode(LifecycleNode):
@@ -113,8 +112,7 @@ class RobotNode(LifecycleNode):
             1.0 / settings.diagnostics_rate_hz, self._diagnose,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._gaps = OwnGaps()
-        self.create_timer(_NOTED_EVERY_S, self._gaps.note,
-                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._gaps.watch()
         self._ros_parameters = NodeParameters(
             self, self._robot_parameters.known.values(), self._change)
 
@@ -202,6 +200,7 @@ class RobotNode(LifecycleNode):
         node is left as it is: it would wait for that thread.
         """
         self._stop_core()
+        self._gaps.close()
         self.held_up = not self._log.close()
         if not self.held_up:
             super().destroy_node()

@@ -235,7 +235,7 @@ _ROBOT: Final = """
     velocity_mux: {{type: velocity_mux, sources: [agent], source_topics: [cmd_vel_agent],
                    source_priorities: [50], source_timeouts_s: [0.5], rate_hz: 20.0, priority: 65}}
     collision_guard: {{type: collision_guard, scan_topics: [], bumper_topic: bumper,
-                      rate_hz: 50.0, priority: 66}}
+                      bumper_timeout_s: 0.0, rate_hz: 50.0, priority: 66}}
     operator: {{type: '{here}:Operator', rate_hz: 50.0, priority: 10}}
     topics: [agent_command, answer, observed, planner_state, report, bumper, estop_in, release,
              battery]

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rt_robot_os.settings.run_on import WAY_MAX_M
 from rt_robot_os.tools.doctor.finding import absent
 from rt_robot_os.tools.doctor.finding import Check
 from rt_robot_os.tools.doctor.finding import Finding
@@ -37,6 +36,9 @@ def run_on(system: System) -> Iterator[Finding]:
     boards = system.wanted.boards
     if not boards:
         yield absent('no motor board in the configuration')
+        return
+    # Late: it needs NumPy, and doctor runs without.
+    from rt_robot_os.settings.run_on import WAY_MAX_M
     for board in boards:
         if board.way_m > WAY_MAX_M + _ROUNDING:
             yield warn(f'{board}; more than {WAY_MAX_M:g} m', Remedy((), board.remedy), weight=80)
