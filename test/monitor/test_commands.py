@@ -198,5 +198,7 @@ def test_an_alarm_and_a_person_whose_names_have_slashes_are_found(
     assert [each['text'] for each in notes] == ['seen']
     assert ask(address, operator, 'GET', f'{path}/notes')[0] == 404
     latest = f'/api/people/{quote(person, safe="")}/latest'
-    status, values = ask(address, logged_in(services, 'olga'), 'GET', latest)
+    olga = logged_in(services, 'olga')
+    wait_until(lambda: ask(address, olga, 'GET', latest)[1], 'the value')
+    status, values = ask(address, olga, 'GET', latest)
     assert (status, [each['value'] for each in values]) == (200, [61.0])
