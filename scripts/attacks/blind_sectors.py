@@ -164,10 +164,12 @@ def main() -> int:
     made = parser(__doc__.split('\n\n')[0])
     made.add_argument('--speeds', default='0.8', help='asked for, in m/s')
     made.add_argument('--free', default='0.45', help='at the attack, in m')
-    made.add_argument('--shares', default='0.5,0.7,0.85,0.95,1', help='of the rays')
+    made.add_argument('--shares', default='0.5,0.7,0.85,0.95,1', help='of the rays, from 0 to 1')
     made.add_argument('--values', default='nan,zero', help='in place of the rays')
     made.add_argument('--how', default='ahead,on the way,scattered', help='which rays, and when')
     arguments = made.parse_args()
+    if wrong := [each for each in arguments.shares.split(',') if not 0.0 <= float(each) <= 1.0]:
+        made.error(f'--shares {",".join(wrong)}: give shares from 0 to 1, such as 0.5')
     report = Report(COLUMNS)
     for board in boards(arguments):
         for speed in map(float, arguments.speeds.split(',')):
