@@ -18,7 +18,7 @@ Draw docs/images/assisted_living.svg from a run of the assisted flat.
     PYTHONPATH=. python3 scripts/make_assisted_living_picture.py [SECONDS]
 
 It starts the robot without ROS, with the same world, and asks the world every half second where
-everybody is. ROS is not needed; some two minutes are.
+everybody is. It needs no ROS, and two minutes.
 """
 
 from __future__ import annotations
@@ -38,6 +38,9 @@ from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world
 from rt_robot_os.sim.orders import order
 from rt_robot_os.sim.world import World
+from svg_labels import Label
+from svg_labels import placed
+from svg_labels import Segment
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'
@@ -45,12 +48,14 @@ PICTURE = ROOT / 'docs' / 'images' / 'assisted_living.svg'
 WORLD = CONFIG / 'maps' / 'assisted_living_world.yaml'
 SCALE, TOP, MARGIN = 60.0, 8.5, 0.5
 LYING_M = 1.75
+ANNA, BOB = ('stroke="#c60" stroke-dasharray="5 4"', 'stroke="#a84" stroke-dasharray="2 4"')
+ROBOT = 'stroke="#06c" stroke-width="2.5"'
 
 Row = dict[str, list[str]]
 
 
 def watched(seconds: float) -> list[Row]:
-    """Run the robot, and note where everybody is."""
+    """Run the robot, and return all positions, a row each half second."""
     rows: list[Row] = []
     settings = load([CONFIG / 'assisted_living.yaml'],
                     {'core.cpu': -2, 'core.scheduler_priority': 0})
@@ -72,63 +77,100 @@ def watched(seconds: float) -> list[Row]:
     return rows
 
 
-def at(x: float, y: float) -> str:
+def point(x: float, y: float) -> tuple[float, float]:
     """Return a point of the picture."""
-    return f'{(x + MARGIN) * SCALE:.1f},{(TOP - y) * SCALE:.1f}'
+    return (x + MARGIN) * SCALE, (TOP - y) * SCALE
+
+
+def at(x: float, y: float) -> str:
+    """Return a point of the picture as its paths have it."""
+    left, top = point(x, y)
+    return f'{left:.1f},{top:.1f}'
 
 
 def dot(x: float, y: float, radius: float, style: str) -> str:
     """Draw a disc; its radius is in the units of the picture."""
-    where_x, where_y = at(x, y).split(',')
-    return f'<circle cx="{where_x}" cy="{where_y}" r="{radius}" {style}/>'
-
-
-def text(x: float, y: float, words: str) -> str:
-    """Write a word."""
-    where_x, where_y = at(x, y).split(',')
-    return f'<text x="{where_x}" y="{where_y}">{words}</text>'
+    left, top = point(x, y)
+    return f'<circle cx="{left:.1f}" cy="{top:.1f}" r="{radius}" {style}/>'
 
 
 def way(rows: list[Row], name: str, style: str) -> str:
-    """Draw where somebody went."""
+    """Draw the path of a person or of the robot."""
     points = ' '.join(at(float(row[name][0]), float(row[name][1])) for row in rows)
     return f'<polyline points="{points}" fill="none" {style}/>'
 
 
-def drawing(rows: list[Row]) -> Iterator[str]:
-    """Draw walls, nodes, ways, the place of the fall and the robot beside it."""
+def lying(last: Row) -> list[Segment]:
+    """Return the middle line of a person on the floor, then the lines that fill the body."""
     world = World(load_world(WORLD))
-    yield ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 660 540" '
-           'font-family="sans-serif" font-size="12" text-anchor="middle">')
+    world.advance(0)
+    world.advance(62 * 10 ** 9)
+    x, y = map(float, last['anna'][:2])
+    heading = world.people[0].heading
+    half = LYING_M / 2 - 0.17  # the line has round ends
+    along = half * math.cos(heading), half * math.sin(heading)
+    head, feet = (point(x + side * along[0], y + side * along[1]) for side in (-1, 1))
+    return [(head[0] + aside, head[1], feet[0] + aside, feet[1]) for aside in (0, -9, -6, -3, 3, 6, 9)]
+
+
+def segments_of(rows: list[Row], name: str) -> list[Segment]:
+    """Return a path as lines of the picture."""
+    points = [point(*map(float, row[name][:2])) for row in rows[::4]]
+    return [(*first, *second) for first, second in zip(points, points[1:])]
+
+
+def drawing(rows: list[Row]) -> Iterator[str]:
+    """Draw walls, nodes, paths, the place of the fall and the robot."""
+    world = World(load_world(WORLD))
+    yield ('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 660 565" '
+           'font-family="sans-serif" font-size="12">')
     yield '<rect width="100%" height="100%" fill="white"/>'
     lines = ' '.join(f'M{at(a, b)}L{at(c, d)}' for a, b, c, d in world.walls.segments.tolist())
     yield f'<path d="{lines}" stroke="#333" stroke-width="2" fill="none"/>'
     up = [row for row in rows if row['anna'][2] == 'walking']
-    yield way(up, 'anna', 'stroke="#c60" stroke-dasharray="5 4"')
-    yield way(rows, 'bob', 'stroke="#ca8" stroke-dasharray="2 4"')
-    yield way(rows, 'base_link', 'stroke="#06c" stroke-width="2.5"')
+    yield way(up, 'anna', ANNA)
+    yield way(rows, 'bob', BOB)
+    yield way(rows, 'base_link', ROBOT)
     start, last = rows[0]['base_link'], rows[-1]
     yield dot(float(start[0]), float(start[1]), 11, 'fill="none" stroke="#06c"')
-    x, y = map(float, last['anna'][:2])
-    world.advance(0)
-    world.advance(62 * 10 ** 9)
-    heading = world.people[0].heading
-    half = LYING_M / 2 - 0.17  # the line has round ends
-    ends = [at(x + side * half * math.cos(heading), y + side * half * math.sin(heading))
-            for side in (-1, 1)]
-    yield (f'<path d="M{ends[0]}L{ends[1]}" stroke="#f96" stroke-width="20" '
-           'stroke-linecap="round"/>')
-    yield text(x + 0.75, y + 0.75, 'anna fell here')
-    for node in world.nodes:
-        if not node.person:
-            yield dot(node.x, node.y, 5, 'fill="#090"') + text(node.x, node.y + 0.17, node.name)
+    covered = lying(last)
+    yield ('<path d="M{:.1f},{:.1f}L{:.1f},{:.1f}" stroke="#f96" stroke-width="20" '
+           'stroke-linecap="round"/>'.format(*covered[0]))
     bx, by, yaw = map(float, last['base_link'][:3])
     for side in (-0.5, 0.5):
         end = bx + 2.0 * math.cos(yaw + side), by + 2.0 * math.sin(yaw + side)
         yield f'<path d="M{at(bx, by)}L{at(*end)}" stroke="#9bd" stroke-width="1"/>'
+        covered.append((*point(bx, by), *point(*end)))
+    covered += [(*point(a, b), *point(c, d))
+                for a, b, c, d in world.walls.segments.tolist()]
+    for name in ('anna', 'bob', 'base_link'):
+        covered += segments_of(up if name == 'anna' else rows, name)
     yield dot(bx, by, 11, 'fill="#cdf" stroke="#06c" stroke-width="2"')
-    yield text(bx, by - 0.45, 'the robot')
+    labels = [named(bx, by, 'robot', 11.0),
+              named(float(start[0]), float(start[1]), 'start', 11.0),
+              named(*map(float, last['anna'][:2]), 'anna, fallen', 24.0)]
+    for node in world.nodes:
+        if not node.person:
+            yield dot(node.x, node.y, 5, 'fill="#090"')
+            labels.append(named(node.x, node.y, node.name, 5.0))
+    yield from placed(labels, covered, (4.0, 4.0, 656.0, 536.0), 12.0)
+    yield from legend()
     yield '</svg>\n'
+
+
+def named(x: float, y: float, name: str, radius: float) -> Label:
+    """Return the label of a place of the flat."""
+    return Label(*point(x, y), (name,), radius)
+
+
+def legend() -> Iterator[str]:
+    """Name the lines and dots below the flat."""
+    for number, (style, name) in enumerate(((ANNA, 'path of anna'), (BOB, 'path of bob'),
+                                            (ROBOT, 'path of the robot'))):
+        left = 40 + 150 * number
+        yield (f'<path d="M{left},546H{left + 30}" fill="none" {style}/>'
+               f'<text x="{left + 36}" y="550">{name}</text>')
+    yield '<circle cx="505" cy="546" r="5" fill="#090"/><text x="515" y="550">sensor node</text>'
 
 
 def main() -> int:

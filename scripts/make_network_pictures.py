@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from html import escape
+import math
 from pathlib import Path
 
 from rt_robot_os.devices.sink.twin import SimulatedSink
@@ -45,12 +46,17 @@ from rt_robot_os.wsn.network_watch import Limits
 from rt_robot_os.wsn.network_watch import NetworkWatch
 from rt_robot_os.wsn.packets.decode import PacketDecoder
 from rt_robot_os.wsn.packets.framing import FrameReader
+from svg_labels import Label
+from svg_labels import placed
+from svg_labels import Segment
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / 'docs' / 'images' / 'sensor_network.svg'
 SIZE_M = 18.0, 12.0
 SCALE, MARGIN = 48.0, 14.0
 STEP_S = 0.01
+FONT_SIZE = 12.0
+TITLE_HEIGHT = 46.0
 KILLED = 3
 
 
@@ -87,19 +93,21 @@ class House:
         return list(self.model.rows(round(self._steps * STEP_S * NS_PER_S)))
 
 
-def drawing(world: World, panels: list[tuple[str, list[Marker]]]) -> Iterator[str]:
+def drawing(world: World, panels: list[tuple[str, str, list[Marker]]]) -> Iterator[str]:
     """Draw panels below one another."""
     width = SIZE_M[0] * SCALE + 2 * MARGIN
-    height = SIZE_M[1] * SCALE + 2 * MARGIN + 22
+    height = SIZE_M[1] * SCALE + 2 * MARGIN + TITLE_HEIGHT
     yield (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} '
            f'{height * len(panels):g}" font-family="sans-serif" font-size="11" '
            'text-anchor="middle">')
     yield '<rect width="100%" height="100%" fill="white"/>'
-    for number, (title, markers) in enumerate(panels):
+    for number, (title, note, markers) in enumerate(panels):
         top = number * height
         yield (f'<text x="{MARGIN:g}" y="{top + 18:g}" font-size="15" text-anchor="start">'
                f'{escape(title)}</text>')
-        yield from _panel(world, markers, top + 22 + MARGIN)
+        yield (f'<text x="{MARGIN:g}" y="{top + 36:g}" font-size="12" fill="#555" '
+               f'text-anchor="start">{escape(note)}</text>')
+        yield from _panel(world, markers, top + TITLE_HEIGHT)
     yield '</svg>\n'
 
 
@@ -113,23 +121,34 @@ def _panel(world: World, markers: list[Marker], top: float) -> Iterator[str]:
 
     lines = ' '.join(path(*each) for each in world.walls.segments.tolist())
     yield f'<path d="{lines}" stroke="#999" stroke-width="1.2" fill="none"/>'
+    links: list[Segment] = []
     for each in markers:
         if each.namespace != LINKS:
             continue
         for index in range(0, len(each.points), 2):
             (ax, ay, _), (bx, by, _) = each.points[index:index + 2]
+            links.append((*at(ax, ay), *at(bx, by)))
             yield (f'<path d="{path(ax, ay, bx, by)}" stroke="{_colour(each.colours[index])}" '
                    'stroke-width="2" fill="none"/>')
+    labels = []
     for each in markers:
         x, y = at(*each.position[:2])
         if each.namespace == NODES:
             yield (f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{each.scale[0] * 28:.1f}" '
-                   f'fill="{_colour(each.colour)}" stroke="#333"/>')
+                   f'fill="{_colour(each.colour)}" fill-opacity="{each.colour[3]:g}" '
+                   'stroke="#333"/>')
         elif each.namespace == LABELS:
             name, *facts = each.text.split('\n')
-            yield f'<text x="{x:.1f}" y="{y - 10:.1f}">{escape(name)}</text>'
-            if facts and facts[-1].startswith('silent'):
-                yield f'<text x="{x:.1f}" y="{y + 19:.1f}" fill="#b00">{escape(facts[-1])}</text>'
+            silent = tuple(fact for fact in facts[-1:] if fact.startswith('silent'))
+            labels.append(Label(x, y, (name, *silent), 8.0, '#b00' if silent else ''))
+    yield from placed(labels, links, (2.0, top, SIZE_M[0] * SCALE + 2 * MARGIN - 2.0,
+                                      top + SIZE_M[1] * SCALE), FONT_SIZE)
+
+
+def _note(rows: list[NodeRow], names: dict[int, str]) -> str:
+    """Name the nodes that have no place, and so are not drawn."""
+    unknown = [names[int(row.id)] for row in rows if not math.isfinite(row.x)]
+    return f'Not drawn, as its place is unknown: {", ".join(unknown)}.' if unknown else ''
 
 
 def _colour(colour: tuple[float, float, float, float]) -> str:
@@ -139,22 +158,23 @@ def _colour(colour: tuple[float, float, float, float]) -> str:
 def main() -> None:
     """Write the picture."""
     house = House()
-    house.run(90)
+    house.run(105)
     before = house.rows()
     hanging = {node.id for node in house.world.nodes if not node.person}
     relays = Counter(int(row.parent) for row in before if row.parent in hanging)
     killed = [house.names[node] for node, _ in relays.most_common(KILLED)]
     panels = [('Thirty nodes report: each line leads to the next hop.',
-               list(markers_of(before, house.names)))]
+               _note(before, house.names), list(markers_of(before, house.names)))]
     for name in killed:
         house.world.inject(['node', name, 'off'])
     house.run(45)
-    panels.append((f'45 s after {", ".join(killed[:-1])} and {killed[-1]} have lost their power: '
-                   'those behind them go other ways.',
-                   list(markers_of(house.rows(), house.names))))
+    after = house.rows()
+    panels.append((f'45 s after {", ".join(killed[:-1])} and {killed[-1]} lost their power: '
+                   'the other nodes have new routes.',
+                   _note(after, house.names), list(markers_of(after, house.names))))
     PICTURE.write_text('\n'.join(drawing(house.world, panels)), encoding='utf-8')
-    lost = [row.id for row in house.rows() if row.hops > 0 and row.age_s > 10]
-    print(f'{PICTURE}: killed {killed}; not heard for 10 s: {[house.names[int(n)] for n in lost]}')
+    lost = [row.id for row in after if row.hops > 0 and row.age_s > 10]
+    print(f'{PICTURE}: killed {killed}; silent for 10 s: {[house.names[int(n)] for n in lost]}')
 
 
 if __name__ == '__main__':
