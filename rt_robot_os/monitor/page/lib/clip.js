@@ -16,7 +16,7 @@ const KEYS = {ArrowLeft: -1, ArrowRight: 1, ',': -1, '.': 1};
  * @returns {{element: HTMLElement, close: function(): void}}
  */
 export function clipOf(context, address, label) {
-  const player = new Player(context.t, label);
+  const player = new Player(context, label);
   const loading = new AbortController();
   context.t.words.load('clip').then(() => player.load(address, loading.signal));
   return {
@@ -29,8 +29,9 @@ export function clipOf(context, address, label) {
 }
 
 class Player {
-  constructor(t, label) {
+  constructor({t, format}, label) {
     this.t = t;
+    this.format = format;
     this.clip = null;
     this.place = 0;
     this.timer = 0;
@@ -118,8 +119,7 @@ class Player {
   }
 
   seconds(value) {
-    return `${value.toLocaleString(this.t.words.language,
-      {minimumFractionDigits: 1, maximumFractionDigits: 1})} s`;
+    return this.format.unit(value, 's', 1);
   }
 
   toggle() {

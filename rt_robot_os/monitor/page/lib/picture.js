@@ -35,6 +35,7 @@ export function pictureOf(context, {robot, camera, rateHz = RATE_HZ, label = cam
 class Shown {
   constructor(context, label, connection) {
     this.t = context.t;
+    this.format = context.format;
     this.label = label;
     this.connection = connection;
     this.last = null;
@@ -90,7 +91,7 @@ class Shown {
     const ageMs = this.ageMs();
     const state = !this.last ? 'none' : ageMs !== null && ageMs <= STALE_MS ? 'live' : 'stale';
     tone(this.element, 'picture', state);
-    write(this.age, state === 'none' ? '' : t('picture.age', {age: seconds(t, ageMs)}));
+    write(this.age, state === 'none' ? '' : t('picture.age', {age: seconds(this.format, ageMs)}));
     write(this.note, this.words(state, ageMs));
     const spoken = t(state === 'live' ? 'picture.of' : 'picture.old', {camera: this.label});
     if (this.canvas.getAttribute('aria-label') !== spoken) {
@@ -107,15 +108,10 @@ class Shown {
       return this.whyNot || t(this.connection.isOpen ? 'picture.waiting' : 'picture.connecting');
     }
     const since = ageMs === null ? this.lastMs : Date.now() - ageMs;
-    return t('picture.since', {time: new Date(since).toLocaleTimeString(t.words.language)});
+    return t('picture.since', {time: this.format.time(since)});
   }
 }
 
-function seconds(t, ageMs) {
-  if (ageMs === null) {
-    return '–';
-  }
-  const digits = ageMs < 10000 ? 1 : 0;
-  return (ageMs / 1000).toLocaleString(t.words.language,
-    {minimumFractionDigits: digits, maximumFractionDigits: digits});
+function seconds(format, ageMs) {
+  return ageMs === null ? '–' : format.unit(ageMs / 1000, 's', ageMs < 10000 ? 1 : 0);
 }

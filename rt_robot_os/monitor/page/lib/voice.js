@@ -28,7 +28,7 @@ export function whyNoMicrophone() {
  */
 export function voiceOf(context, {robot}) {
   const panel = new Panel(context, robot);
-  context.t.words.load('voice').then(() => panel.draw());
+  context.t.words.load('voice').then(() => panel.isClosed || panel.draw());
   return {element: panel.element, close: () => panel.close(), call: panel.call};
 }
 
@@ -184,6 +184,7 @@ class Panel {
   }
 
   close() {
+    this.isClosed = true;
     this.off();
     this.call.hangUp();
     this.endMeters();

@@ -324,7 +324,7 @@ class PositionView {
       goalShape(ctx, ...view.toScreen(this.goal.target.x, this.goal.target.y),
         this.goal.target.yaw, Goal.ARROW_PX, palette.goal, palette);
     }
-    layers.drawScale(pen, step, t('position.metres', {n: step}));
+    layers.drawScale(pen, step, this.context.format.unit(step, 'm', step < 1 ? 1 : 0));
     labels.write(ctx, palette);
     this.drawn += 1;
   }

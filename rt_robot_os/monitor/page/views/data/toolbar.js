@@ -82,7 +82,7 @@ export class Toolbar {
   /** Show which range it is, and whether it follows. */
   showRange() {
     const {timeline} = this.view;
-    const language = this.context.t.words.language;
+    const {locale} = this.context.t.words;
     for (const each of this.ranges.children) {
       const span = RANGES.find(([name]) => name === each.dataset.range)[1];
       attribute(each, 'aria-pressed', String(Math.abs(timeline.span / span - 1) < 0.01));
@@ -91,8 +91,8 @@ export class Toolbar {
     write(this.now.querySelector('.label'), this.context.t(timeline.follows ? 'data.live'
       : 'data.follow'));
     write(this.shown, timeline.follows ? '' : this.context.t('data.from_to', {
-      from: timeText(timeline.start, timeline.span, language),
-      to: timeText(timeline.end, timeline.span, language)}));
+      from: timeText(timeline.start, timeline.span, locale),
+      to: timeText(timeline.end, timeline.span, locale)}));
     this.writeExports();
   }
 

@@ -12,7 +12,7 @@ import {Gamepads} from './gamepad.js';
 import {Hand, letGoUnseen} from './hand.js';
 import {joystick} from './joystick.js';
 import {Keys} from './keys.js';
-import {BAD_MS, Line} from './line.js';
+import {Line} from './line.js';
 import {driverPicture} from './picture.js';
 import {isStopped, reasonText} from './reasons.js';
 
@@ -209,8 +209,7 @@ export class Cockpit {
         : rttMs > GOOD_MS ? ['warn', 'fair', 'warn'] : ['ok', 'good', 'check'];
     setBadge(this.link, kind, t(`drive.link_${key}`), name);
     this.element.classList.toggle('is-frozen', kind === 'critical');
-    write(this.rtt, rttMs === null || rttMs === undefined ? '–'
-      : t('drive.ms', {ms: Math.round(rttMs), most: BAD_MS}));
+    write(this.rtt, this.context.format.unit(rttMs, 'ms'));
     write(this.pad, t(this.gamepads.isThere ? 'drive.gamepad_there' : 'drive.gamepad_none'));
     if (beat && beat.speed) {
       this.showSpeed(beat.speed);
@@ -240,8 +239,7 @@ export class Cockpit {
   }
 
   showSpeed({linear_m_s: linear}) {
-    const {t} = this.context;
-    write(this.speed, Number.isFinite(linear) ? t('drive.m_s', {v: round(linear)}) : '–');
+    write(this.speed, this.context.format.unit(rounded(linear), 'm/s', 2));
   }
 
   showReason(reason, steering) {
@@ -254,9 +252,9 @@ export class Cockpit {
   }
 
   showLimit() {
-    const {t} = this.context;
+    const {format} = this.context;
     const {linear} = this.wish();
-    write(this.limit, linear ? t('drive.m_s', {v: round(linear)}) : `${Math.round(this.share * 100)} %`);
+    write(this.limit, linear ? format.unit(rounded(linear), 'm/s', 2) : format.percent(this.share));
   }
 
   async release() {
@@ -289,7 +287,7 @@ function textOf(value) {
   return value && typeof value === 'object' ? value.data || value.text || '' : value || '';
 }
 
-function round(value) {
+function rounded(value) {
   const found = Math.round(value * 100) / 100;
   return found === 0 ? 0 : found;
 }

@@ -170,7 +170,7 @@ export class Goal {
     const said = t(`position.state_${word}`, {text: rest});
     const text = said.startsWith('position.') ? state : said;
     return UNDER_WAY.test(state) && far !== null
-      ? t('position.to_go', {state: text, metres: format.number(far, 1)}) : text;
+      ? t('position.to_go', {state: text, metres: format.unit(far, 'm', 1)}) : text;
   }
 
   _warning() {

@@ -69,7 +69,7 @@ export class PlaceList {
       : 'position.no_place')];
     const stddev = person.uncertaintyM || person.stddevM;
     if (isKnown) {
-      parts.push(this._place(person) + (stddev ? ` ± ${format.number(stddev, 1)} m` : ''));
+      parts.push(this._place(person) + (stddev ? ` ± ${format.unit(stddev, 'm', 1)}` : ''));
     }
     if (now.isLost || ageMs > 10_000) {
       parts.push(t('position.seen', {ago: format.ago(ageMs / 1000)}));
@@ -109,7 +109,7 @@ export class PlaceList {
 
   _place({x, y}) {
     const {format} = this.context;
-    return `${format.number(x, 2)}, ${format.number(y, 2)} m`;
+    return `${format.number(x, 2)}, ${format.unit(y, 'm', 2)}`;
   }
 }
 
