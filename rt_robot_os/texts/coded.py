@@ -23,7 +23,7 @@ without a template has no code, and is shown as it is (decision 118).
 Holes of templates: ``{name}`` any text, ``{name:w}`` one word, ``{name:n}`` a number,
 ``{name:sign}`` a vital sign, ``{name:t}`` a text that has a code itself, ``{name:l}`` several such
 texts, ``{name:kinds}`` several words, both with ``, `` between them, ``{name:e}`` an emergency as
-the agent names it, ``{name:word}`` a word as code has it.
+the agent names it, ``{name:a}`` what happened to the agent, ``{name:word}`` a word as code has it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _TITLES: Final = MappingProxyType({sign.title: name for name, sign in SIGNS.item
 _NUMBER: Final = r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?'
 _PATTERNS: Final = MappingProxyType({
     '': r'.+?', 'w': r'\S+?', 'n': _NUMBER, 't': r'.+', 'l': r'.+', 'kinds': r'\w+(?:, \w+)*',
-    'e': r'[^:]+', 'word': r'[a-z][a-z0-9_]*',
+    'e': r'[^:]+', 'a': r'.+', 'word': r'[a-z][a-z0-9_]*',
     'sign': '|'.join(map(re.escape, sorted(_TITLES, key=len, reverse=True)))})
 
 
@@ -81,20 +81,24 @@ def _letters(template: str) -> int:
 # What begins with a word of its own is the outer text of two; then what says more by itself.
 _ALL: Final = tuple(_compiled(code, template) for code, template in sorted(
     TEMPLATES.items(), key=lambda each: (each[1].startswith('{'), -_letters(each[1]))))
+#: Elsewhere these words are a channel and a kind of cause.
+_OF_THE_AGENT: Final = frozenset({'agent_event_operator', 'agent_event_help'})
 
 
 @lru_cache(maxsize=4096)
-def coded(text: str, depth: int = 0) -> Mapping[str, Any] | None:
+def coded(text: str, depth: int = 0, of_agent: bool = False) -> Mapping[str, Any] | None:
     """
     Return the code of a text and its arguments, as JSON has them; None without one.
 
     A nested text is ``{'text': ...}``, with its code when it has one. Not for the real-time loop.
+
+    :param of_agent: it is what happened to the agent.
     """
     if not 0 < len(text) <= LONGEST or depth > _DEEPEST:
         return None
     for code, pattern, holes in _ALL:
         found = pattern.fullmatch(text)
-        if found is not None:
+        if found is not None and (of_agent or code not in _OF_THE_AGENT):
             return {'code': code, 'args': {
                 name: _READERS[kind](found[name], depth) for name, kind in holes}}
     return None
@@ -115,8 +119,8 @@ def codes_of(content: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]
     return found
 
 
-def _nested(text: str, depth: int) -> dict[str, Any]:
-    return {'text': text, **(coded(text, depth + 1) or {})}
+def _nested(text: str, depth: int, of_agent: bool = False) -> dict[str, Any]:
+    return {'text': text, **(coded(text, depth + 1, of_agent) or {})}
 
 
 def _number(text: str, depth: int) -> float:
@@ -127,6 +131,6 @@ def _number(text: str, depth: int) -> float:
 _READERS: Final[Mapping[str, Callable[[str, int], Any]]] = MappingProxyType({
     '': lambda text, depth: text, 'w': lambda text, depth: text, 'n': _number,
     'word': lambda text, depth: text, 'sign': lambda text, depth: _TITLES[text],
-    't': _nested, 'e': _nested,
+    't': _nested, 'e': _nested, 'a': lambda text, depth: _nested(text, depth, True),
     'l': lambda text, depth: [_nested(each, depth) for each in text.split(', ')],
     'kinds': lambda text, depth: text.split(', ')})

@@ -146,4 +146,17 @@ TEMPLATES: Final = MappingProxyType({
     'audit_noted': 'row {row:n} is not the one that was noted',
     'audit_noted_missing': 'row {row:n}, which was noted, is missing',
     'server_ends': 'the server is about to end',
+    'wrong_host': 'this server has no such name',
+    'wrong_host_help': 'open it by the address that it printed when it started',
+    'other_site': 'this came from the page of another site',
+    'other_site_help': 'open the page of this server itself',
+    'csrf': 'the header X-CSRF-Token is missing or wrong',
+    'csrf_help': 'load the page again',
+    'first_account': 'the first account cannot be {role:w}',
+    'first_account_help': 'owner or admin: somebody must let the others in',
+    'person_rule_robot': (
+        'give the name by which the robot knows them: 1 to {most:n} printable characters '
+        'without *'),
+    'robot_list_which': 'monitor robot list shows which have',
+    'another_admin': 'make somebody else an admin first',
 })

@@ -41,6 +41,7 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
@@ -262,7 +263,8 @@ class BrowserMedia:
 
     async def _gone(self, key: Key, text: str) -> None:
         await self._websocket.send_text(encode('gone', {
-            'robot': key[0], 'camera': key[1], 'text': text}))
+            'robot': key[0], 'camera': key[1], 'text': text,
+            'codes': codes_of({'text': text}, ('text',))}))
 
     async def _send(self) -> None:
         while True:

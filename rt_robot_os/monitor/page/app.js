@@ -58,7 +58,7 @@ const context = {
     const key = `${Date.now().toString(36)}${Math.random().toString(36).slice(2)}`;
     const answer = await api.post(path, {do: what, args, key});
     if (answer && answer.ok === false) {
-      throw new ApiError(409, answer.text);
+      throw new ApiError(409, answer.text, '', '', answer.codes);
     }
     return answer;
   },
@@ -219,5 +219,5 @@ addEventListener('keydown', (event) => {
 
 await words.use(Words.preferred());
 const first = api.get('/api/session').catch((error) => error);
-await words.load('shell', 'words', 'alarms');
+await words.load('shell', 'words', 'alarms', 'said');
 await begin(first);

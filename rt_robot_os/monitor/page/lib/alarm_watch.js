@@ -2,6 +2,7 @@
 
 import {isLoud, kindsText, rank} from './alarms.js';
 import {notify} from './notification.js';
+import {saidOf} from './said.js';
 import {announce} from './toast.js';
 
 /** Watch the alarms of a context; returns what ends it. */
@@ -61,7 +62,7 @@ function tell(context, alarm) {
   announce(sentence(context, alarm), true);
   if (document.hidden && context.settings.notify) {
     notify(`${context.t.word('level', alarm.level)}: ${alarm.subject}`, {
-      body: [kindsText(alarm, context.t), alarm.text].filter(Boolean).join('\n'),
+      body: [kindsText(alarm, context.t), saidOf(context.t, alarm, 'text').text].filter(Boolean).join('\n'),
       tag: `${alarm.robot}/${alarm.id}`, renotify: true, requireInteraction: alarm.level === 'critical',
     }, `#/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}`);
   }

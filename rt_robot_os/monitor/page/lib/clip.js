@@ -3,6 +3,7 @@
 import {parseAvi} from './avi.js';
 import {h, replace, write} from './dom.js';
 import {icon} from './icons.js';
+import {said} from './said.js';
 
 const BYTES_MOST = 256 << 20;
 // How many steps the keys go: one picture, and about a second.
@@ -59,7 +60,8 @@ class Player {
       const answer = await fetch(address, {credentials: 'same-origin', signal});
       if (!answer.ok) {
         const found = await answer.json().catch(() => ({}));
-        throw new Error((found.detail && found.detail.text) || String(answer.status));
+        const {text, codes} = found.detail || {};
+        throw new Error(said(t, text || String(answer.status), codes?.text).text);
       }
       if (Number(answer.headers.get('Content-Length')) > BYTES_MOST) {
         throw new Error(t('clip.long'));

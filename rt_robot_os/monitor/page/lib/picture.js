@@ -5,6 +5,7 @@
 
 import {cameras} from './cameras.js';
 import {h, tone, write} from './dom.js';
+import {saidOf} from './said.js';
 
 /** A picture older than this is shown in grey. */
 export const STALE_MS = 1000;
@@ -74,8 +75,8 @@ class Shown {
   }
 
   /** There is no such camera, or not for us. */
-  gone(text) {
-    this.whyNot = text;
+  gone(message) {
+    this.whyNot = saidOf(this.t, message, 'text').text;
     this.last = null;
     this.canvas.getContext('2d').clearRect(0, 0, this.canvas.width, this.canvas.height);
     this.look();

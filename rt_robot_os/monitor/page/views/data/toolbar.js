@@ -2,6 +2,7 @@
 
 import {attribute, h, replace, write} from '../../lib/dom.js';
 import {button, notice, select} from '../../lib/parts.js';
+import {problemElement} from '../../lib/problem.js';
 import {timeText} from './axis.js';
 import {RANGES} from './timeline.js';
 
@@ -153,8 +154,7 @@ export class Toolbar {
       replace(this.problem);
       return;
     }
-    const said = `${error.message} ${error.remedy || ''}`;
-    const text = error.status === 0 ? t('data.no_answer') : said;
+    const text = error.status === 0 ? t('data.no_answer') : problemElement(error, t);
     replace(this.problem, notice('error', t('data.no_history'), text, button(t('data.again'),
       () => this.view.history.refresh())));
   }

@@ -5,6 +5,7 @@ import {attribute, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {isUp} from '../../lib/outage.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
+import {saidOf, saidSignal, writeSaid} from '../../lib/said.js';
 import {release} from '../../lib/stop.js';
 import {announce} from '../../lib/toast.js';
 import {voiceOf} from '../../lib/voice.js';
@@ -14,11 +15,12 @@ import {joystick} from './joystick.js';
 import {Keys} from './keys.js';
 import {Line} from './line.js';
 import {driverPicture} from './picture.js';
-import {isStopped, reasonText} from './reasons.js';
 
 // A round trip shorter than this is as good as none.
 const GOOD_MS = 120;
-const SIGNALS = ['stop_reason', 'steering', 'speed', 'battery'];
+const SIGNALS = ['stop_reason', 'steering', 'speed', 'battery', 'codes/*'];
+// What the multiplexer says while the e-stop is pressed begins so.
+const ESTOP = 'nobody: e-stop';
 const SHARES = {min: 20, max: 100, step: 10, value: 60};
 
 export class Cockpit {
@@ -215,7 +217,7 @@ export class Cockpit {
       this.showSpeed(beat.speed);
     }
     if (beat) {
-      this.showReason(beat.stop_reason, beat.steering);
+      this.showReason(saidOf(t, beat, 'stop_reason'), textOf(beat.steering));
     }
   }
 
@@ -232,7 +234,8 @@ export class Cockpit {
       return;
     }
     const value = (name) => state.signal(this.robot.id, name)?.value;
-    this.showReason(value('stop_reason'), value('steering'));
+    this.showReason(saidSignal(this.context, this.robot.id, 'stop_reason'),
+      textOf(value('steering')));
     if (value('speed')) {
       this.showSpeed(value('speed'));
     }
@@ -244,9 +247,8 @@ export class Cockpit {
 
   showReason(reason, steering) {
     const {t, permissions} = this.context;
-    const text = textOf(steering);
-    const held = isStopped(text);
-    write(this.reason, held ? t('drive.stopped') : reasonText(t, textOf(reason)));
+    const held = steering.startsWith(ESTOP);
+    writeSaid(this.reason, held ? {text: t('drive.stopped'), lang: null} : reason);
     this.reason.classList.toggle('is-held', held);
     this.released.hidden = !held || !permissions.has('acknowledge');
   }
