@@ -109,6 +109,8 @@ def _lifespan(services: Services) -> Any:
                  asyncio.create_task(_stay_alone(services))]
         if services.media is not None:
             tasks.append(asyncio.create_task(services.media.keep_house()))
+        if services.story is not None:
+            tasks.append(asyncio.create_task(services.story.run()))
         if services.connections is not None:
             tasks.append(asyncio.create_task(services.connections.look()))
         try:
