@@ -261,10 +261,10 @@ class BrowserMedia:
         if is_new:
             await asyncio.to_thread(self._note, key)
 
-    async def _gone(self, key: Key, text: str) -> None:
+    async def _gone(self, key: Key, text: str, codes: Mapping[str, Any] | None = None) -> None:
+        said = {'text': text, 'codes': codes or {}}
         await self._websocket.send_text(encode('gone', {
-            'robot': key[0], 'camera': key[1], 'text': text,
-            'codes': codes_of({'text': text}, ('text',))}))
+            'robot': key[0], 'camera': key[1], 'text': text, 'codes': codes_of(said, ('text',))}))
 
     async def _send(self) -> None:
         while True:
@@ -276,6 +276,11 @@ class BrowserMedia:
                     await self._gone(picture.key, 'you may not look through it any more')
                     continue
                 await self._websocket.send_bytes(picture.frame)
+                continue
+            trouble = self._viewer.next_trouble()
+            if trouble is not None:
+                key, why = trouble
+                await self._gone(key, str(why['text']), why['codes'])
                 continue
             if self._viewer.waiting(now_ns) > ANSWER_S * NS_PER_S:
                 self.close(4408, 'pictures were left without an answer')
