@@ -35,6 +35,7 @@ LAYERS = (
     ('wsn',),
     ('alarms',),
     ('agent', 'health'),
+    ('texts',),
     ('linux', 'slam'),
     ('kernel',),
     ('dumps',),

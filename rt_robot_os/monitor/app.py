@@ -53,6 +53,7 @@ from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.texts.coded import codes_of
 from starlette.exceptions import HTTPException
 
 _LOG: Final = logging.getLogger('monitor')
@@ -108,6 +109,8 @@ def _lifespan(services: Services) -> Any:
                  asyncio.create_task(_stay_alone(services))]
         if services.media is not None:
             tasks.append(asyncio.create_task(services.media.keep_house()))
+        if services.story is not None:
+            tasks.append(asyncio.create_task(services.story.run()))
         if services.connections is not None:
             tasks.append(asyncio.create_task(services.connections.look()))
         try:
@@ -141,7 +144,9 @@ async def _stay_alone(services: Services) -> None:
 
 def _answer(status: int, text: str, remedy: str, headers: Mapping[str, str] | None = None,
             **more: object) -> JSONResponse:
-    return JSONResponse({'detail': {'text': text, 'remedy': remedy, **more}}, status, headers)
+    detail = {'text': text, 'remedy': remedy, **more}
+    detail['codes'] = codes_of(detail, ('text', 'remedy'))
+    return JSONResponse({'detail': detail}, status, headers)
 
 
 async def _problem(request: Request, error: Exception) -> JSONResponse:

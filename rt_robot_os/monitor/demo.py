@@ -35,19 +35,26 @@ import sys
 import threading
 from typing import Final
 from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.monitor.security.accounts import Accounts
+from rt_robot_os.monitor.story import Story
 from rt_robot_os.programs import tell
 from rt_robot_os.settings.files import default_path
+
+if TYPE_CHECKING:
+    from rt_robot_os.monitor.live.hub import Hub
 
 #: Beside a robot of the same machine, which has another name.
 NAMESPACE: Final = '/demo'
 ROBOT: Final = 'demo'
 _PATIENCE_S: Final = 10.0
+#: On a machine that is busy a program takes long to start.
+_ORDER_S: Final = 60.0
 
 
 class Companions(NamedTuple):
@@ -67,7 +74,32 @@ class Companions(NamedTuple):
 def demo() -> Companions:
     """Return the simulated flat."""
     return Companions(ROBOT, ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file',
-                              str(default_path('assisted_living.yaml'))))
+                              str(default_path('assisted_living.yaml')),
+                              # She falls when the story says so.
+                              '-p', 'world.events:=[]'))
+
+
+def story_of(companions: Companions, hub: Hub) -> Story | None:
+    """Return what happens in the simulated flat; None beside a robot that is there already."""
+    if companions.node:
+        return None
+    return Story(hub, companions.name, _order, lambda line: tell('monitor', line))
+
+
+def _order(what: str) -> None:
+    """
+    Have something happen in the simulated flat.
+
+    :raises OSError: it cannot.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, '-m', 'rt_robot_os.sim.program', '--robot', f'{NAMESPACE}/robot',
+             '--tell', f'world {what}'], capture_output=True, text=True, timeout=_ORDER_S)
+    except subprocess.TimeoutExpired:
+        raise OSError(f'the simulator has not answered for {_ORDER_S:g} s') from None
+    if done.returncode:
+        raise OSError(done.stderr.strip() or f'the simulator ended with {done.returncode}')
 
 
 def gateway_of(node: str, params_files: Iterable[Path]) -> Companions:

@@ -31,6 +31,7 @@ from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.connections import Loop
 from rt_robot_os.monitor.demo import Companions
 from rt_robot_os.monitor.demo import running
+from rt_robot_os.monitor.demo import story_of
 from rt_robot_os.monitor.live import residents
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import MediaHub
@@ -102,6 +103,7 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
     sys.setswitchinterval(SWITCH_S)
     with ExitStack() as stack:
         if companions is not None:
+            services.story = story_of(companions, services.hub)
             stack.enter_context(running(
                 companions, services.accounts, settings.where,
                 address(settings, listening, 'localhost').replace('http', 'ws', 1),

@@ -40,6 +40,7 @@ class Services:
     :ivar maps: of robots.
     :ivar connections: all of them; None where something else than our server runs the app.
     :ivar media: pictures and files; None without.
+    :ivar story: what happens in the simulated flat of a demonstration; None without one.
     :ivar other_server: what is wrong where another server took the database; else empty.
     """
 
@@ -52,4 +53,5 @@ class Services:
     maps: Any = None
     connections: Any = None
     media: Any = None
+    story: Any = None
     other_server: str = ''

@@ -106,6 +106,22 @@ def test_a_live_picture_has_its_age_and_is_grey_when_it_is_old(
         pass  # nobody looks: the camera rests
 
 
+def test_a_camera_without_pictures_says_why_in_the_words_of_the_reader(
+        peer: Any, signed_in: Callable[..., Any]) -> None:
+    page = signed_in('carer', '#/camera', locale='de-DE')
+    while not peer.next('want')['cameras']:
+        pass
+    note = page.locator('.picture-note')
+    for text, shown, language in (
+            ('Pillow is not installed: pip install pillow', 'fehlt die Bibliothek Pillow', None),
+            ('the lens is covered with jam', 'the lens is covered with jam', 'en')):
+        peer.say('trouble', camera='hall', text=text, codes={})
+        page.wait_for_function(
+            "shown => document.querySelector('.picture-note').textContent.includes(shown)",
+            arg=shown)
+        assert note.get_attribute('lang') == language
+
+
 def test_who_may_not_see_everybody_there_sees_no_live_picture(
         peer: Any, signed_in: Callable[..., Any]) -> None:
     page = signed_in('carer', '#/camera', people=('anna',))

@@ -39,7 +39,7 @@ PULSE = 'pulse_per_min'
 VIEW = "document.querySelector('.view-data').dataView"
 REQUESTS = f'() => {VIEW}.history.requests'
 BUCKET = f"() => {VIEW}.rows.get('pulse_per_min').columns.bucketMs"
-COUNTED = re.compile('Pulse: mean 72 1/min, from 70 to 74, .*gaps: 1')
+COUNTED = re.compile(r'Pulse: mean 72\s/min, from 70 to 74, .*gaps: 1')
 LAST = re.compile('to 123, last 123; gaps: 1')
 DAY = re.compile('gaps: [2-4]')
 
@@ -192,7 +192,7 @@ AXIS = """async () => {
   const at = Date.UTC(2026, 2, 31, 23, 0);
   const labels = (language, step) => timeLabels(language, 'Europe/Berlin')(
     [0, 1, 2].map((i) => at + i * step), step);
-  return [labels('en', 3.6e6), labels('de', 3.6e6), labels('de', 250), labels('en', 31 * 864e5),
+  return [labels('en-GB', 3.6e6), labels('de', 3.6e6), labels('de', 250), labels('en-GB', 31 * 864e5),
           timeText(at, 365 * 864e5, 'de', 'Europe/Berlin')];
 }"""
 

@@ -114,6 +114,25 @@ def test_what_is_wanted_is_the_most_that_anybody_wants_and_nothing_when_nobody_l
     assert changes.count('robot') == 4
 
 
+def test_why_no_picture_comes_is_said_once_to_each_who_looks() -> None:
+    gallery = Gallery(lambda robot: None)
+    key, why = ('robot', 'hall'), {'text': 'unplugged', 'codes': {}}
+    gallery.trouble(key, why)  # nobody looks
+    early, other = gallery.open_viewer(lambda: None), gallery.open_viewer(lambda: None)
+    early.look(key, 10.0)
+    other.look(('robot', 'door'), 10.0)
+    assert early.next_trouble() is None
+    gallery.trouble(key, why)
+    late = gallery.open_viewer(lambda: None)
+    late.look(key, 10.0)
+    assert [each.next_trouble() for each in (early, late, other)] == [(key, why)] * 2 + [None]
+    assert early.next_trouble() is None
+    gallery.trouble(key, {'text': '', 'codes': {}})  # there are pictures again
+    again = gallery.open_viewer(lambda: None)
+    again.look(key, 10.0)
+    assert again.next_trouble() is None
+
+
 def test_cameras_take_turns() -> None:
     gallery, (viewer,) = gallery_of(30.0)
     other = 'robot', 'other'

@@ -45,6 +45,7 @@ from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.conversions import pose_message
 from rt_robot_os.safe_text import safe_line
+from rt_robot_os.texts.coded import codes_of
 
 #: Commands that are remembered, so that none is done twice.
 REMEMBERED: Final = 512
@@ -179,7 +180,8 @@ class Commands(Part):
         self._say_answer(key, answer)
 
     def _say_answer(self, key: str, answer: Answer) -> None:
-        self.ways.server.send('answer', {'id': key, 'ok': answer.ok, 'text': answer.text})
+        said = {'id': key, 'ok': answer.ok, 'text': answer.text}
+        self.ways.server.send('answer', {**said, 'codes': codes_of(said, ('text',))})
 
     # ---- from the robot ----------------------------------------------------------------------
 

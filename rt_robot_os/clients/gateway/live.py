@@ -38,6 +38,7 @@ from rt_robot_os.clients.gateway.reading import Sample
 from rt_robot_os.clients.gateway.robot_link import utc_of
 from rt_robot_os.errors import LayoutError
 from rt_robot_os.schema import star_match
+from rt_robot_os.texts.signals import codes_of_signals
 from rt_robot_os.uplink.messages import MESSAGE_BYTES
 
 #: Messages that may be on their way at a time.
@@ -148,6 +149,7 @@ class Live(Part):
                    if name not in self._new and (made := self._signal(each)) is not None}
         if not signals:
             return None
+        signals.update(codes_of_signals(signals))
         self._n += 1
         self.sent += 1
         self._sent_s = now_s

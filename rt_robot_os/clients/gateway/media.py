@@ -27,6 +27,7 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 import json
 from pathlib import Path
 import time
@@ -49,6 +50,7 @@ from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.uplink.frames import encode_frame
 from rt_robot_os.uplink.frames import FRAME_BYTES
 from rt_robot_os.uplink.importance import Importance
@@ -85,13 +87,15 @@ class Media(Part):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._wake = asyncio.Event()
         self._greet = asyncio.Event()
+        self._troubles: dict[str, str] = {}
+        self._trouble = asyncio.Event()
         self._told: deque[dict[str, Any]] = deque()
         self._new = asyncio.Event()
         self._spool = Spool(ways.folder / 'media',
                             Path(named).expanduser() if named else default_folder(),
                             round(settings.media_mb * _MB))
         self._files = FileSender(self._spool, ways.tell)
-        self._reader = CameraReader(ways.robot.path, self._woken, ways.tell)
+        self._reader = CameraReader(ways.robot.path, self._woken, ways.tell, self._troubled)
         self._wanted: dict[str, float] = {}
         self._awaited: dict[str, int] = {}
         self._counts: dict[str, int] = {}
@@ -181,7 +185,7 @@ class Media(Part):
         self._files.begin()
         tasks = [asyncio.ensure_future(each) for each in (
             self._hear_all(socket, clock), self._say_hello(socket), self._ask(socket, clock),
-            self._show(socket, clock), self._files.run(socket.send),
+            self._show(socket, clock), self._say_troubles(socket), self._files.run(socket.send),
             keep_alive(socket, _ALIVE_S, self.ways.settings.silence_s))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -197,6 +201,15 @@ class Media(Part):
             self._greet.clear()
             await socket.send(encode('hello', {'version': VERSION,
                                                'cameras': sorted(self._cameras)}))
+
+    async def _say_troubles(self, socket: ClientConnection) -> None:
+        while True:
+            await self._trouble.wait()
+            self._trouble.clear()
+            while self._troubles:
+                camera, text = self._troubles.popitem()
+                said = {'camera': camera, 'text': text}
+                await socket.send(encode('trouble', {**said, 'codes': codes_of(said, ('text',))}))
 
     async def _ask(self, socket: ClientConnection, clock: ServerClock) -> None:
         while True:
@@ -229,6 +242,14 @@ class Media(Part):
     def _want(self, rates: Mapping[str, float]) -> None:
         self._wanted = {name: rate for name, rate in rates.items() if rate > 0}
         self._reader.want(self._wanted)
+
+    def _troubled(self, camera: str, why: str) -> None:
+        """Note why a camera gives no picture; the thread that reads cameras."""
+        self._call(partial(self._note_trouble, camera, why))
+
+    def _note_trouble(self, camera: str, why: str) -> None:
+        self._troubles[camera] = why
+        self._trouble.set()
 
     def _woken(self) -> None:
         """Note that there is a picture; the thread that reads cameras."""

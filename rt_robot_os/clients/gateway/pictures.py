@@ -25,6 +25,7 @@ from collections.abc import Callable
 from collections.abc import Mapping
 from pathlib import Path
 import threading
+import time
 from typing import Final
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.protocol import Header
 
 _LOOK_S: Final = 0.1
+#: Without a picture for so long its device is asked why.
+_TROUBLE_S: Final = 2.0
 _JPEG: Final = b'\xff\xd8\xff'
 
 
@@ -74,16 +77,23 @@ class CameraReader:
     :param path: of the core's socket.
     :param wake: called, by the thread that reads, when there is a picture.
     :param tell: takes lines for people.
+    :param trouble: takes, by the thread that reads, why a camera gives no picture: its name, and
+        what its device says; an empty text when there are pictures again.
     :ivar skipped: pictures that gave way to a newer one.
     :ivar odd: samples that were no picture.
     """
 
-    def __init__(self, path: Path, wake: Callable[[], None], tell: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, wake: Callable[[], None], tell: Callable[[str], None],
+                 trouble: Callable[[str, str], None] = lambda name, why: None) -> None:
         self.skipped = self.odd = 0
         self._topics: Mapping[str, str] = {}
         self._wake = wake
         self._tell = tell
         self._told: set[str] = set()
+        self._trouble = trouble
+        self._troubles: dict[str, str] = {}
+        self._seen_s: dict[str, float] = {}
+        self._asked_s = 0.0
         self._client = LastingClient(path, 'gateway cameras', self._connected, tell)
         self._changed = threading.Event()
         self._closing = False
@@ -103,6 +113,10 @@ class CameraReader:
         self._wanted = dict(rates)
         for name in [name for name in list(self._newest) if name not in self._wanted]:
             self._newest.pop(name, None)
+        for name in [name for name in list(self._seen_s) if name not in self._wanted]:
+            self._seen_s.pop(name, None)
+        for name in [name for name in list(self._troubles) if name not in self._wanted]:
+            self._troubles.pop(name, None)  # it is said again to who looks next
         self._changed.set()
 
     def take(self, name: str) -> Seen | None:
@@ -126,6 +140,7 @@ class CameraReader:
             self._changed.clear()
             while self._wanted and not self._changed.is_set():
                 self._client.pump(_LOOK_S)
+                self._look_for_trouble()
             if self._wanted and self._client.client is not None:
                 try:
                     self._mirror(self._client.client)
@@ -135,6 +150,7 @@ class CameraReader:
 
     def _connected(self, client: LinkClient) -> None:
         self._mirrored = {}
+        self._troubles.clear()
         client.on_data = self._take
         self._mirror(client)
 
@@ -162,8 +178,29 @@ class CameraReader:
                     return
                 self.skipped += name in self._newest
                 self._newest[name] = found
+                self._seen_s[name] = time.monotonic()
                 self._wake()
                 return
+
+    def _look_for_trouble(self) -> None:
+        """Ask the core now and then why cameras give no picture."""
+        now_s, client = time.monotonic(), self._client.client
+        if client is None or now_s - self._asked_s < _TROUBLE_S:
+            return
+        self._asked_s = now_s
+        wanted = list(self._wanted)
+        late = [name for name in wanted
+                if now_s - self._seen_s.get(name, -_TROUBLE_S) >= _TROUBLE_S]
+        try:
+            reasons = {str(each.get('name')): str(each.get('reason') or '')
+                       for each in client.statistics().devices} if late else {}
+        except LinkError:
+            return  # busy; it is asked again
+        for name in wanted:
+            why = reasons.get(name.partition('/')[0], '') if name in late else ''
+            if why != self._troubles.get(name, ''):
+                self._troubles[name] = why
+                self._trouble(name, why)
 
     def _say(self, line: str) -> None:
         if line not in self._told:

@@ -42,6 +42,7 @@ from rt_robot_os.clients.gateway.reading import Sample
 from rt_robot_os.clients.gateway.robot_link import utc_of
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.diagnostic_array import statuses_of
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.uplink.importance import Importance
 
 
@@ -64,6 +65,8 @@ EVENTS: Final = (
     Kind('agent/transitions', Importance.EVENT, 'transition'),
     Kind('agent/say', Importance.EVENT, 'log', 'said'),
     Kind('agent/observed', Importance.EVENT, 'log', 'observed'))
+#: Texts of events that a page words by their codes.
+_WORDED: Final = ('text', 'why')
 _SIGNS: Final = 'health/*/signs'
 _SCORES: Final = 'health/*/news2_details'
 _PLACES: Final = 'health/*/place_details'
@@ -117,7 +120,9 @@ class Records(Part):
         mark = self._marks[sample.topic] = Mark(sample.topic, run, sample.seq)
         kind = self._kinds[sample.topic]
         value = value_of(sample.topic, sample.type, bytes(sample.cdr))
-        content = value if isinstance(value, dict) else {kind.key: value}
+        content = dict(value) if isinstance(value, dict) else {kind.key: value}
+        if (codes := codes_of(content, _WORDED)):
+            content['codes'] = codes
         self._keeper.keep(Record(kind.importance, kind.type, content, utc_of(sample.stamp_ns)),
                           mark)
 

@@ -28,6 +28,7 @@ from fastapi.responses import StreamingResponse
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
+from rt_robot_os.texts.coded import coded
 
 _AUDIT: Final = Depends(allowed(Permission.AUDIT))
 _SEQ: Final = (1 << 62)
@@ -52,7 +53,7 @@ def router(services: Any) -> APIRouter:
         verdict = audit.verify()
         audit.note(actor, 'audit.verify', 'audit', rows=verdict.rows, problems=verdict.problems)
         return {'rows': verdict.rows, 'head': verdict.head, 'whole': verdict.is_whole,
-                'problems': verdict.problems}
+                'problems': verdict.problems, 'codes': [coded(each) for each in verdict.problems]}
 
     @found.get('/export')
     def export(actor: Actor = _AUDIT) -> StreamingResponse:

@@ -78,10 +78,11 @@ class Command(BaseModel):
 
 
 class Answer(BaseModel):
-    """What the robot said to it."""
+    """What the robot said to it; ``codes`` has the code of its text."""
 
     ok: bool
     text: str
+    codes: dict[str, Any] = Field(default_factory=dict)
 
 
 class Commands:

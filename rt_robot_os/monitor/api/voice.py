@@ -37,6 +37,7 @@ from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
 from starlette.websockets import WebSocketDisconnect
@@ -71,6 +72,10 @@ class Caller:
         """Send the page a message, soon."""
         self._out.append(encode(kind, content))
         self.wake.set()
+
+    def ended(self, why: str) -> None:
+        """Tell the page why a call has ended, or did not begin."""
+        self.tell('ended', why=why, codes=codes_of({'why': why}, ('why',)))
 
     def close(self, code: int, text: str) -> None:
         """End the connection, soon."""
@@ -152,15 +157,15 @@ class Calls:
         state = hub.robots.get(robot)
         # Whoever is there is heard: they have to be granted everybody who lives there.
         if state is None or not may_look(actor.people, state):
-            caller.tell('ended', why='there is no such robot, or you may not call it')
+            caller.ended('there is no such robot, or you may not call it')
             return
         other = self._by_robot.get(robot)
         if other is not None:
-            caller.tell('ended', why=f'{other.actor.name} talks with this robot now')
+            caller.ended(f'{other.actor.name} talks with this robot now')
             return
         name = secrets.token_hex(8)
         if not hub.say(state, 'voice', {'call': name, 'do': 'ring', 'sdp': sdp, 'by': actor.name}):
-            caller.tell('ended', why=f'{state.name} is not connected')
+            caller.ended(f'{state.name} is not connected')
             return
         self.calls += 1
         caller.robot, caller.name, caller.answered = robot, name, False
@@ -216,7 +221,7 @@ class Calls:
         if state is not None and tell_robot:
             self._services.hub.say(state, 'voice', {'call': name, 'do': 'end'})
         if why:
-            caller.tell('ended', why=why)
+            caller.ended(why)
         self._show(robot, None)
         self._services.audit.note_soon(caller.actor, 'voice.end', robot, why=noted,
                                        seconds=round(time.monotonic() - caller.began_s, 1))

@@ -30,6 +30,7 @@ from typing import Final
 from rt_robot_os.monitor.live.lease import HeldByAnotherError
 from rt_robot_os.monitor.live.lease import Lease
 from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.uplink.messages import encode
 from rt_robot_os.uplink.speed_limit import bounded
 
@@ -151,8 +152,10 @@ class Cab:
         """Show a beat of the robot to the one whose lease it is for."""
         holder = self.lease.holder
         if holder is not None and message.get('lease') == self.lease.key:
-            holder.show(encode('beat', {name: value for name, value in message.items()
-                                        if name not in ('kind', 'lease')}))
+            beat = {name: value for name, value in message.items()
+                    if name not in ('kind', 'lease')}
+            holder.show(encode('beat', {**beat, 'codes': codes_of(
+                beat, ('stop_reason', 'steering'))}))
 
     def robot_is(self, connected: bool, limits: Mapping[str, Any]) -> None:
         """Take note that the robot came, or went."""

@@ -39,6 +39,7 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.turns import Turns
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
+from rt_robot_os.texts.coded import codes_of
 
 #: Heart-beats that may be missing before a robot is silent.
 BEATS: Final = 3
@@ -301,7 +302,9 @@ class Hub:
         if future is None or whose != robot.id or future.done():
             robot.count('answers_late')
             return
-        future.set_result({'ok': answer.get('ok') is True, 'text': str(answer.get('text', ''))})
+        text = str(answer.get('text', ''))
+        future.set_result({'ok': answer.get('ok') is True, 'text': text, 'codes': codes_of(
+            {**answer, 'text': text}, ('text',))})
 
     def say(self, robot: RobotState, kind: str, content: Mapping[str, Any]) -> bool:
         """Send a message to a robot; False when it is not connected or does not read."""

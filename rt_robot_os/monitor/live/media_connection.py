@@ -41,6 +41,7 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
+from rt_robot_os.texts.coded import codes_of
 from rt_robot_os.units import NS_PER_S
 from rt_robot_os.uplink.messages import decode
 from rt_robot_os.uplink.messages import encode
@@ -260,9 +261,10 @@ class BrowserMedia:
         if is_new:
             await asyncio.to_thread(self._note, key)
 
-    async def _gone(self, key: Key, text: str) -> None:
+    async def _gone(self, key: Key, text: str, codes: Mapping[str, Any] | None = None) -> None:
+        said = {'text': text, 'codes': codes or {}}
         await self._websocket.send_text(encode('gone', {
-            'robot': key[0], 'camera': key[1], 'text': text}))
+            'robot': key[0], 'camera': key[1], 'text': text, 'codes': codes_of(said, ('text',))}))
 
     async def _send(self) -> None:
         while True:
@@ -274,6 +276,11 @@ class BrowserMedia:
                     await self._gone(picture.key, 'you may not look through it any more')
                     continue
                 await self._websocket.send_bytes(picture.frame)
+                continue
+            trouble = self._viewer.next_trouble()
+            if trouble is not None:
+                key, why = trouble
+                await self._gone(key, str(why['text']), why['codes'])
                 continue
             if self._viewer.waiting(now_ns) > ANSWER_S * NS_PER_S:
                 self.close(4408, 'pictures were left without an answer')

@@ -23,7 +23,9 @@ and no other viewer notices it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 from typing import Final
 from typing import NamedTuple
 
@@ -79,6 +81,7 @@ class Viewer:
         self._looks: dict[Key, _Look] = {}
         self._turn = 0
         self._asked_ns = 0
+        self._troubles: dict[Key, Mapping[str, Any]] = {}
 
     def look(self, key: Key, rate_hz: float) -> None:
         """
@@ -92,6 +95,8 @@ class Viewer:
         known = self._looks.get(key)
         if known is None:
             self._looks[key] = _Look(period_ns)
+            if (why := self._gallery.troubles.get(key)) is not None:
+                self._troubles[key] = why
         else:
             known.period_ns = period_ns
         self._gallery.changed(key[0])
@@ -108,6 +113,16 @@ class Viewer:
         if look is not None and look.awaited and n == look.awaited:
             look.awaited = 0
             self.wake()
+
+    def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
+        """Note why no picture comes of what it looks at; the newest counts."""
+        if key in self._looks:
+            self._troubles[key] = why
+            self.wake()
+
+    def next_trouble(self) -> tuple[Key, Mapping[str, Any]] | None:
+        """Return why no picture comes of one camera, once."""
+        return self._troubles.popitem() if self._troubles else None
 
     def keys(self) -> tuple[Key, ...]:
         """Return what it looks at."""
@@ -163,12 +178,14 @@ class Gallery:
 
     :param on_wanted: called with a robot when what is wanted of its cameras may have changed.
     :ivar pictures: taken so far.
+    :ivar troubles: why no picture comes of a camera.
     """
 
     def __init__(self, on_wanted: Callable[[str], None]) -> None:
         self.pictures = 0
         self.viewers: set[Viewer] = set()
         self._on_wanted = on_wanted
+        self.troubles: dict[Key, Mapping[str, Any]] = {}
         self._newest: dict[Key, Picture] = {}
         self._counts: dict[Key, int] = {}
 
@@ -190,6 +207,8 @@ class Gallery:
         for key in [key for key in self._newest if key[0] == robot and key not in looked_at]:
             # Who looks later would take it for new; it shows people besides.
             del self._newest[key]
+        for key in [key for key in self.troubles if key[0] == robot and key not in looked_at]:
+            del self.troubles[key]
         self._on_wanted(robot)
 
     def wanted(self, robot: str) -> dict[str, float]:
@@ -212,6 +231,7 @@ class Gallery:
         :return: how many look at it; of 0 it is not kept.
         """
         self.pictures += 1
+        self.troubles.pop(picture.key, None)
         looking = [viewer for viewer in self.viewers if picture.key in viewer.keys()]
         if looking:
             self._counts[picture.key] = picture.n
@@ -219,6 +239,19 @@ class Gallery:
         for viewer in looking:
             viewer.wake()
         return len(looking)
+
+    def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
+        """
+        Tell those who look at a camera why no picture comes.
+
+        :param why: ``text`` and its ``codes``; without a text there are pictures again.
+        """
+        if not why['text'] or not any(key in viewer.keys() for viewer in self.viewers):
+            self.troubles.pop(key, None)
+            return
+        self.troubles[key] = why
+        for viewer in self.viewers:
+            viewer.trouble(key, why)
 
     def newest(self, key: Key) -> Picture | None:
         """Return the newest picture of a camera."""

@@ -30,6 +30,7 @@ import time
 from typing import Any
 from typing import Final
 
+from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Picture
 from rt_robot_os.monitor.media_store import FileRefused
@@ -42,6 +43,9 @@ from rt_robot_os.uplink.messages import encode
 
 Send = Callable[[str], Awaitable[None]]
 _OFFERS_MOST: Final = 4
+#: Of why a camera gives no picture, and of the codes beside it.
+_WHY_MOST: Final = 300
+_CODES_BYTES: Final = 4000
 _NAME_MOST: Final = 64
 _CAMERAS_MOST: Final = 32
 _AGE_MOST_NS: Final = 600 * 1_000_000_000
@@ -88,6 +92,9 @@ class RobotMedia:
             self.wanted_changed()
         elif kind == 'clock':
             await self._send(encode('clock', {'t': _whole(message['t']), 'utc_ns': now_ns}))
+        elif kind == 'trouble':
+            self._trouble(str(message['camera']), str(message['text'])[:_WHY_MOST],
+                          message.get('codes'))
         elif kind == 'offer':
             await self._offer(str(message['id'])[:_NAME_MOST], Offered(
                 str(message['sha256']), _whole(message['size'])))
@@ -117,6 +124,15 @@ class RobotMedia:
             'utc_ns': captured_ns(header, now_ns), 'width': _whole(header.get('width', 0)),
             'height': _whole(header.get('height', 0))}, payload)
         self._gallery.put(Picture(key, number, frame))
+
+    def _trouble(self, camera: str, text: str, codes: object) -> None:
+        """Take why a camera gives no picture, as its device says it."""
+        if camera not in self.cameras:
+            self.odd += 1
+            return
+        is_small = isinstance(codes, dict) and memory_of(codes, _CODES_BYTES) <= _CODES_BYTES
+        self._gallery.trouble((self.robot, camera), {
+            'text': text, 'codes': codes if is_small else {}})
 
     def wanted_changed(self) -> None:
         """Note that somebody looks at something else."""

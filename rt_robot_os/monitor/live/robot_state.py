@@ -29,6 +29,8 @@ from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.store.alarm_reuse import is_reused
+from rt_robot_os.texts.coded import codes_of
+from rt_robot_os.texts.signals import codes_of_signals
 
 #: Signals that are kept of a robot; further ones are counted and left out.
 SIGNALS_MOST: Final = 2000
@@ -50,6 +52,10 @@ _TEXTS: Final = frozenset({'alarm', 'event', 'state', 'level', 'subject', 'text'
 _NUMBERS: Final = frozenset({'t_ns', 'x', 'y', 'restored'})
 _TEXT_CHARACTERS: Final = 500
 _KINDS_MOST: Final = 12
+#: Texts of an alarm that a page words by their codes.
+_WORDED: Final = ('text', 'why')
+#: Of what a robot of another release says of its own texts.
+_CODES_CHARACTERS: Final = 4000
 _CLOSED: Final = frozenset({'resolved', 'cancelled'})
 
 
@@ -164,7 +170,7 @@ class RobotState:
         """Take the signals of a ``live``; what is no signal is counted."""
         self.version += 1
         self.live_n, self.live_utc_ns = n, utc_ns
-        for name, pair in signals.items():
+        for name, pair in (*signals.items(), *codes_of_signals(signals).items()):
             if not (isinstance(pair, list) and len(pair) == 2 and is_time(pair[0])
                     and len(name) <= SIGNAL_NAME_CHARACTERS):
                 self.count('signals_wrong')
@@ -252,8 +258,16 @@ class RobotState:
         hidden = rights.hidden(self.named)
         if alarm.get('subject') in hidden:
             return None
-        shown: dict[str, Any] = without(alarm, hidden)
+        shown: dict[str, Any] = without(_with_codes(alarm), hidden)
         return shown
+
+
+def _with_codes(alarm: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an alarm, and its events, with the codes of their texts beside these."""
+    found = {**alarm, 'codes': codes_of(alarm, _WORDED)}
+    if 'events' in alarm:
+        found['events'] = [{**each, 'codes': codes_of(each, _WORDED)} for each in alarm['events']]
+    return found
 
 
 def _known(event: Mapping[str, Any]) -> dict[str, Any]:
@@ -264,6 +278,9 @@ def _known(event: Mapping[str, Any]) -> dict[str, Any]:
             found[key] = value[:_TEXT_CHARACTERS]
         elif key in _NUMBERS and isinstance(value, int | float) and abs(value) < 1 << 63:
             found[key] = value
+    codes = event.get('codes')
+    if isinstance(codes, dict) and memory_of(codes, _CODES_CHARACTERS) <= _CODES_CHARACTERS:
+        found['codes'] = {key: each for key, each in codes.items() if key in _WORDED}
     kinds = event.get('kinds')
     if isinstance(kinds, list):
         found['kinds'] = [each[:_TEXT_CHARACTERS] for each in kinds[:_KINDS_MOST]

@@ -5,12 +5,13 @@ import {h, replace} from './lib/dom.js';
 import {Format} from './lib/format.js';
 import {store, stored, translator, Words} from './lib/i18n.js';
 import {Live} from './lib/live.js';
+import {prepare} from './lib/notification.js';
 import {Silence} from './lib/outage.js';
 import {button, notice} from './lib/parts.js';
 import {Shell} from './lib/shell.js';
 import {Sound} from './lib/sound.js';
 import {State} from './lib/state.js';
-import {toast} from './lib/toast.js';
+import {clearMessages, toast} from './lib/toast.js';
 import {unlock} from './lib/unlock.js';
 
 const root = document.getElementById('app');
@@ -57,7 +58,7 @@ const context = {
     const key = `${Date.now().toString(36)}${Math.random().toString(36).slice(2)}`;
     const answer = await api.post(path, {do: what, args, key});
     if (answer && answer.ok === false) {
-      throw new ApiError(409, answer.text);
+      throw new ApiError(409, answer.text, '', '', answer.codes);
     }
     return answer;
   },
@@ -106,8 +107,7 @@ const context = {
     await sound.switch(isOn);
   },
   async setNotify(isOn) {
-    const isAllowed = isOn && 'Notification' in window
-      && await Notification.requestPermission() === 'granted';
+    const isAllowed = isOn && await prepare();
     settings.notify = isAllowed;
     store('notify', isAllowed ? 'on' : null);
     return isAllowed;
@@ -151,11 +151,12 @@ function leave() {
   context.allowed = new Set();
   context.isLocked = false;
   context.setBadge(0, '');
+  clearMessages();
   show();
 }
 
 function show() {
-  context.format = new Format(words.language);
+  context.format = new Format(words.locale);
   shell?.close();
   shell = new Shell(root, context, session !== null);
   root.removeAttribute('aria-busy');
@@ -202,6 +203,13 @@ function signedOut() {
   toast(context.t('shell.signed_out'), {kind: 'warn'});
 }
 
+// A notification was touched.
+navigator.serviceWorker?.addEventListener('message', ({data}) => {
+  if (data?.kind === 'go' && data.hash) {
+    context.go(data.hash);
+  }
+});
+
 addEventListener('keydown', (event) => {
   if (event.key === 'F9' && session) {
     event.preventDefault();
@@ -211,5 +219,5 @@ addEventListener('keydown', (event) => {
 
 await words.use(Words.preferred());
 const first = api.get('/api/session').catch((error) => error);
-await words.load('shell', 'words', 'alarms');
+await words.load('shell', 'words', 'alarms', 'said');
 await begin(first);

@@ -24,6 +24,7 @@ from fastapi import FastAPI
 from rt_robot_os.monitor.security.headers import headers_for
 from rt_robot_os.monitor.security.limits import network_of
 from rt_robot_os.monitor.security.limits import Rate
+from rt_robot_os.texts.coded import codes_of
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp
 from starlette.types import Message
@@ -137,7 +138,8 @@ class Protection:
 
 async def _refuse(send: Send, status: int, text: str, remedy: str,
                   more: list[tuple[bytes, bytes]] | None = None) -> None:
-    body: dict[str, Any] = {'detail': {'text': text, 'remedy': remedy}}
+    detail: dict[str, Any] = {'text': text, 'remedy': remedy}
+    body: dict[str, Any] = {'detail': {**detail, 'codes': codes_of(detail, detail)}}
     content = json.dumps(body).encode()
     await send({'type': 'http.response.start', 'status': status, 'headers': [
         (b'content-type', b'application/json'), (b'content-length', str(len(content)).encode()),

@@ -43,6 +43,7 @@ from rt_robot_os.clients.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.clients.gateway.settings import GatewaySettings  # noqa: E402
 from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.link.client import LinkClient  # noqa: E402
+from rt_robot_os.sim.orders import order  # noqa: E402
 
 YAML = """
 robot:
@@ -135,6 +136,20 @@ def test_pictures_come_while_somebody_looks_and_files_come_once(
     wait_until(lambda: len(list(folder.glob('observed_*'))) == 3, 'the file')
     with closing(Running(robot, address, token, tmp_path)):
         wait_until(lambda: services.media.files.counts().files == 3, 'the third file')
+
+
+def test_why_a_camera_gives_no_picture_is_what_its_device_says(
+        robot: Robot, monitor: Any, tmp_path: Path) -> None:
+    address, services, token = monitor
+    wait_until(lambda: (robot.folder / 'robot.sock').exists(), 'the core')
+    with closing(Running(robot, address, token, tmp_path)):
+        wait_until(lambda: any(each.about.get('cameras') == ['camera'] and each.connected
+                               for each in services.hub.robots.values()), 'the greeting')
+        order(robot.folder / 'robot', 'camera unplug 600')
+        with closing(MediaPeer(address, '/camera', logged_in(services))) as browser:
+            name = next(iter(services.hub.robots))
+            browser.say('look', robot=name, camera='camera', rate_hz=20.0)
+            assert browser.next('gone')['text']
 
 
 def _look(address: str, robot: str, me: dict[str, str]) -> None:

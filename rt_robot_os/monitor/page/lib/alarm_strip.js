@@ -10,6 +10,7 @@ import {framed, h, replace, tone, write} from './dom.js';
 import {icon} from './icons.js';
 import {outageOf, outageWords, robotsUp} from './outage.js';
 import {button, levelIcon} from './parts.js';
+import {saidElement, saidOf} from './said.js';
 
 /**
  * Make the line.
@@ -82,9 +83,11 @@ function loud(context, open, outage, age) {
   const [worst] = open;
   const state = t.word('state', worst.state) + (worst.state === 'acknowledged' && worst.by
     ? ` (${worst.by})` : '');
+  const about = saidOf(t, worst, 'text');
   const lost = outage?.kind === 'server' && outageWords(outage, context).text;
   const words = h('p.strip-words', h('strong', `${t.word('level', worst.level)}: ${worst.subject} – ${
-    kindsText(worst, t)}`), h('span.strip-more', [lost, state, worst.text].filter(Boolean).join(' · ')));
+    kindsText(worst, t)}`), h('span.strip-more',
+    [lost, state].filter(Boolean).join(' · '), about.text && [' · ', saidElement(about)]));
   const others = open.length > 1 && h('a.strip-others', {href: '#/alarms'},
     t('shell.more_alarms', {n: open.length - 1}));
   return [icon(levelIcon(worst.level)), words, age, others, h('div.strip-actions',

@@ -1,6 +1,8 @@
 /** Make alarms heard and seen outside of the page: read out, sound, notification, title, icon. */
 
 import {isLoud, kindsText, rank} from './alarms.js';
+import {notify} from './notification.js';
+import {saidOf} from './said.js';
 import {announce} from './toast.js';
 
 /** Watch the alarms of a context; returns what ends it. */
@@ -58,17 +60,11 @@ export function sentence({t}, alarm) {
 
 function tell(context, alarm) {
   announce(sentence(context, alarm), true);
-  if (document.hidden && 'Notification' in window && Notification.permission === 'granted'
-      && context.settings.notify) {
-    const made = new Notification(`${context.t.word('level', alarm.level)}: ${alarm.subject}`, {
-      body: [kindsText(alarm, context.t), alarm.text].filter(Boolean).join('\n'),
+  if (document.hidden && context.settings.notify) {
+    notify(`${context.t.word('level', alarm.level)}: ${alarm.subject}`, {
+      body: [kindsText(alarm, context.t), saidOf(context.t, alarm, 'text').text].filter(Boolean).join('\n'),
       tag: `${alarm.robot}/${alarm.id}`, renotify: true, requireInteraction: alarm.level === 'critical',
-    });
-    made.onclick = () => {
-      window.focus();
-      context.go(`#/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}`);
-      made.close();
-    };
+    }, `#/alarms/${encodeURIComponent(alarm.robot)}/${encodeURIComponent(alarm.id)}`);
   }
 }
 

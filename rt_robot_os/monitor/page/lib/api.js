@@ -11,12 +11,14 @@ export class ApiError extends Error {
    * @param {string} text
    * @param {string} remedy
    * @param {string} reason for the page: login, locked, csrf, password; or none
+   * @param {Object} codes of text and remedy, as said.js takes them
    */
-  constructor(status, text, remedy = '', reason = '') {
+  constructor(status, text, remedy = '', reason = '', codes = {}) {
     super(text);
     this.status = status;
     this.remedy = remedy;
     this.reason = reason;
+    this.codes = codes;
   }
 }
 
@@ -119,7 +121,7 @@ export class Api {
     }
     const detail = (found && found.detail) || {};
     throw new ApiError(answer.status, detail.text || String(detail.message || answer.status),
-      detail.remedy || '', detail.reason || '');
+      detail.remedy || '', detail.reason || '', detail.codes || {});
   }
 }
 

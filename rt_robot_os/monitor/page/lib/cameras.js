@@ -43,7 +43,7 @@ export class Cameras extends EventTarget {
   /**
    * Look through a camera.
    * @param {{robot: string, camera: string, rateHz: number}} what
-   * @param {{picture: function(Object, Uint8Array): Promise, gone: function(string): void}} eyes
+   * @param {{picture: function(Object, Uint8Array): Promise, gone: function(Object): void}} eyes
    * @returns {function(): void} look away
    */
   look(what, eyes) {
@@ -137,7 +137,7 @@ export class Cameras extends EventTarget {
     if (message.kind === 'clock') {
       this.measure(message);
     } else if (message.kind === 'gone') {
-      this.each(message, (look) => look.eyes.gone(message.text));
+      this.each(message, (look) => look.eyes.gone(message));
     }
   }
 

@@ -3,6 +3,7 @@
 import {parseAvi} from './avi.js';
 import {h, replace, write} from './dom.js';
 import {icon} from './icons.js';
+import {said} from './said.js';
 
 const BYTES_MOST = 256 << 20;
 // How many steps the keys go: one picture, and about a second.
@@ -16,7 +17,7 @@ const KEYS = {ArrowLeft: -1, ArrowRight: 1, ',': -1, '.': 1};
  * @returns {{element: HTMLElement, close: function(): void}}
  */
 export function clipOf(context, address, label) {
-  const player = new Player(context.t, label);
+  const player = new Player(context, label);
   const loading = new AbortController();
   context.t.words.load('clip').then(() => player.load(address, loading.signal));
   return {
@@ -29,8 +30,9 @@ export function clipOf(context, address, label) {
 }
 
 class Player {
-  constructor(t, label) {
+  constructor({t, format}, label) {
     this.t = t;
+    this.format = format;
     this.clip = null;
     this.place = 0;
     this.timer = 0;
@@ -58,7 +60,8 @@ class Player {
       const answer = await fetch(address, {credentials: 'same-origin', signal});
       if (!answer.ok) {
         const found = await answer.json().catch(() => ({}));
-        throw new Error((found.detail && found.detail.text) || String(answer.status));
+        const {text, codes} = found.detail || {};
+        throw new Error(said(t, text || String(answer.status), codes?.text).text);
       }
       if (Number(answer.headers.get('Content-Length')) > BYTES_MOST) {
         throw new Error(t('clip.long'));
@@ -118,8 +121,7 @@ class Player {
   }
 
   seconds(value) {
-    return `${value.toLocaleString(this.t.words.language,
-      {minimumFractionDigits: 1, maximumFractionDigits: 1})} s`;
+    return this.format.unit(value, 's', 1);
   }
 
   toggle() {

@@ -22,7 +22,7 @@ export function connectionMark(context) {
     } else if (!isLive) {
       write(text, t('shell.connecting'));
     } else {
-      write(text, live.rttMs > SLOW_MS ? t('shell.slow', {ms: Math.round(live.rttMs)})
+      write(text, live.rttMs > SLOW_MS ? t('shell.slow', {rtt: format.unit(live.rttMs, 'ms')})
         : t('shell.live'));
     }
     if (isLost !== lost) {

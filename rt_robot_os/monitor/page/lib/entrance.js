@@ -5,6 +5,7 @@ import {attribute, h, replace, write} from './dom.js';
 import {icon} from './icons.js';
 import {LANGUAGES} from './i18n.js';
 import {busy, select} from './parts.js';
+import {problemElement} from './problem.js';
 
 /**
  * A page with nothing but a form.
@@ -37,7 +38,7 @@ export function passwordForm({t}, {fields, yes, send, failed, actions}) {
       try {
         await send();
       } catch (error) {
-        replace(problem, icon('warn'), h('span', said(error, t)));
+        replace(problem, icon('warn'), problemIn(error, t));
         attribute(problem, 'hidden', null);
         failed?.(error);
       }
@@ -46,7 +47,7 @@ export function passwordForm({t}, {fields, yes, send, failed, actions}) {
   return form;
 }
 
-function said(error, t) {
+function problemIn(error, t) {
   if (error.status === 0) {
     return t('login.no_answer');
   }
@@ -56,7 +57,7 @@ function said(error, t) {
   if (error.status === 429) {
     return t('login.wait', {n: Math.max(1, Number(/\d+/.exec(error.remedy)?.[0] || 1))});
   }
-  return [error.message, error.remedy].filter(Boolean).join(' – ');
+  return problemElement(error, t);
 }
 
 /** A field for a password, which may be looked at. */

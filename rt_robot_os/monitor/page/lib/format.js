@@ -1,12 +1,13 @@
-/** Numbers, times and ages as people of a language write them. */
+/** Numbers with their units, times and ages, as the reader writes them. */
 
 const DAY_S = 86400;
+const NO_BREAK = '\u00a0';
 const UNITS = [['day', DAY_S], ['hour', 3600], ['minute', 60], ['second', 1]];
 
 export class Format {
-  /** @param {string} language such as 'de' */
-  constructor(language) {
-    this.language = language;
+  /** @param {string} locale such as 'de-AT' */
+  constructor(locale) {
+    this.locale = locale;
     this.made = new Map();
   }
 
@@ -26,6 +27,17 @@ export class Format {
     }
     return this.maker('NumberFormat', `percent${decimals}`,
       {style: 'percent', maximumFractionDigits: decimals}).format(share);
+  }
+
+  /** What stands between a number and its unit: a no-break space; of percent as people write it. */
+  gap(unit) {
+    return unit === '' || unit === '°' ? '' : unit === '%' ? this.percent(0).slice(1, -1) : NO_BREAK;
+  }
+
+  /** A number with its unit, such as 'm/s', '°C' or '%'; what is no number is a dash alone. */
+  unit(value, unit, decimals = 0) {
+    const isNumber = typeof value === 'number' && Number.isFinite(value);
+    return isNumber ? `${this.number(value, decimals)}${this.gap(unit)}${unit}` : '–';
   }
 
   /** How long, in the largest unit that fits: 12 s, 3 min, 5 hr, 2 days. */
@@ -68,7 +80,7 @@ export class Format {
   maker(kind, key, options) {
     const name = `${kind} ${key}`;
     if (!this.made.has(name)) {
-      this.made.set(name, new Intl[kind](this.language, options));
+      this.made.set(name, new Intl[kind](this.locale, options));
     }
     return this.made.get(name);
   }

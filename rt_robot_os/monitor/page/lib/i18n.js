@@ -4,6 +4,7 @@
  */
 
 import {asset} from './asset.js';
+import {localeOf} from './locale.js';
 
 export const LANGUAGES = {en: 'English', de: 'Deutsch'};
 const FALLBACK = 'en';
@@ -11,6 +12,8 @@ const FALLBACK = 'en';
 export class Words {
   constructor() {
     this.language = FALLBACK;
+    /** How dates and numbers are written, such as 'en-GB'. */
+    this.locale = localeOf(FALLBACK);
     this.messages = new Map();
     this.loaded = new Set();
   }
@@ -25,6 +28,7 @@ export class Words {
   /** Change the language: what was loaded is loaded again. */
   async use(language) {
     this.language = language in LANGUAGES ? language : FALLBACK;
+    this.locale = localeOf(this.language);
     this.messages.clear();
     this.plurals = new Intl.PluralRules(this.language);
     document.documentElement.lang = this.language;
@@ -64,7 +68,7 @@ export class Words {
     if (value === undefined || value === null) {
       return otherwise;
     }
-    return typeof value === 'number' ? value.toLocaleString(this.language) : String(value);
+    return typeof value === 'number' ? value.toLocaleString(this.locale) : String(value);
   }
 
   /** A word of a family, such as a level or a kind of cause; what is unknown is shown as it is. */

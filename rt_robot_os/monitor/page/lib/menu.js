@@ -4,6 +4,7 @@ import {openDialog} from './dialog.js';
 import {h, replace} from './dom.js';
 import {LANGUAGES} from './i18n.js';
 import {icon} from './icons.js';
+import {permission} from './notification.js';
 import {button, field, segments, select} from './parts.js';
 import {STOP_KEY} from './stop.js';
 import {viewsFor} from './views.js';
@@ -47,18 +48,18 @@ function soundPart(context) {
 function notifyPart(context) {
   const {t} = context;
   const words = h('p.help');
+  let isRefused = false;
   const state = () => {
-    if (!('Notification' in window) || !window.isSecureContext) {
-      return 'missing';
+    const found = permission();
+    if (found === 'missing' || found === 'denied') {
+      return found;
     }
-    if (Notification.permission === 'denied') {
-      return 'denied';
-    }
-    return context.settings.notify ? 'on' : 'off';
+    return context.settings.notify ? 'on' : isRefused ? 'unable' : 'off';
   };
   const show = () => replace(words, t(`shell.notify_${state()}`));
   const made = toggle(t('shell.notify'), context.settings.notify, async (isOn, box) => {
     box.checked = await context.setNotify(isOn);
+    isRefused = isOn && !box.checked;
     show();
   });
   show();

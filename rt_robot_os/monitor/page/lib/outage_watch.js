@@ -1,5 +1,6 @@
 /** Make an outage heard and seen outside of the page: sound, read out, notification, title, icon. */
 
+import {notify} from './notification.js';
 import {outageOf, outageWords} from './outage.js';
 import {announce} from './toast.js';
 
@@ -8,6 +9,10 @@ export function watchOutages(context) {
   const {state, silence, sound} = context;
   let notice = null;
   let wasHeard = false;
+  const end = () => {
+    notice?.then((made) => made?.close());
+    notice = null;
+  };
   const look = () => {
     const outage = outageOf(state);
     silence.update(state);
@@ -17,10 +22,9 @@ export function watchOutages(context) {
     if (isHeard && !wasHeard) {
       const {title, text} = outageWords(outage, context);
       announce(`${title}. ${text}`, true);
-      notice = notify(context, title, text) || notice;
+      notice = shown(context, title, text);
     } else if (!outage) {
-      notice?.close();
-      notice = null;
+      end();
     }
     wasHeard = isHeard;
     context.showTitle();
@@ -29,21 +33,14 @@ export function watchOutages(context) {
   look();
   return () => {
     off();
-    notice?.close();
+    end();
     sound.outage(false);
     context.outage = null;
   };
 }
 
-function notify({settings}, title, text) {
-  if (!document.hidden || !settings.notify || !('Notification' in window)
-      || Notification.permission !== 'granted') {
-    return null;
-  }
-  const made = new Notification(title, {body: text, tag: 'outage', requireInteraction: true});
-  made.onclick = () => {
-    window.focus();
-    made.close();
-  };
-  return made;
+/** Show a notification while the page is out of sight; a promise of it, or null. */
+function shown({settings}, title, text) {
+  return document.hidden && settings.notify
+    ? notify(title, {body: text, tag: 'outage', requireInteraction: true}) : null;
 }

@@ -5,6 +5,7 @@
 
 import {cameras} from './cameras.js';
 import {h, tone, write} from './dom.js';
+import {saidOf, writeSaid} from './said.js';
 
 /** A picture older than this is shown in grey. */
 export const STALE_MS = 1000;
@@ -35,10 +36,11 @@ export function pictureOf(context, {robot, camera, rateHz = RATE_HZ, label = cam
 class Shown {
   constructor(context, label, connection) {
     this.t = context.t;
+    this.format = context.format;
     this.label = label;
     this.connection = connection;
     this.last = null;
-    this.whyNot = '';
+    this.whyNot = null;
     this.isClosed = false;
     this.canvas = h('canvas.picture-canvas', {width: 640, height: 480, role: 'img'});
     this.age = h('span.picture-age');
@@ -56,7 +58,7 @@ class Shown {
       this.draw(bitmap);
       this.last = header;
       this.lastMs = Date.now();
-      this.whyNot = '';
+      this.whyNot = null;
       this.look();
       this.element.dispatchEvent(new CustomEvent('picture', {
         detail: {n: header.n, utc_ns: header.utc_ns, ageMs: this.ageMs()}}));
@@ -73,8 +75,8 @@ class Shown {
   }
 
   /** There is no such camera, or not for us. */
-  gone(text) {
-    this.whyNot = text;
+  gone(message) {
+    this.whyNot = saidOf(this.t, message, 'text');
     this.last = null;
     this.canvas.getContext('2d').clearRect(0, 0, this.canvas.width, this.canvas.height);
     this.look();
@@ -90,8 +92,9 @@ class Shown {
     const ageMs = this.ageMs();
     const state = !this.last ? 'none' : ageMs !== null && ageMs <= STALE_MS ? 'live' : 'stale';
     tone(this.element, 'picture', state);
-    write(this.age, state === 'none' ? '' : t('picture.age', {age: seconds(t, ageMs)}));
-    write(this.note, this.words(state, ageMs));
+    write(this.age, state === 'none' ? '' : t('picture.age', {age: seconds(this.format, ageMs)}));
+    writeSaid(this.note, state === 'none' && this.whyNot || {text: this.words(state, ageMs),
+      lang: null});
     const spoken = t(state === 'live' ? 'picture.of' : 'picture.old', {camera: this.label});
     if (this.canvas.getAttribute('aria-label') !== spoken) {
       this.canvas.setAttribute('aria-label', spoken);
@@ -104,18 +107,13 @@ class Shown {
       return '';
     }
     if (state === 'none') {
-      return this.whyNot || t(this.connection.isOpen ? 'picture.waiting' : 'picture.connecting');
+      return t(this.connection.isOpen ? 'picture.waiting' : 'picture.connecting');
     }
     const since = ageMs === null ? this.lastMs : Date.now() - ageMs;
-    return t('picture.since', {time: new Date(since).toLocaleTimeString(t.words.language)});
+    return t('picture.since', {time: this.format.time(since)});
   }
 }
 
-function seconds(t, ageMs) {
-  if (ageMs === null) {
-    return '–';
-  }
-  const digits = ageMs < 10000 ? 1 : 0;
-  return (ageMs / 1000).toLocaleString(t.words.language,
-    {minimumFractionDigits: digits, maximumFractionDigits: digits});
+function seconds(format, ageMs) {
+  return ageMs === null ? '–' : format.unit(ageMs / 1000, 's', ageMs < 10000 ? 1 : 0);
 }

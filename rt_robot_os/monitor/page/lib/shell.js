@@ -16,7 +16,7 @@ import {lockedNotice, unlock} from './unlock.js';
 import {mayOpen, viewNamed, viewsFor} from './views.js';
 
 // What the line of alarms, the overview and the stop button live on.
-const SIGNALS = ['battery', 'agent/state', 'stop_reason', 'health/*/signs', 'health/*/news2_details',
+const SIGNALS = ['battery', 'agent/state', 'stop_reason', 'codes/*', 'health/*/signs', 'health/*/news2_details',
   'health/*/place_details'];
 // Narrow screens show so many views; the others are behind "more".
 const FIRST_VIEWS = 4;

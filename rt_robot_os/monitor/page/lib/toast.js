@@ -5,6 +5,8 @@ import {h} from './dom.js';
 const SHOWN_MS = 7000;
 // More at a time hide the page.
 const MOST = 4;
+// What is about to be said, by the place where it will be.
+const said = new Map();
 
 /**
  * Show a message.
@@ -39,7 +41,18 @@ export function announce(text, isNow = false) {
   const place = document.getElementById(isNow ? 'say-now' : 'say-later');
   place.textContent = '';
   // A change is read out, the same text again is not.
-  setTimeout(() => {
+  clearTimeout(said.get(place));
+  said.set(place, setTimeout(() => {
     place.textContent = text;
-  }, 50);
+  }, 50));
+}
+
+/** Remove all messages: after signing out nothing that they name is there to be read. */
+export function clearMessages() {
+  document.getElementById('toasts').replaceChildren();
+  for (const id of ['say-now', 'say-later']) {
+    const place = document.getElementById(id);
+    clearTimeout(said.get(place));
+    place.textContent = '';
+  }
 }

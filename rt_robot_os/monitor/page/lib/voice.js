@@ -5,6 +5,7 @@
 
 import {attribute, h, replace, tone, write} from './dom.js';
 import {button, notice, segments} from './parts.js';
+import {saidOf} from './said.js';
 
 const METER_MS = 100;
 const GATHER_MS = 2000;
@@ -28,7 +29,7 @@ export function whyNoMicrophone() {
  */
 export function voiceOf(context, {robot}) {
   const panel = new Panel(context, robot);
-  context.t.words.load('voice').then(() => panel.draw());
+  context.t.words.load('voice').then(() => panel.isClosed || panel.draw());
   return {element: panel.element, close: () => panel.close(), call: panel.call};
 }
 
@@ -103,7 +104,7 @@ export class Call extends EventTarget {
     if (message.kind === 'answer') {
       await this.peer.setRemoteDescription({type: 'answer', sdp: message.sdp});
     } else if (message.kind === 'ended') {
-      this.end(message.why || 'voice.over');
+      this.end(message.why ? message : 'voice.over');
     }
   }
 
@@ -184,6 +185,7 @@ class Panel {
   }
 
   close() {
+    this.isClosed = true;
     this.off();
     this.call.hangUp();
     this.endMeters();
@@ -252,7 +254,7 @@ class Panel {
       return t('voice.busy', {name: other.by || t('voice.somebody')});
     }
     if (call.state === 'ended') {
-      return call.why.startsWith('voice.') ? t(call.why) : call.why;
+      return typeof call.why === 'string' ? t(call.why) : saidOf(t, call.why, 'why').text;
     }
     return call.state === 'connected'
       ? t(call.isOpen ? 'voice.heard' : 'voice.listening') : t(`voice.${call.state}`);

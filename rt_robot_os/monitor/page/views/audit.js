@@ -3,6 +3,7 @@
 import {add, h, replace} from '../lib/dom.js';
 import {badge, button, field, notice, section} from '../lib/parts.js';
 import {attempt} from '../lib/problem.js';
+import {said} from '../lib/said.js';
 
 const PAGE = 100;
 
@@ -73,7 +74,7 @@ class AuditView {
     const details = Object.entries(each.details).filter(([key]) => key !== 'flag')
       .map(([key, value]) => `${key}: ${typeof value === 'object' ? JSON.stringify(value) : value}`);
     return h('tr', h('td', format.dateTime(each.t_ns / 1e6)),
-      h('th', {scope: 'row'}, each.name), h('td', each.action,
+      h('th', {scope: 'row'}, each.name), h('td', h('span.audit-action', {title: each.action}, actionText(each.action, t)),
         each.details.flag === 'emergency' && [' ', badge('warn', t('audit.flag'), 'warn')]),
       h('td.wrap', each.object), h('td.wrap.audit-details', details.join('; ')),
       h('td', each.address), h('td.end', String(each.seq)));
@@ -85,11 +86,18 @@ class AuditView {
     if (found) {
       replace(this.verdict, found.whole
         ? notice('calm', t('audit.whole', {n: found.rows}), t('audit.head', {head: found.head}))
-        : notice('error', t('audit.broken'), found.problems.join('; ')));
+        : notice('error', t('audit.broken'), found.problems.map((each, index) =>
+          said(t, each, found.codes?.[index]).text).join('; ')));
     }
   }
 
   close() {
     this.asked += 1;
   }
+}
+
+/** What was done in words; what this page has no word for is shown as the server has it. */
+function actionText(action, t) {
+  const key = `audit.do_${action.replaceAll('.', '_')}`;
+  return t.words.messages.has(key) ? t(key) : action;
 }

@@ -5,6 +5,7 @@ import {button, notice, section} from '../lib/parts.js';
 import {pictureOf} from '../lib/picture.js';
 import {attempt} from '../lib/problem.js';
 import {robotChoice} from '../lib/robot_choice.js';
+import {saidElement, saidOf} from '../lib/said.js';
 import {voiceOf} from '../lib/voice.js';
 import {Kept} from './camera/kept.js';
 
@@ -107,7 +108,7 @@ class CameraView {
     const answer = await attempt(() => api.post(
       `/api/robots/${encodeURIComponent(robot.id)}/commands`, {do: 'snapshot', args: {}}), t);
     if (answer) {
-      toast(answer.ok === false ? answer.text : t('camera.taken'));
+      toast(answer.ok === false ? saidElement(saidOf(t, answer, 'text')) : t('camera.taken'));
       this.kept.load();
     }
   }

@@ -84,6 +84,9 @@ class DataView {
     try {
       const path = `/api/people/${encodeURIComponent(this.person)}/latest`;
       const found = await this.context.api.get(path);
+      if (!this.ends) {
+        return; // left meanwhile: plots that are built now would never be destroyed
+      }
       found.forEach((each) => this.row(each.code).last({...each, t: each.t_ns / NS_PER_MS}));
       this.showRows();
     } catch (error) {
@@ -108,7 +111,7 @@ class DataView {
   look() {
     const {t} = this.context;
     return {palette: this.palette, font: this.palette.font,
-            labels: timeLabels(t.words.language),
+            labels: timeLabels(t.words.locale),
             number: (value, digits) => this.context.format.number(value, digits),
             words: (quality) => t.word('quality', quality), empty: t('data.empty')};
   }

@@ -153,7 +153,7 @@ function update(element, node, {t, format}, nodes, isOld) {
   // What a node was is not what it is.
   setBadge(state.firstChild, isOld ? 'stale' : TONES[word] || 'none', t.word('node_state', word),
     isOld ? 'clock' : ICONS[word]);
-  write(battery, Number.isFinite(node.battery_v) ? `${format.number(node.battery_v, 2)} V` : '–');
+  write(battery, Number.isFinite(node.battery_v) ? format.unit(node.battery_v, 'V', 2) : '–');
   write(days, Number.isFinite(node.days_left) ? format.number(node.days_left) : '–');
   days.classList.toggle('is-low', node.days_left !== null && node.days_left < 14);
   write(delivery, format.percent(node.recent ?? node.delivery));

@@ -3,6 +3,7 @@
 import {personCard, updatePerson} from './overview/person_card.js';
 import {robotCard, updateRobot} from './overview/robot_card.js';
 import {badnessOf} from './overview/robot_words.js';
+import {showStory} from './overview/story.js';
 import {framed, h, keep, replace, write} from '../lib/dom.js';
 import {stateOf} from '../lib/health.js';
 import {robotsUp} from '../lib/outage.js';
@@ -17,10 +18,12 @@ export const view = {
     const trends = new Trends(context);
     const parts = {people: h('div.cards'), robots: h('div.cards'), note: h('div.overview-note')};
     const counts = {people: h('p.muted.number'), robots: h('p.muted.number')};
-    replace(root, parts.note, section(t('overview.people'), counts.people, parts.people),
+    const story = h('p.overview-story', {hidden: true});
+    replace(root, parts.note, story, section(t('overview.people'), counts.people, parts.people),
       section(t('overview.robots'), counts.robots, parts.robots));
     const draw = framed(() => {
       explain(context, parts);
+      showStory(story, context);
       showPeople(context, trends, parts.people, counts.people);
       showRobots(context, parts.robots, counts.robots);
     });

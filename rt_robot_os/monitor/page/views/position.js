@@ -4,6 +4,7 @@ import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
 import {isUp} from '../lib/outage.js';
 import {button, notice} from '../lib/parts.js';
+import {problemText} from '../lib/problem.js';
 import {robotChoice} from '../lib/robot_choice.js';
 import {onTheme} from './data/look.js';
 import {Goal} from './position/goal.js';
@@ -154,7 +155,7 @@ class PositionView {
         const had = this.map && error.status !== 404;
         if (!had) {
           this.map = null;
-          this.explain(error.status === 404 ? 'no_map' : 'map_failed', error.message);
+          this.explain(error.status === 404 ? 'no_map' : 'map_failed', problemText(error, this.context.t));
           this.fit();
         }
         if (error.status !== 404) {
@@ -324,7 +325,7 @@ class PositionView {
       goalShape(ctx, ...view.toScreen(this.goal.target.x, this.goal.target.y),
         this.goal.target.yaw, Goal.ARROW_PX, palette.goal, palette);
     }
-    layers.drawScale(pen, step, t('position.metres', {n: step}));
+    layers.drawScale(pen, step, this.context.format.unit(step, 'm', step < 1 ? 1 : 0));
     labels.write(ctx, palette);
     this.drawn += 1;
   }

@@ -9,6 +9,7 @@ import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
 import {framed, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {badge, button, levelIcon, notice} from '../../lib/parts.js';
+import {saidElement, saidOf} from '../../lib/said.js';
 
 export class Detail {
   /**
@@ -110,7 +111,7 @@ function head(element, alarm, context) {
   tone(element, 'edge', isOver ? 'none' : alarm.level);
   replace(element, h('a.button.quiet.alarm-back', {href: '#/alarms'}, icon('back'),
     t('shell.view_alarms')), h('h2.alarm-title', `${alarm.subject} – ${kindsText(alarm, t)}`),
-  h('p.alarm-badges', level, state), alarm.text && h('p', alarm.text), h('dl.facts', rows.filter(
+  h('p.alarm-badges', level, state), alarm.text && saidElement(saidOf(t, alarm, 'text'), 'p'), h('dl.facts', rows.filter(
     ([, value]) => value).map(([name, ...value]) => [h('dt', name), h('dd', value)])),
   h('div.alarm-actions', actions(alarm, context)));
 }

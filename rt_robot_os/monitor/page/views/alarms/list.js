@@ -6,7 +6,8 @@ import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {outageOf, outageWords} from '../../lib/outage.js';
 import {button, levelIcon, notice} from '../../lib/parts.js';
-import {problemText} from '../../lib/problem.js';
+import {problemElement} from '../../lib/problem.js';
+import {saidOf, writeSaid} from '../../lib/said.js';
 
 /**
  * Show alarms.
@@ -37,10 +38,10 @@ export function addressOf(alarm) {
 }
 
 function row(alarm) {
-  const parts = {title: h('strong'), words: h('span.alarm-text'), when: h('span.alarm-when.number'),
+  const parts = {title: h('strong'), state: h('span'), about: h('span'), when: h('span.alarm-when.number'),
     mark: h('span.alarm-mark'), act: h('div.alarm-act')};
   parts.link = h('a.alarm-link', {href: addressOf(alarm)}, parts.mark, h('span.alarm-words',
-    parts.title, parts.words, parts.when));
+    parts.title, h('span.alarm-text', parts.state, parts.about), parts.when));
   const made = h('li.alarm-row', parts.link, parts.act);
   made.parts = parts;
   return made;
@@ -54,7 +55,9 @@ function update(item, alarm, context, chosen) {
   item.classList.toggle('is-over', isOver);
   attribute(parts.link, 'aria-current', keyOf(alarm) === chosen ? 'true' : null);
   write(parts.title, `${t.word('level', alarm.level)}: ${alarm.subject} – ${kindsText(alarm, t)}`);
-  write(parts.words, [stateText(alarm, t), alarm.text].filter(Boolean).join(' · '));
+  const about = saidOf(t, alarm, 'text');
+  write(parts.state, [stateText(alarm, t), about.text && ' · '].filter(Boolean).join(''));
+  writeSaid(parts.about, about);
   const began = openedNs(alarm) / 1e6;
   const ageS = state.nowNs() / 1e9 - began / 1e3;
   write(parts.when, isOver ? format.time(began, false)
@@ -84,7 +87,7 @@ function explain(element, context, alarms, {isAll, isLoading, problem}) {
   }
   element.dataset.key = key;
   replace(element, key === 'loading' ? notice('loading', t('shell.loading'))
-    : key === 'problem' ? notice('error', t('alarms.no_past'), problemText(problem, t))
+    : key === 'problem' ? notice('error', t('alarms.no_past'), problemElement(problem, t))
       : key.startsWith('outage') ? outageNotice(context, outage)
       : key === 'none_open' ? notice('calm', t('alarms.none_open'), t('alarms.none_open_text'))
         : key && notice('empty', t('alarms.none_ever'), t('alarms.none_ever_text')));

@@ -3,12 +3,14 @@
 import {h, replace} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {notice} from '../../lib/parts.js';
+import {said, saidElement} from '../../lib/said.js';
 
 const ICONS = {suspected: 'urgent', raised: 'critical', cause: 'warn', confirmed: 'urgent',
   notified: 'phone', delivered: 'check', failed: 'close', repeated: 'phone', escalated: 'up',
   top: 'up', acknowledged: 'person', unacknowledged: 'critical', resolved: 'check',
   cancelled: 'close', test: 'info', note: 'note', picture: 'picture'};
 const LOUD = new Set(['raised', 'suspected', 'cause', 'confirmed', 'unacknowledged', 'failed', 'top']);
+const DELIVERIES = new Set(['notified', 'delivered', 'repeated', 'escalated']);
 const DONE = new Set(['acknowledged', 'resolved', 'cancelled']);
 
 /** Show the time line of an alarm with its events, notes and media. */
@@ -24,7 +26,7 @@ export function timeline(element, alarm, context) {
 
 function entries(alarm) {
   const events = (alarm.events || []).map((each) => ({ns: each.utc_ns || each.t_ns,
-    kind: each.event, by: each.by, text: about(each), kinds: each.kinds}));
+    kind: each.event, by: each.by, ...about(each), kinds: each.kinds}));
   const notes = (alarm.notes || []).map((each) => ({ns: each.t_ns, kind: 'note', by: each.by,
     text: each.text}));
   const media = (alarm.media || []).map((each) => ({ns: each.t_ns, kind: 'picture', text: each.camera
@@ -32,25 +34,29 @@ function entries(alarm) {
   return [...events, ...notes, ...media];
 }
 
-function about({event, why, text}) {
-  return ['raised', 'suspected', 'cause', 'confirmed'].includes(event) ? why || text : why;
+/** Of an event: why it happened, or of the first ones what the alarm is about. */
+function about({event, why, text, codes}) {
+  const isFirst = ['raised', 'suspected', 'cause', 'confirmed'].includes(event);
+  return why || !isFirst ? {text: why, coded: codes?.why} : {text, coded: codes?.text};
 }
 
 function entry(each, {t, format}) {
   const kind = LOUD.has(each.kind) ? 'loud' : DONE.has(each.kind) ? 'done' : 'plain';
-  const said = told(each, t);
+  const text = told(each, t);
   return h(`li.moment.moment-${kind}`, h('span.moment-mark', icon(ICONS[each.kind] || 'info')),
     h('time.number', {datetime: new Date(each.ns / 1e6).toISOString()},
       format.time(each.ns / 1e6)),
     h('p', h('strong', t.word('event', each.kind)), each.by && ` – ${each.by}`,
-      said && h('span.moment-text', said)));
+      text && h('span.moment-text', text)));
 }
 
-/** Channels in words, where the text of an event names them. */
-function told({kind, text}, t) {
-  if (!text || !['notified', 'delivered', 'failed', 'repeated', 'escalated'].includes(kind)) {
+/** What is to be said of it; channels in words, where the text of an event is a list of them. */
+function told({kind, text, coded}, t) {
+  if (!text || kind === 'note' || kind === 'picture') {
     return text;
   }
-  const [names, ...rest] = text.split(': ');
-  return [names.split(', ').map((each) => t.word('channel', each)).join(', '), ...rest].join(': ');
+  if (!coded && DELIVERIES.has(kind)) {
+    return text.split(', ').map((each) => t.word('channel', each)).join(', ');
+  }
+  return saidElement(said(t, text, coded));
 }

@@ -4,6 +4,7 @@ import {attribute, h, keep, replace, write} from '../../lib/dom.js';
 import {clipOf} from '../../lib/clip.js';
 import {icon} from '../../lib/icons.js';
 import {notice} from '../../lib/parts.js';
+import {problemElement} from '../../lib/problem.js';
 
 const LOAD_MS = 10000;
 const MOST = 100;
@@ -56,7 +57,7 @@ export class Kept {
         {background});
     } catch (error) {
       if (!background && !this.isClosed) {
-        replace(this.note, notice('error', t('camera.list_failed'), error.message));
+        replace(this.note, notice('error', t('camera.list_failed'), problemElement(error, t)));
       }
       return;
     }

@@ -1,4 +1,4 @@
-/** Labels of a time axis, in the browser's zone and the page's language, always with 24 hours. */
+/** Labels of a time axis, in the browser's zone and the reader's locale, always with 24 hours. */
 
 const MINUTE = 60_000;
 const DAY = 86_400_000;
@@ -6,13 +6,13 @@ const DAY = 86_400_000;
 /**
  * Return what writes the labels of a time axis.
  *
- * @param {string} language such as `en` or `de`.
+ * @param {string} locale such as `en-GB` or `de`.
  * @param {string} [zone] the browser's own without it.
  * @return {(splits: number[], step: number) => string[]} the labels of times in ms that are `step`
  *     ms apart; the first one, and the first of each day, have the date below them.
  */
-export function timeLabels(language, zone) {
-  const make = (options) => new Intl.DateTimeFormat(locale(language), {timeZone: zone, ...options});
+export function timeLabels(locale, zone) {
+  const make = (options) => new Intl.DateTimeFormat(locale, {timeZone: zone, ...options});
   const clock = {hour: '2-digit', minute: '2-digit', hourCycle: 'h23'};
   const forms = {
     part: make({...clock, second: '2-digit', fractionalSecondDigits: 2}),
@@ -38,8 +38,8 @@ export function timeLabels(language, zone) {
 }
 
 /** Return a time as a sentence has it: date and clock, as exact as the range needs. */
-export function timeText(time, span, language, zone) {
-  const options = {timeZone: zone, hour: '2-digit', minute: '2-digit', hourCycle: 'h23'};
+export function timeText(time, span, locale, zone) {
+  const options = {timeZone: zone, hour: '2-digit', minute: '2-digit'};
   if (span > DAY / 2) {
     Object.assign(options, {day: 'numeric', month: 'short'});
   }
@@ -52,12 +52,7 @@ export function timeText(time, span, language, zone) {
   if (span < MINUTE / 2) {
     options.fractionalSecondDigits = 2;
   }
-  return new Intl.DateTimeFormat(locale(language), options).format(time);
-}
-
-/** English with day before month and 24 hours, as hospitals write it. */
-export function locale(language) {
-  return language === 'en' ? 'en-GB' : language;
+  return new Intl.DateTimeFormat(locale, options).format(time);
 }
 
 function formOf(step) {

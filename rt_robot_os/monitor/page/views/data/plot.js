@@ -1,5 +1,7 @@
 /** The plot of one sign: uPlot with the zones, the marks and the gaps of the sign. */
 
+import '../../lib/locale.js';
+
 import uPlot from '../../vendor/uplot/uPlot.esm.js';
 
 import {bandPaths, meanPaths} from './paths.js';

@@ -29,7 +29,7 @@ export class Row {
     this.there = h('span.data-there.small.number');
     this.canvas = h('div.data-plot', {role: 'img', 'aria-label': this.name, 'data-sign': sign});
     this.head = h('div.data-head', h('h2.data-name', this.name), this.note,
-      h('p.data-last', this.value, ' ', this.unit), this.there);
+      h('p.data-last', this.value, context.format.gap(this.style.unit), this.unit), this.there);
     this.element = h('section.data-row', {'data-sign': sign}, this.head, this.canvas);
     this.plot = new Plot(this.canvas, this.columns, this.style, look());
   }
@@ -143,8 +143,8 @@ export class Row {
       gaps += this.columns.isJoined(i) ? 0 : 1;
     }
     this.canvas.setAttribute('aria-label', found ? t('data.described', {name: this.name,
-      unit: this.style.unit, low: this.number(found.low), high: this.number(found.high),
-      mean: this.number(found.mean), last: this.shown(found.last), gaps})
+      low: this.number(found.low), high: this.number(found.high),
+      mean: this.context.format.unit(found.mean, this.style.unit, this.style.digits), last: this.shown(found.last), gaps})
       : t('data.described_empty', {name: this.name}));
   }
 }

@@ -8,9 +8,9 @@ const HOUR = 60 * MINUTE;
  * and how long a value says anything (so far apart values are never joined).
  */
 export const SIGNS = {
-  pulse_per_min: {usual: [60, 90], unit: '1/min', digits: 0, least: 30, staleMs: 2 * MINUTE},
+  pulse_per_min: {usual: [60, 90], unit: '/min', digits: 0, least: 30, staleMs: 2 * MINUTE},
   spo2_percent: {usual: [92, 100], unit: '%', digits: 0, least: 10, staleMs: 2 * MINUTE, most: 100},
-  respiration_per_min: {usual: [10, 22], unit: '1/min', digits: 0, least: 12, staleMs: 2 * MINUTE},
+  respiration_per_min: {usual: [10, 22], unit: '/min', digits: 0, least: 12, staleMs: 2 * MINUTE},
   systolic_mmhg: {usual: [100, 150], unit: 'mmHg', digits: 0, least: 40, staleMs: HOUR},
   diastolic_mmhg: {usual: [60, 95], unit: 'mmHg', digits: 0, least: 30, staleMs: HOUR},
   body_temperature: {usual: [36, 38], unit: '°C', digits: 1, least: 2, staleMs: 4 * HOUR},

@@ -172,7 +172,7 @@ export class Stack {
       this.cursor.style.transform = `translateX(${Math.round(left + cursorX * width)}px)`;
       this.cursor.classList.toggle('is-right', cursorX > 0.85);
       write(this.label, timeText(this.cursorTime, timeline.span,
-        this.context.t.words.language));
+        this.context.t.words.locale));
     }
     for (const row of this.rows) {
       row.writeThere(this.cursorTime, Math.max(row.columns.bucketMs * 2, timeline.span / 60));

@@ -22,16 +22,16 @@ export function linesOf(start, end, most = LINES) {
 /** Write the table: the newest first, of each sign the mean and from what to what it went. */
 export function writeTable(table, rows, timeline, context) {
   const {t} = context;
-  const language = t.words.language;
+  const {locale} = t.words;
   const head = h('tr', h('th', {scope: 'col'}, t('data.time')), rows.map((row) => h('th',
     {scope: 'col'}, row.name, row.style.unit && h('span.muted', ` ${row.style.unit}`))));
   const end = Math.min(timeline.end, timeline.now());
   const body = linesOf(timeline.start, end).map(({from, to}) => h('tr',
-    h('th.number', {scope: 'row'}, timeText(from, timeline.span, language)),
+    h('th.number', {scope: 'row'}, timeText(from, timeline.span, locale)),
     rows.map((row) => cell(row, row.columns.summary(from, to - 1e-3), t))));
   replace(table, h('caption', t('data.table_caption', {
-    from: timeText(timeline.start, timeline.span, language),
-    to: timeText(end, timeline.span, language)})), h('thead', head), h('tbody', body));
+    from: timeText(timeline.start, timeline.span, locale),
+    to: timeText(end, timeline.span, locale)})), h('thead', head), h('tbody', body));
 }
 
 function cell(row, found, t) {

@@ -2,6 +2,7 @@
 
 import {attribute, h, replace, write} from '../../lib/dom.js';
 import {button, notice, select} from '../../lib/parts.js';
+import {problemElement} from '../../lib/problem.js';
 import {timeText} from './axis.js';
 import {RANGES} from './timeline.js';
 
@@ -82,7 +83,7 @@ export class Toolbar {
   /** Show which range it is, and whether it follows. */
   showRange() {
     const {timeline} = this.view;
-    const language = this.context.t.words.language;
+    const {locale} = this.context.t.words;
     for (const each of this.ranges.children) {
       const span = RANGES.find(([name]) => name === each.dataset.range)[1];
       attribute(each, 'aria-pressed', String(Math.abs(timeline.span / span - 1) < 0.01));
@@ -91,8 +92,8 @@ export class Toolbar {
     write(this.now.querySelector('.label'), this.context.t(timeline.follows ? 'data.live'
       : 'data.follow'));
     write(this.shown, timeline.follows ? '' : this.context.t('data.from_to', {
-      from: timeText(timeline.start, timeline.span, language),
-      to: timeText(timeline.end, timeline.span, language)}));
+      from: timeText(timeline.start, timeline.span, locale),
+      to: timeText(timeline.end, timeline.span, locale)}));
     this.writeExports();
   }
 
@@ -153,8 +154,7 @@ export class Toolbar {
       replace(this.problem);
       return;
     }
-    const said = `${error.message} ${error.remedy || ''}`;
-    const text = error.status === 0 ? t('data.no_answer') : said;
+    const text = error.status === 0 ? t('data.no_answer') : problemElement(error, t);
     replace(this.problem, notice('error', t('data.no_history'), text, button(t('data.again'),
       () => this.view.history.refresh())));
   }

@@ -5,6 +5,7 @@ import {attribute, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {isUp} from '../../lib/outage.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
+import {saidOf, saidSignal, writeSaid} from '../../lib/said.js';
 import {release} from '../../lib/stop.js';
 import {announce} from '../../lib/toast.js';
 import {voiceOf} from '../../lib/voice.js';
@@ -12,13 +13,14 @@ import {Gamepads} from './gamepad.js';
 import {Hand, letGoUnseen} from './hand.js';
 import {joystick} from './joystick.js';
 import {Keys} from './keys.js';
-import {BAD_MS, Line} from './line.js';
+import {Line} from './line.js';
 import {driverPicture} from './picture.js';
-import {isStopped, reasonText} from './reasons.js';
 
 // A round trip shorter than this is as good as none.
 const GOOD_MS = 120;
-const SIGNALS = ['stop_reason', 'steering', 'speed', 'battery'];
+const SIGNALS = ['stop_reason', 'steering', 'speed', 'battery', 'codes/*'];
+// What the multiplexer says while the e-stop is pressed begins so.
+const ESTOP = 'nobody: e-stop';
 const SHARES = {min: 20, max: 100, step: 10, value: 60};
 
 export class Cockpit {
@@ -209,14 +211,13 @@ export class Cockpit {
         : rttMs > GOOD_MS ? ['warn', 'fair', 'warn'] : ['ok', 'good', 'check'];
     setBadge(this.link, kind, t(`drive.link_${key}`), name);
     this.element.classList.toggle('is-frozen', kind === 'critical');
-    write(this.rtt, rttMs === null || rttMs === undefined ? '–'
-      : t('drive.ms', {ms: Math.round(rttMs), most: BAD_MS}));
+    write(this.rtt, this.context.format.unit(rttMs, 'ms'));
     write(this.pad, t(this.gamepads.isThere ? 'drive.gamepad_there' : 'drive.gamepad_none'));
     if (beat && beat.speed) {
       this.showSpeed(beat.speed);
     }
     if (beat) {
-      this.showReason(beat.stop_reason, beat.steering);
+      this.showReason(saidOf(t, beat, 'stop_reason'), textOf(beat.steering));
     }
   }
 
@@ -233,30 +234,29 @@ export class Cockpit {
       return;
     }
     const value = (name) => state.signal(this.robot.id, name)?.value;
-    this.showReason(value('stop_reason'), value('steering'));
+    this.showReason(saidSignal(this.context, this.robot.id, 'stop_reason'),
+      textOf(value('steering')));
     if (value('speed')) {
       this.showSpeed(value('speed'));
     }
   }
 
   showSpeed({linear_m_s: linear}) {
-    const {t} = this.context;
-    write(this.speed, Number.isFinite(linear) ? t('drive.m_s', {v: round(linear)}) : '–');
+    write(this.speed, this.context.format.unit(rounded(linear), 'm/s', 2));
   }
 
   showReason(reason, steering) {
     const {t, permissions} = this.context;
-    const text = textOf(steering);
-    const held = isStopped(text);
-    write(this.reason, held ? t('drive.stopped') : reasonText(t, textOf(reason)));
+    const held = steering.startsWith(ESTOP);
+    writeSaid(this.reason, held ? {text: t('drive.stopped'), lang: null} : reason);
     this.reason.classList.toggle('is-held', held);
     this.released.hidden = !held || !permissions.has('acknowledge');
   }
 
   showLimit() {
-    const {t} = this.context;
+    const {format} = this.context;
     const {linear} = this.wish();
-    write(this.limit, linear ? t('drive.m_s', {v: round(linear)}) : `${Math.round(this.share * 100)} %`);
+    write(this.limit, linear ? format.unit(rounded(linear), 'm/s', 2) : format.percent(this.share));
   }
 
   async release() {
@@ -289,7 +289,7 @@ function textOf(value) {
   return value && typeof value === 'object' ? value.data || value.text || '' : value || '';
 }
 
-function round(value) {
+function rounded(value) {
   const found = Math.round(value * 100) / 100;
   return found === 0 ? 0 : found;
 }

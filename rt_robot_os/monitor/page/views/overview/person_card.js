@@ -43,12 +43,13 @@ function add(element, ...children) {
   element.append(...children.filter(Boolean));
 }
 
-function sign({t}, name, signs) {
+function sign({t, format}, name, signs) {
+  const unit = t.word('unit', name);
   const parts = {value: h('span.sign-value.number'), note: h('span.sign-note'), spark: sparkline(),
     row: h('div.sign')};
   signs.set(name, parts);
   parts.row.append(h('dt', t.word('sign', name)), h('dd', h('span.sign-number', parts.value,
-    h('span.sign-unit', t.word('unit', name))), parts.note), parts.spark);
+    h('span.sign-unit', format.gap(unit), unit)), parts.note), parts.spark);
   return parts.row;
 }
 

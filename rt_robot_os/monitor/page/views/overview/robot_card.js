@@ -6,6 +6,7 @@ import {attribute, h, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {isUp} from '../../lib/outage.js';
 import {badge, setBadge} from '../../lib/parts.js';
+import {saidSignal, writeSaid} from '../../lib/said.js';
 import {mayOpen, viewNamed} from '../../lib/views.js';
 
 // Drivers tell the charge each few seconds; one that is older is of the past.
@@ -46,17 +47,17 @@ export function updateRobot(card, robot, context) {
   setBadge(parts.state, up ? 'ok' : state.isCurrent ? 'urgent' : 'stale', t(up
     ? 'overview.connected' : !state.isCurrent ? 'overview.unknown' : robot.connected
       ? 'overview.silent' : 'overview.away'), up ? 'check' : 'offline');
-  write(parts.doing, up ? doing(state, robot, t) : t('overview.last_doing',
-    {doing: doing(state, robot, t)}));
+  const {text, lang} = doing(context, robot);
+  writeSaid(parts.doing, {text: up ? text : t('overview.last_doing', {doing: text}), lang});
   const isOld = !up || chargeAgeS(state, robot) > CHARGE_STALE_S;
   showBattery(parts, charge(state, robot), isOld, context);
   const ageS = (state.nowNs() - (robot.last_seen_ns || NaN)) / 1e9;
   write(parts.seen, up ? t('overview.now') : Number.isFinite(ageS)
     ? format.ago(ageS) : t('overview.never'));
   write(parts.people, (robot.people || []).join(', ') || '–');
-  const stop = String(state.signal(robot.id, 'stop_reason')?.value ?? '');
-  parts.stopRow.hidden = !stop || stop === 'none';
-  write(parts.stop, stop.replaceAll('_', ' '));
+  const stop = saidSignal(context, robot.id, 'stop_reason');
+  parts.stopRow.hidden = !stop.text || stop.text === 'none';
+  writeSaid(parts.stop, stop);
   alarmRows(parts.alarms, otherAlarms(state, robot), context);
 }
 

@@ -2,6 +2,7 @@
 
 import {isLoud, rank} from '../../lib/alarms.js';
 import {isUp} from '../../lib/outage.js';
+import {saidSignal} from '../../lib/said.js';
 
 /** Below this share of its battery a robot should be charged. */
 export const LOW_BATTERY = 0.2;
@@ -18,15 +19,10 @@ export function chargeAgeS(state, robot) {
   return (state.nowNs() - (state.signal(robot.id, 'battery')?.utcNs ?? NaN)) / 1e9;
 }
 
-/** What it does: the state of the agent and the rest of the text. */
-export function doing(state, robot, t) {
-  const text = String(state.signal(robot.id, 'agent/state')?.value ?? '');
-  const [first, ...rest] = text.split(' ');
-  if (!first) {
-    return t('overview.doing_unknown');
-  }
-  const about = rest.join(' ').replace(/:$/, '');
-  return about ? `${t.word('agent', first)} · ${about}` : t.word('agent', first);
+/** What it does, as its agent says it: {text, lang}. */
+export function doing(context, robot) {
+  const found = saidSignal(context, robot.id, 'agent/state');
+  return found.text ? found : {text: context.t('overview.doing_unknown'), lang: null};
 }
 
 /** Open alarms of a robot that are about no person. */

@@ -3,6 +3,8 @@
 import {h, tone, write} from '../../lib/dom.js';
 import {isUp} from '../../lib/outage.js';
 import {button, field} from '../../lib/parts.js';
+import {problemText} from '../../lib/problem.js';
+import {said, saidOf} from '../../lib/said.js';
 import {kindAt} from './map.js';
 import {wrapped, worldToCell} from './transform.js';
 
@@ -104,12 +106,12 @@ export class Goal {
     try {
       const answer = await this.context.command(this.place.robot(), 'goal', args);
       this.isSent = answer?.ok !== false;
-      this.answer = answer?.text || '';
+      this.answer = answer ? saidOf(t, answer, 'text').text : '';
       if (!this.isSent) {
         this.context.toast(t('position.refused', {text: this.answer}), {kind: 'warn'});
       }
     } catch (error) {
-      this.answer = `${error.message || t('position.no_answer')} ${error.remedy || ''}`.trim();
+      this.answer = problemText(error, t);
       this.context.toast(t('position.refused', {text: this.answer}), {kind: 'warn'});
     }
     this.show();
@@ -121,8 +123,8 @@ export class Goal {
       await this.context.command(this.place.robot(), 'cancel');
       this.drop();
     } catch (error) {
-      this.context.toast(t('position.cancel_failed', {text: error.message
-        || t('position.no_answer')}), {kind: 'critical'});
+      this.context.toast(t('position.cancel_failed', {text: problemText(error, t)}),
+        {kind: 'critical'});
     }
   }
 
@@ -166,11 +168,22 @@ export class Goal {
     }
     const far = this.place.scene.distanceM();
     const word = /^\w+/.exec(state)?.[0] || 'idle';
-    const rest = state.slice(word.length).replace(/^[:,\s]+/, '');
-    const said = t(`position.state_${word}`, {text: rest});
-    const text = said.startsWith('position.') ? state : said;
+    const text = this._words(word, state);
     return UNDER_WAY.test(state) && far !== null
-      ? t('position.to_go', {state: text, metres: format.number(far, 1)}) : text;
+      ? t('position.to_go', {state: text, metres: format.unit(far, 'm', 1)}) : text;
+  }
+
+  /** A state of the planner, or of what follows its path, in the reader's words. */
+  _words(word, state) {
+    const {t} = this.context;
+    const robot = this.place.robot();
+    const name = ['planner/state', 'trajectory/state'].find((each) =>
+      this.context.state.signal(robot, each)?.value === state);
+    const why = name && this.context.state.signal(robot, `codes/${name}`)?.value?.args?.why;
+    const rest = why ? said(t, why.text, why.code ? why : null).text
+      : state.slice(word.length).replace(/^[:,\s]+/, '');
+    const found = t(`position.state_${word}`, {text: rest});
+    return found.startsWith('position.') ? state : found;
   }
 
   _warning() {

@@ -1,6 +1,7 @@
 /** Everything that is on the map, in words: for those who do not see it, and to find it. */
 
 import {h, keep, replace, write} from '../../lib/dom.js';
+import {saidSignal} from '../../lib/said.js';
 import {kindsText} from '../../lib/alarms.js';
 import {isOld, linkOf} from './scene.js';
 
@@ -49,10 +50,10 @@ export class PlaceList {
     const ageMs = now.nowMs - pose.t;
     const wasThere = isOld(now, pose.t, 'robot');
     const degrees = Math.round((((pose.yaw || 0) * 180) / Math.PI + 360) % 360);
-    const stop = texts.get('stop_reason')?.value;
+    const stop = saidSignal(this.context, robot.id, 'stop_reason');
     const parts = [this._place(pose), t('position.looks', {degrees})];
-    if (stop && stop !== 'none') {
-      parts.push(t('position.stands', {why: stop}));
+    if (stop.text && stop.text !== 'none') {
+      parts.push(t('position.stands', {why: stop.text}));
     }
     if (wasThere) {
       parts.push(t('position.since', {ago: format.ago(ageMs / 1000)}));
@@ -69,7 +70,7 @@ export class PlaceList {
       : 'position.no_place')];
     const stddev = person.uncertaintyM || person.stddevM;
     if (isKnown) {
-      parts.push(this._place(person) + (stddev ? ` ± ${format.number(stddev, 1)} m` : ''));
+      parts.push(this._place(person) + (stddev ? ` ± ${format.unit(stddev, 'm', 1)}` : ''));
     }
     if (now.isLost || ageMs > 10_000) {
       parts.push(t('position.seen', {ago: format.ago(ageMs / 1000)}));
@@ -109,7 +110,7 @@ export class PlaceList {
 
   _place({x, y}) {
     const {format} = this.context;
-    return `${format.number(x, 2)}, ${format.number(y, 2)} m`;
+    return `${format.number(x, 2)}, ${format.unit(y, 'm', 2)}`;
   }
 }
 

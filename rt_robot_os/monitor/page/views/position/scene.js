@@ -17,7 +17,7 @@ export function isOld({nowMs, isLost}, t, kind) {
 }
 
 export const SIGNALS = ['pose', 'plan', 'planner/state', 'trajectory/state', 'trajectory/progress',
-  'stop_reason', 'battery', 'wsn/nodes', 'health/*/place', 'health/*/place_details'];
+  'stop_reason', 'codes/*', 'battery', 'wsn/nodes', 'health/*/place', 'health/*/place_details'];
 
 export class Scene {
   constructor() {
