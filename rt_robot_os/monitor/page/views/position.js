@@ -2,6 +2,7 @@
 
 import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
+import {hasKeys} from '../lib/keys.js';
 import {isUp} from '../lib/outage.js';
 import {button, notice} from '../lib/parts.js';
 import {robotChoice} from '../lib/robot_choice.js';
@@ -62,7 +63,7 @@ class PositionView {
   build() {
     const {t} = this.context;
     this.canvas = h('canvas.position-canvas', {tabindex: '0', role: 'application', 'aria-label':
-      t('position.map'), 'aria-describedby': 'position-keys'});
+      t('position.map'), 'aria-describedby': hasKeys() && 'position-keys'});
     this.canvas.onkeydown = (event) => this.key(event);
     this.note = h('div.position-note');
     this.followButton = button(t('position.follow'), () => this.setFollow(!this.follows));
