@@ -15,7 +15,8 @@
 """
 Every view as the first one that a browser opens: it has its styles, and all of it can be reached.
 
-``RT_ROBOT_OS_BROAD=1`` tries each view in every size, theme, language and state.
+``RT_ROBOT_OS_BROAD=1`` tries each view in every size, theme, language and state;
+``RT_ROBOT_OS_PICTURES=FOLDER`` keeps a picture of each.
 """
 
 from __future__ import annotations
@@ -63,11 +64,15 @@ ADDRESSES = {'alarms': 'alarms/robot/c1', 'data': 'data/anna', 'drive': 'drive/r
 #: With the share of the screen that the view must have; the last is 400 % zoom of 1280 x 1024.
 SIZES = {(390, 844): 30, (1440, 900): 50, (320, 256): 60, (844, 390): 35}
 STATES = ('well', 'locked', 'offline')
+LOOKS = list(itertools.product(('en-GB', 'de-DE'), ('light', 'dark')))
 if os.environ.get(VARIABLE):
-    CASES = list(itertools.product(PLACES, ('en-GB', 'de-DE'), ('light', 'dark'), STATES))
+    CASES = [(view, *look, state) for view, look, state in itertools.product(
+        PLACES, LOOKS, STATES)]
 else:
-    CASES = [(view, *how) for number, view in enumerate(PLACES) for how in (
-        ('en-GB', 'light', 'offline'), ('de-DE', 'dark', 'locked' if number % 2 else 'well'))]
+    # Each view once; what is left of a locked one is the same in most.
+    CASES = [(view, *LOOKS[number % 4], ('offline', 'well')[number % 3 == 2])
+             for number, view in enumerate(PLACES)]
+    CASES += [('overview', 'de-DE', 'dark', 'locked'), ('drive', 'de-DE', 'light', 'locked')]
 
 
 @pytest.fixture(scope='module')
@@ -132,9 +137,8 @@ def test_a_view_that_is_opened_first_is_whole(
     for (width, height), share in SIZES.items():
         page.set_viewport_size({'width': width, 'height': height})
         size = f'{width} x {height}'
-        if folder := os.environ.get('SHOTS'):
-            page.wait_for_timeout(300)
-            page.screenshot(path=f'{folder}/{view}-{language[:2]}-{theme}-{state}-{width}.png')
+        if folder := os.environ.get('RT_ROBOT_OS_PICTURES'):
+            page.screenshot(path=f'{folder}/{view}_{language[:2]}_{theme}_{state}_{width}.png')
         if PLACES[view] != 'alone':
             wrong[size] = misplaced(page, KEYS, share)
     wrong['styles'] = missing_styles(page, SHEETS)
@@ -142,3 +146,48 @@ def test_a_view_that_is_opened_first_is_whole(
     if any(wrong.values()):
         pytest.fail('\n'.join(f'{size}: {each}' for size, found in wrong.items()
                               for each in found), pytrace=False)
+
+
+PHONE = {'viewport': {'width': 390, 'height': 844}, 'is_mobile': True, 'has_touch': True}
+FITS = """(selectors) => selectors.filter((selector) => {
+  const {left, top, right, bottom, width} = document.querySelector(selector)
+    .getBoundingClientRect();
+  const main = document.querySelector('.main').getBoundingClientRect();
+  return !width || left < -1 || right > innerWidth + 1 || top < main.top - 1
+    || bottom > main.bottom + 1;
+})"""
+
+
+@pytest.mark.parametrize('size', [(390, 844), (360, 667), (844, 390)])
+def test_on_a_phone_picture_and_stick_are_on_the_screen_together(
+        robot: FakeRobot, signed_in: Any, size: tuple[int, int]) -> None:
+    page = signed_in('owner', '#/drive/robot', **{**PHONE, 'viewport': dict(
+        zip(('width', 'height'), size))})
+    page.locator('.picture').wait_for()
+    expect(page.locator('.strip')).to_contain_text('anna')
+    assert page.evaluate(FITS, ['.picture-frame', '.stick', '.drive-seat .button']) == []
+    assert page.locator('.picture-canvas').bounding_box()['height'] >= 100
+
+
+def test_keys_are_offered_where_there_are_some(robot: FakeRobot, signed_in: Any) -> None:
+    for options, is_offered in (({}, True), (PHONE, False)):
+        page = signed_in('owner', '#/drive/robot', **options)
+        stop = page.get_by_role('banner').get_by_role('button', name='Stop')
+        assert ('F8' in stop.inner_text()) is is_offered
+        assert ('F8' in stop.get_attribute('title')) is is_offered
+        assert ('space bar' in page.locator('.drive-hint').inner_text()) is is_offered
+        assert ('space bar' in page.locator('.stick').get_attribute('aria-label')) is is_offered
+        page.get_by_role('button', name='Account and settings').click()
+        menu = page.get_by_role('dialog')
+        assert menu.get_by_text('go to the alarms').is_visible() is is_offered
+
+
+@pytest.mark.parametrize('width', [390, 700, 1440])
+def test_menus_of_data_open_on_the_screen(
+        robot: FakeRobot, signed_in: Any, width: int) -> None:
+    page = signed_in('owner', '#/data/anna', viewport={'width': width, 'height': 900})
+    for menu in page.locator('.data-menu').all():
+        menu.locator('summary').click()
+        box = menu.locator('.data-layers').bounding_box()
+        assert box['x'] >= 0 and box['x'] + box['width'] <= width, box
+        page.keyboard.press('Escape')

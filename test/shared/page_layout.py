@@ -18,10 +18,15 @@ from __future__ import annotations
 
 from typing import Any
 
+#: What is compared besides place and size.
+_LOOKS = ('display position visibility opacity filter clip-path object-fit transform cursor z-index '
+          'color background-color background-image border-top-color border-top-style border-radius '
+          'box-shadow font-family font-size font-weight text-align text-decoration-line '
+          'white-space list-style-type overflow-x overflow-y').split()
 #: Compares how the page looks with the style sheets that it has loaded, and with those of all
 #: other views before or after them, as after visits to these. Nothing but the sheets differs:
 #: it is the same document in the same moment.
-_SHEETS = """async (names) => {
+_SHEETS = """async ([names, looks]) => {
   const own = document.querySelectorAll('link[rel=stylesheet]');
   const first = own[0];
   const last = own[own.length - 1];
@@ -43,7 +48,7 @@ _SHEETS = """async (names) => {
   const look = () => elements.map((each) => {
     const style = getComputedStyle(each);
     const {x, y, width, height} = each.getBoundingClientRect();
-    return [`box: ${[x, y, width, height]}`, ...[...style].map((name) => `${name}: ${
+    return [`box: ${[x, y, width, height]}`, ...looks.map((name) => `${name}: ${
       style.getPropertyValue(name)}`)];
   });
   const found = [];
@@ -111,6 +116,11 @@ _LAYOUT = """({share, keys}) => {
       }
     }
   }
+  for (const each of document.querySelectorAll('.card, .badge, .button')) {
+    if (each.scrollWidth > each.clientWidth + 1 && each.clientWidth) {
+      say(`holds ${each.scrollWidth} of ${each.clientWidth} px`, each);
+    }
+  }
   const isShown = (each) => each.checkVisibility({visibilityProperty: true})
     && each.getClientRects().length && each.getBoundingClientRect().width > 1;
   const scrollsBy = (each) => {
@@ -169,7 +179,7 @@ def missing_styles(page: Any, sheets: list[str]) -> list[str]:
     :param page: of Playwright, at a view.
     :param sheets: names of all sheets of views.
     """
-    found: list[str] = page.evaluate(_SHEETS, sheets)
+    found: list[str] = page.evaluate(_SHEETS, [sheets, _LOOKS])
     return found
 
 

@@ -2,6 +2,7 @@
 
 import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
+import {personOf} from '../lib/health.js';
 import {hasKeys} from '../lib/keys.js';
 import {isUp} from '../lib/outage.js';
 import {button, notice} from '../lib/parts.js';
@@ -181,7 +182,7 @@ class PositionView {
   alarms() {
     return this.context.state.openAlarms().filter((each) => each.robot === this.choice.robot)
       .map((each) => {
-        const {x, y} = this.scene.people.get(each.subject) || {};
+        const {x, y} = this.scene.people.get(personOf(this.context.state, each)) || {};
         return Number.isFinite(each.x) && Number.isFinite(each.y) ? each : {...each, x, y};
       });
   }
