@@ -42,18 +42,21 @@ _TAIL_TICKS = ((1.0, 'all'), (0.5, '50 % (p50)'), (0.1, '10 % (p90)'), (0.01, '1
                (1e-3, '0.1 % (p99.9)'), (1e-4, '0.01 %'), (1e-5, '0.001 %'))
 # One colour for each system in all pictures, told apart by everybody (mostly Okabe and Ito): ours
 # blue, rclpy warm, floors black and grey. The first text that a label begins with decides.
+# From the palettes of Okabe and Ito, and of Tol: apart for people who are colour-blind, too.
 _SYSTEMS = (
     ('rclpy Single', ('#D55E00',)), ('rclpy Multi', ('#E69F00',)), ('rclpy', ('#8B1A1A',)),
     ('HORUS', ('#009E73',)), ('Python threads', ('#CC79A7',)), ('plain thread', ('#CC79A7',)),
-    ('threads', ('#CC79A7',)), ('loop', ('#555555',)),
-    ('paper', ('#7B5CB0',)), ('Process', ('#555555',)),
-    ('rt_robot_os', ('#0072B2', '#56B4E9', '#003F66')),
-    ('clock_nanosleep', ('#000000', '#777777', '#BBBBBB')), ('cyclictest', ('#777777',)),
+    ('threads', ('#CC79A7',)), ('loop', ('#777777',)),
+    ('paper', ('#332288',)), ('Process', ('#777777',)),
+    ('rt_robot_os', ('#0072B2', '#882255', '#56B4E9', '#999933', '#A0522D')),
+    ('clock_nanosleep', ('#000000', '#777777', '#BBBBBB')), ('cyclictest', ('#AAAAAA',)),
     ('memcpy', ('#000000',)))
 # Several variants of our own in one picture, none of which is another system.
-_VARIANTS = ('#0072B2', '#882255', '#44AA99', '#56B4E9', '#999933', '#003F66')
+_VARIANTS = ('#0072B2', '#882255', '#44AA99', '#56B4E9', '#999933', '#D55E00')
 _DASHES = ('-', '--', '-.', ':')
 _MARKS = 'osD^vPX<>'
+# So many marks are on a curve of many points.
+_MARKS_ON_CURVE = 8
 
 
 def available() -> bool:
@@ -126,7 +129,8 @@ def _draw(axes: Any, plot: Plot) -> None:
     curves = [series for series in plot.series if len(series.x)]
     chosen = styles([series.label for series in curves])
     for number, (series, (colour, dashes)) in enumerate(zip(curves, chosen)):
-        _curve(axes, series, colour, dashes, number)
+        mark = _MARKS[number % len(_MARKS)] if len(curves) > 1 else ''
+        _curve(axes, series, colour, dashes, mark)
     axes.set_title(plot.title, loc='left', fontsize=10)
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
@@ -185,8 +189,9 @@ def _plain_numbers(digits: str, floor: tuple[float, str] | None = None) -> Any:
     return import_module('matplotlib.ticker').FuncFormatter(text)
 
 
-def _curve(axes: Any, series: Series, colour: str, dashes: str, number: int) -> None:
-    common = {'label': series.label, 'color': colour, 'linestyle': dashes}
+def _curve(axes: Any, series: Series, colour: str, dashes: str, mark: str) -> None:
+    common = {'label': series.label, 'color': colour, 'linestyle': dashes, 'marker': mark,
+              'markersize': 4, 'markevery': max(1, len(series.x) // _MARKS_ON_CURVE)}
     if series.style == 'steps':
         axes.step(series.x, series.y, where='post', linewidth=1.3, **common)
     elif series.style == 'filled':
@@ -196,7 +201,7 @@ def _curve(axes: Any, series: Series, colour: str, dashes: str, number: int) -> 
         axes.plot(series.x, series.y, linestyle='none', marker='.', markersize=3,
                   color='#999999', label=series.label)
     elif series.style == 'marks':
-        axes.plot(series.x, series.y, marker=_MARKS[number % len(_MARKS)], markersize=4,
-                  linewidth=1.0, **common)
+        axes.plot(series.x, series.y, linewidth=1.0, **{
+            **common, 'marker': mark or _MARKS[0], 'markevery': 1})
     else:
         axes.plot(series.x, series.y, linewidth=1.2, **common)

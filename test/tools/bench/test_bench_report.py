@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 import io
+import itertools
+import re
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -150,6 +152,47 @@ def test_a_system_has_its_colour_in_every_picture_and_no_curves_look_alike() -> 
         assert ours[0] != theirs[0]
     many = styles([f'variant {i}' for i in range(20)] + [f'rt_robot_os {i}' for i in range(9)])
     assert len(set(many[:20])) == 20 and len(set(many[20:])) == 9
+
+
+#: What red, green and blue become for people without red or green cones: Machado, Oliveira,
+#: Fernandes, "A physiologically-based model for simulation of color vision deficiency", 2009.
+_EYES = {
+    'all cones': np.eye(3),
+    'no red cones': np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+                              [-0.003882, -0.048116, 1.051998]]),
+    'no green cones': np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                                [-0.011820, 0.042940, 0.968881]])}
+
+
+def _lab(colour: str, eye: np.ndarray) -> np.ndarray:
+    """Return a colour as CIE L*a*b*, in which 2.3 is a difference that is just seen."""
+    srgb = np.array([int(colour[i:i + 2], 16) / 255 for i in (1, 3, 5)])
+    rgb = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    rgb = np.clip(eye @ rgb, 0, 1)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+                   ) @ rgb / [0.9505, 1.0, 1.089]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize('eye', _EYES)
+def test_the_colours_of_one_picture_are_apart_for_everybody(eye: str) -> None:
+    labels = [f'rt_robot_os, {each}' for each in ('pure', 'compiled', 'link', 'node', 'old')]
+    for others in (['rclpy Single', 'paper'], ['HORUS', 'clock_nanosleep'], ['threads', 'loop']):
+        colours = [_lab(colour, _EYES[eye]) for colour, _ in styles(labels + others)]
+        near = min(float(np.linalg.norm(one - other))
+                   for one, other in itertools.combinations(colours, 2))
+        assert near > 10, (others, near)
+
+
+def test_curves_are_told_apart_by_shape_too() -> None:
+    pytest.importorskip('matplotlib')
+    lines = [Series(f'rt_robot_os {i}', list(range(100)), [float(i)] * 100) for i in range(7)]
+    text = svg(Plot('many', 'many', 'x', 'y', lines), 'u')
+    # Each curve refers to the outline of its own mark.
+    marks = set(re.findall(r'<use xlink:href="#(u-m[0-9a-f]+)"[^>]*stroke: #', text)) or set(
+        re.findall(r'<path id="(u-m[0-9a-f]+)"', text))
+    assert len(marks) >= 7
 
 
 def test_groups_stand_over_their_columns_or_before_each() -> None:

@@ -1,8 +1,9 @@
 /** What people do about an alarm: acknowledge with one tap, then perhaps a note; resolve; confirm. */
 
+import {nameOf} from './alarm_words.js';
 import {kindsText} from './alarms.js';
 import {ask} from './dialog.js';
-import {h} from './dom.js';
+import {attribute, h} from './dom.js';
 import {busy, button} from './parts.js';
 import {attempt} from './problem.js';
 import {toast} from './toast.js';
@@ -16,6 +17,26 @@ export async function acknowledge(context, alarm) {
   if (await order(context, alarm, 'acknowledge')) {
     offerNote(context, alarm);
   }
+}
+
+/**
+ * The button that acknowledges an alarm; nameButtons() gives it its name.
+ * @param {Object} context
+ * @param {Object} alarm
+ * @param {Object} [how] as of button()
+ * @param {string} [says] the message of its name
+ */
+export function acknowledgeButton(context, alarm, how = {}, says = 'alarms.acknowledge_which') {
+  const made = button(context.t('alarms.acknowledge'), () => acknowledge(context, alarm), how);
+  made.dataset.says = says;
+  return made;
+}
+
+/** Name what acts on an alarm within an element after the alarm: no two are read out alike. */
+export function nameButtons(element, context, alarm) {
+  const found = element.querySelectorAll('[data-says]');
+  const what = found.length && nameOf(context, alarm);
+  found.forEach((each) => attribute(each, 'aria-label', context.t(each.dataset.says, {what})));
 }
 
 /** Say that it is over, with a reason. */

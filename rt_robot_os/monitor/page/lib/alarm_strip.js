@@ -4,8 +4,9 @@
  * comes.
  */
 
-import {acknowledge, confirmAlarm} from './alarm_actions.js';
-import {isLoud, kindsText, openedNs} from './alarms.js';
+import {acknowledgeButton, confirmAlarm, nameButtons} from './alarm_actions.js';
+import {stateText, titleOf, whereOf} from './alarm_words.js';
+import {isLoud, openedNs} from './alarms.js';
 import {framed, h, replace, tone, write} from './dom.js';
 import {icon} from './icons.js';
 import {outageOf, outageWords, robotsUp} from './outage.js';
@@ -33,6 +34,7 @@ export function alarmStrip(context) {
     if (open.length) {
       const ageS = (context.state.nowNs() - openedNs(open[0])) / 1e9;
       write(age, context.format.ago(ageS));
+      nameButtons(element, context, open[0]);
     }
   });
   const off = context.state.on('alarms robots server connection tick', draw);
@@ -53,12 +55,13 @@ function kind(open, outage) {
   return outage ? OUTAGES[outage.kind] || 'outage' : 'calm';
 }
 
-function keyOf({state, silence, sound}, open, outage) {
+function keyOf(context, open, outage) {
+  const {state, silence, sound} = context;
   const [worst] = open;
   return JSON.stringify([outage && [outage.kind, outage.kind === 'server' && outage.sinceMs,
     outage.away.map((each) => each.name), sound.isWanted && silence.sounds(outage)], open.length,
   open.filter(isLoud).length, worst && [worst.robot, worst.id, worst.state, worst.level,
-    worst.kinds, worst.text, worst.by], worst ? null : robotsUp(state)]);
+    worst.kinds, worst.text, worst.by, whereOf(context, worst)], worst ? null : robotsUp(state)]);
 }
 
 function calm({t, state}) {
@@ -81,13 +84,11 @@ function unknown(context, outage) {
 function loud(context, open, outage, age) {
   const {t} = context;
   const [worst] = open;
-  const state = t.word('state', worst.state) + (worst.state === 'acknowledged' && worst.by
-    ? ` (${worst.by})` : '');
   const about = saidOf(t, worst, 'text');
   const lost = outage?.kind === 'server' && outageWords(outage, context).text;
-  const words = h('p.strip-words', h('strong', `${t.word('level', worst.level)}: ${worst.subject} – ${
-    kindsText(worst, t)}`), h('span.strip-more',
-    [lost, state].filter(Boolean).join(' · '), about.text && [' · ', saidElement(about)]));
+  const words = h('p.strip-words', h('strong', titleOf(context, worst)), h('span.strip-more',
+    [lost, whereOf(context, worst), stateText(worst, t)].filter(Boolean).join(' · '),
+    about.text && [' · ', saidElement(about)]));
   const others = open.length > 1 && h('a.strip-others', {href: '#/alarms'},
     t('shell.more_alarms', {n: open.length - 1}));
   return [icon(levelIcon(worst.level)), words, age, others, h('div.strip-actions',
@@ -97,12 +98,12 @@ function loud(context, open, outage, age) {
 function actions(context, alarm) {
   const {t} = context;
   const show = h('a.button', {href: `#/alarms/${encodeURIComponent(alarm.robot)}/${
-    encodeURIComponent(alarm.id)}`}, t('shell.show'));
+    encodeURIComponent(alarm.id)}`, 'data-says': 'shell.show_which'}, t('shell.show'));
   if (!context.permissions.has('acknowledge') || !isLoud(alarm)) {
     return [show];
   }
   const first = alarm.state === 'suspected'
     ? button(t('alarms.confirm'), () => confirmAlarm(context, alarm)) : null;
-  return [show, first, button(t('alarms.acknowledge'), () => acknowledge(context, alarm),
-    {kind: 'primary', icon: 'check'})];
+  return [show, first, acknowledgeButton(context, alarm, {kind: 'primary', icon: 'check'},
+    'shell.acknowledge_worst')];
 }

@@ -64,6 +64,39 @@ export function placeOf(state, person) {
     ageS: (state.nowNs() - found.utcNs) / 1e9 + (number(values.age_s) || 0)};
 }
 
+const FOUND = new Map();
+
+/**
+ * The person whom an alarm is about, also when its subject is what they wear, or names them ('vital
+ * signs of anna'); '' when it is about nobody.
+ */
+export function personOf(state, alarm) {
+  const {subject = '', text = ''} = alarm;
+  if (state.people.has(subject)) {
+    return subject;
+  }
+  const worn = (state.robots.get(alarm.robot)?.nodes || []).find(({name}) => name === subject)
+    ?.person;
+  if (state.people.has(worn)) {
+    return worn;
+  }
+  const named = (words) => [...state.people.keys()].filter((name) => finder(name).test(words))
+    .sort((one, other) => other.length - one.length);
+  const [found] = named(subject);
+  // A device whose report names one person is theirs.
+  const others = found || alarm.level !== 'technical' ? [] : named(text);
+  return found || (others.length === 1 ? others[0] : '');
+}
+
+/** What finds a name as a word. */
+function finder(name) {
+  if (!FOUND.has(name)) {
+    const escaped = name.replace(/[.*+?^${}()|[\]\\]/g, '\\$&');
+    FOUND.set(name, new RegExp(`(?<![\\p{L}\\p{N}])${escaped}(?![\\p{L}\\p{N}])`, 'iu'));
+  }
+  return FOUND.get(name);
+}
+
 const RISK_TONES = {low: 'ok', 'low-medium': 'warn', medium: 'urgent', high: 'critical'};
 
 /** The tone of a risk of the score. */
@@ -76,7 +109,7 @@ export function riskTone(risk) {
  * alarms, vital signs and silence counts.
  */
 export function stateOf(state, person) {
-  const alarms = state.openAlarms().filter((each) => each.subject === person);
+  const alarms = state.openAlarms().filter((each) => personOf(state, each) === person);
   const clinical = alarms.filter((each) => each.level !== 'technical');
   const [worst] = clinical;
   if (worst && isLoud(worst)) {
@@ -109,7 +142,7 @@ function quiet(state, person, alarms) {
   if (!(ageS <= STALE_S)) {
     return {key: 'old_signs', tone: 'stale', badness: 25};
   }
-  if (!score || score.total === null || !(score.ageS <= STALE_S)) {
+  if (!score || score.total === null || score.missing.length || !(score.ageS <= STALE_S)) {
     return {key: 'no_score', tone: 'none', badness: 5};
   }
   return score.risk === 'low-medium' ? {key: 'risk_some', tone: 'warn', badness: 20}

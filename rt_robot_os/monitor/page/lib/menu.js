@@ -76,6 +76,6 @@ export function toggle(text, isOn, onchange) {
 function keys({t, permissions}) {
   const rows = [permissions.has('acknowledge') && [STOP_KEY, t('shell.key_stop')],
     ['F9', t('shell.key_alarms')], ['Tab', t('shell.key_tab')], ['Esc', t('shell.key_escape')]];
-  return h('div.menu-part', h('h3', t('shell.keys')), h('dl.keys', rows.filter(Boolean).map(
+  return h('div.menu-part.only-keys', h('h3', t('shell.keys')), h('dl.keys', rows.filter(Boolean).map(
     ([key, text]) => [h('dt', h('kbd', key)), h('dd', text)])));
 }

@@ -3,6 +3,7 @@
 import {openDialog} from './dialog.js';
 import {h} from './dom.js';
 import {icon} from './icons.js';
+import {hasKeys} from './keys.js';
 import {button} from './parts.js';
 import {problemText} from './problem.js';
 import {announce, toast} from './toast.js';
@@ -13,8 +14,9 @@ export const STOP_KEY = 'F8';
 /** Make the button; close ends it. */
 export function stopButton(context) {
   const {t} = context;
-  const element = h('button.stop', {type: 'button', 'aria-keyshortcuts': STOP_KEY,
-    title: t('shell.stop_tip', {key: STOP_KEY}), onclick: () => stopOrAsk(context)},
+  const element = h('button.stop', {type: 'button', 'aria-keyshortcuts': hasKeys() && STOP_KEY,
+    title: hasKeys() ? t('shell.stop_tip', {key: STOP_KEY}) : t('shell.stop_tip_touch'),
+    onclick: () => stopOrAsk(context)},
   icon('stop'), h('span.stop-text', t('shell.stop')), h('kbd', {'aria-hidden': 'true'}, STOP_KEY));
   const onkey = (event) => {
     if (event.key === STOP_KEY && !event.repeat) {
@@ -45,7 +47,7 @@ export async function stopOrAsk(context) {
   }
   const chosen = await openDialog(t('shell.stop_which'), (close) => h('div.choices',
     button(t('shell.stop_all', {n: robots.length}), () => close(robots),
-      {kind: 'critical', icon: 'stop', key: STOP_KEY}),
+      {kind: 'critical', icon: 'stop', key: hasKeys() && STOP_KEY}),
     robots.map((each) => button(each.name || each.id, () => close([each]), {icon: 'robot'}))), 'stop');
   return chosen ? stop(context, chosen) : null;
 }

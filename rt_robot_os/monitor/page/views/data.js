@@ -2,6 +2,7 @@
 
 import {kindsText, openedNs} from '../lib/alarms.js';
 import {h, replace} from '../lib/dom.js';
+import {personOf} from '../lib/health.js';
 import {store, stored} from '../lib/i18n.js';
 import {notice, select} from '../lib/parts.js';
 import {timeLabels} from './data/axis.js';
@@ -189,7 +190,8 @@ class DataView {
     const {context} = this;
     const all = new Map(this.layers.alarms ? this.chartAlarms : []);
     if (this.layers.alarms) {
-      const mine = context.state.openAlarms().filter(({subject}) => subject === this.person);
+      const mine = context.state.openAlarms().filter(
+        (each) => personOf(context.state, each) === this.person);
       for (const each of mine) {
         all.set(`${each.robot}/${each.id}`, {...each, t: openedNs(each) / NS_PER_MS});
       }

@@ -2,6 +2,8 @@
 
 import {h, replace} from '../lib/dom.js';
 import {store, stored} from '../lib/i18n.js';
+import {personOf} from '../lib/health.js';
+import {hasKeys} from '../lib/keys.js';
 import {isUp} from '../lib/outage.js';
 import {button, notice} from '../lib/parts.js';
 import {problemText} from '../lib/problem.js';
@@ -63,7 +65,7 @@ class PositionView {
   build() {
     const {t} = this.context;
     this.canvas = h('canvas.position-canvas', {tabindex: '0', role: 'application', 'aria-label':
-      t('position.map'), 'aria-describedby': 'position-keys'});
+      t('position.map'), 'aria-describedby': hasKeys() && 'position-keys'});
     this.canvas.onkeydown = (event) => this.key(event);
     this.note = h('div.position-note');
     this.followButton = button(t('position.follow'), () => this.setFollow(!this.follows));
@@ -181,7 +183,7 @@ class PositionView {
   alarms() {
     return this.context.state.openAlarms().filter((each) => each.robot === this.choice.robot)
       .map((each) => {
-        const {x, y} = this.scene.people.get(each.subject) || {};
+        const {x, y} = this.scene.people.get(personOf(this.context.state, each)) || {};
         return Number.isFinite(each.x) && Number.isFinite(each.y) ? each : {...each, x, y};
       });
   }

@@ -1,10 +1,10 @@
 /** One alarm: what it is, what to do, pictures, and everything that happened, in order. */
 
-import {stateText} from './list.js';
 import {pictures} from './pictures.js';
 import {timeline} from './timeline.js';
-import {acknowledge, cancelAlarm, confirmAlarm, escalate, resolve, submitNote}
+import {acknowledgeButton, cancelAlarm, confirmAlarm, escalate, nameButtons, resolve, submitNote}
   from '../../lib/alarm_actions.js';
+import {stateText, whereOf} from '../../lib/alarm_words.js';
 import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
 import {framed, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
@@ -53,7 +53,7 @@ export class Detail {
     }
     const alarm = this.current();
     const key = alarm && JSON.stringify([alarm.state, alarm.level, alarm.kinds, alarm.by, alarm.t_ns,
-      alarm.event, alarm.text]);
+      alarm.event, alarm.text, whereOf(this.context, alarm)]);
     if (alarm && key !== this.shown) {
       this.shown = key;
       head(this.head, alarm, this.context);
@@ -114,6 +114,7 @@ function head(element, alarm, context) {
   h('p.alarm-badges', level, state), alarm.text && saidElement(saidOf(t, alarm, 'text'), 'p'), h('dl.facts', rows.filter(
     ([, value]) => value).map(([name, ...value]) => [h('dt', name), h('dd', value)])),
   h('div.alarm-actions', actions(alarm, context)));
+  nameButtons(element, context, alarm);
 }
 
 function actions(alarm, context) {
@@ -123,8 +124,7 @@ function actions(alarm, context) {
   }
   const isSuspected = alarm.state === 'suspected';
   return [
-    isLoud(alarm) && button(t('alarms.acknowledge'), () => acknowledge(context, alarm),
-      {kind: 'primary', icon: 'check'}),
+    isLoud(alarm) && acknowledgeButton(context, alarm, {kind: 'primary', icon: 'check'}),
     isSuspected && button(t('alarms.confirm'), () => confirmAlarm(context, alarm),
       {kind: 'danger', icon: 'urgent'}),
     isSuspected && button(t('alarms.cancel'), () => cancelAlarm(context, alarm)),
@@ -134,8 +134,9 @@ function actions(alarm, context) {
   ];
 }
 
-function where(alarm, {t, permissions}) {
-  const words = alarm.node ? t.word('room', alarm.node) : '';
+function where(alarm, context) {
+  const {t, permissions} = context;
+  const words = isOpen(alarm) ? whereOf(context, alarm) : alarm.node && t.word('room', alarm.node);
   const isPlaced = Number.isFinite(Number(alarm.x)) && alarm.x !== null && alarm.x !== undefined;
   if (!isPlaced || !permissions.has('see')) {
     return words;

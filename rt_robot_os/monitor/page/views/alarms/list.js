@@ -1,11 +1,12 @@
 /** The list of alarms: each a link to its time line, with the button to acknowledge it. */
 
-import {acknowledge} from '../../lib/alarm_actions.js';
-import {isLoud, isOpen, kindsText, openedNs} from '../../lib/alarms.js';
+import {acknowledgeButton, nameButtons} from '../../lib/alarm_actions.js';
+import {stateText, titleOf, whereOf} from '../../lib/alarm_words.js';
+import {isLoud, isOpen, openedNs} from '../../lib/alarms.js';
 import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
 import {outageOf, outageWords} from '../../lib/outage.js';
-import {button, levelIcon, notice} from '../../lib/parts.js';
+import {levelIcon, notice} from '../../lib/parts.js';
 import {problemElement} from '../../lib/problem.js';
 import {saidOf, writeSaid} from '../../lib/said.js';
 
@@ -51,12 +52,14 @@ function update(item, alarm, context, chosen) {
   const {t, format, state, permissions} = context;
   const {parts} = item;
   const isOver = !isOpen(alarm);
+  const isChosen = keyOf(alarm) === chosen;
   tone(item, 'tone', isLoud(alarm) ? alarm.level : 'plain');
   item.classList.toggle('is-over', isOver);
-  attribute(parts.link, 'aria-current', keyOf(alarm) === chosen ? 'true' : null);
-  write(parts.title, `${t.word('level', alarm.level)}: ${alarm.subject} – ${kindsText(alarm, t)}`);
+  attribute(parts.link, 'aria-current', isChosen ? 'true' : null);
+  write(parts.title, titleOf(context, alarm));
   const about = saidOf(t, alarm, 'text');
-  write(parts.state, [stateText(alarm, t), about.text && ' · '].filter(Boolean).join(''));
+  write(parts.state, [!isOver && whereOf(context, alarm), stateText(alarm, t),
+    about.text && ' '].filter(Boolean).join(' · '));
   writeSaid(parts.about, about);
   const began = openedNs(alarm) / 1e6;
   const ageS = state.nowNs() / 1e9 - began / 1e3;
@@ -66,15 +69,11 @@ function update(item, alarm, context, chosen) {
   if (item.dataset.key !== key) {
     item.dataset.key = key;
     replace(parts.mark, icon(isOver ? 'check' : levelIcon(alarm.level)));
-    replace(parts.act, isLoud(alarm) && permissions.has('acknowledge')
-      && button(t('alarms.acknowledge'), () => acknowledge(context, alarm)));
+    // Of the chosen one it stands with all else that can be done, at its time line.
+    replace(parts.act, isLoud(alarm) && !isChosen && permissions.has('acknowledge')
+      && acknowledgeButton(context, alarm));
   }
-}
-
-/** The state of an alarm with who did it. */
-export function stateText(alarm, t) {
-  const by = alarm.by && alarm.state !== 'raised' ? ` (${alarm.by})` : '';
-  return t.word('state', alarm.state) + by;
+  nameButtons(parts.act, context, alarm);
 }
 
 function explain(element, context, alarms, {isAll, isLoading, problem}) {

@@ -2,6 +2,7 @@
 
 import {h, replace, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
+import {hasKeys} from '../../lib/keys.js';
 import {levelIcon} from '../../lib/parts.js';
 import {LEVELS, rank} from '../../lib/alarms.js';
 import {timeText} from './axis.js';
@@ -38,7 +39,7 @@ export class Stack {
     this.cursor = h('div.data-cursor', {hidden: true}, this.label);
     this.choice = h('div.data-choice', {hidden: true});
     this.element = h('div.data-stack', {tabindex: '0', role: 'group', 'aria-label':
-      context.t('data.plots'), 'aria-describedby': 'data-keys'}, this.laneRow, this.list,
+      context.t('data.plots'), 'aria-describedby': hasKeys() && 'data-keys'}, this.laneRow, this.list,
     this.cursor, this.choice);
     this.gestures = new Gestures(this.element, timeline, {
       box: () => this.box(), cursor: (x) => this.showCursor(x),

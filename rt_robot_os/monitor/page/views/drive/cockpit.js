@@ -3,6 +3,7 @@
 import {ask} from '../../lib/dialog.js';
 import {attribute, h, replace, tone, write} from '../../lib/dom.js';
 import {icon} from '../../lib/icons.js';
+import {hasKeys} from '../../lib/keys.js';
 import {isUp} from '../../lib/outage.js';
 import {badge, button, setBadge} from '../../lib/parts.js';
 import {saidOf, saidSignal, writeSaid} from '../../lib/said.js';
@@ -42,7 +43,8 @@ export class Cockpit {
 
   build(chooser) {
     const {t} = this.context;
-    this.stick = joystick(this.hand, t('drive.stick'));
+    this.stick = joystick(this.hand, [t('drive.stick'), hasKeys() && t('drive.stick_keys')]
+      .filter(Boolean).join(' '));
     this.picture = driverPicture(this.context, this.robot);
     this.link = badge('none', '', 'offline');
     this.reason = h('p.drive-reason', {role: 'status'});
@@ -55,7 +57,8 @@ export class Cockpit {
         // Over the picture: what comes and goes must not move the stick under a finger.
         h('div.drive-over', this.told, h('div.drive-held', this.reason, this.released))),
       h('section.drive-board', {'aria-label': t('drive.controls')}, chooser || null, this.seat,
-        this.stick.element, h('p.drive-hint.small.muted', t('drive.hint')),
+        this.stick.element, h('p.drive-hint.small.muted', h('span.only-keys', t('drive.hint')),
+          h('span.only-touch', t('drive.hint_touch'))),
         this.speedLimit(), this.facts()),
       this.talk = h('div.drive-talk'));
     this.offerCall();

@@ -1,12 +1,13 @@
 /** A person: how they are in words, score, last signs with age and quality, place, alarms. */
 
-import {acknowledge} from '../../lib/alarm_actions.js';
-import {isLoud, kindsText, openedNs} from '../../lib/alarms.js';
+import {acknowledgeButton, nameButtons} from '../../lib/alarm_actions.js';
+import {stateText, titleOf, whereOf} from '../../lib/alarm_words.js';
+import {isLoud, openedNs} from '../../lib/alarms.js';
 import {attribute, h, keep, replace, tone, write} from '../../lib/dom.js';
 import {DECIMALS, isReached, news2Of, placeOf, riskTone, signsOf, STALE_S}
   from '../../lib/health.js';
 import {icon} from '../../lib/icons.js';
-import {badge, button, levelIcon, setBadge} from '../../lib/parts.js';
+import {badge, levelIcon, setBadge} from '../../lib/parts.js';
 import {drawSpark, sparkline} from '../../lib/spark.js';
 
 // A value is of now.
@@ -88,7 +89,9 @@ function showScore(element, score, t, isLost) {
   const isKnown = score && score.total !== null;
   const isOld = score && (isLost || score.ageS > STALE_S);
   const isPart = score && !isKnown && score.atLeast > 0;
-  tone(element, 'tone', isOld || !score ? 'none' : riskTone(isKnown || isPart ? score.risk : ''));
+  // What is missing can only add to a part: low is not known then.
+  const isRisk = isKnown || (isPart && score.risk !== 'low');
+  tone(element, 'tone', isOld || !isRisk ? 'none' : riskTone(score.risk));
   write(total, isKnown ? score.total : isPart ? `≥ ${score.atLeast}` : '–');
   write(risk, !score ? t('overview.no_score') : isOld ? t('overview.score_old')
     : isKnown ? t('overview.risk', {risk: t.word('risk', score.risk)})
@@ -126,16 +129,17 @@ export function alarmRows(element, alarms, context) {
   const update = (row, alarm) => {
     tone(row, 'tone', isLoud(alarm) ? alarm.level : 'none');
     const ageS = (state.nowNs() - openedNs(alarm)) / 1e9;
-    write(row.parts.words, `${t.word('state', alarm.state)}${
-      alarm.state === 'acknowledged' && alarm.by ? ` (${alarm.by})` : ''} · ${format.ago(ageS)}`);
-    const key = `${alarm.state}${alarm.level}${alarm.kinds}`;
+    write(row.parts.words, [whereOf(context, alarm), stateText(alarm, t), format.ago(ageS)]
+      .filter(Boolean).join(' · '));
+    const title = titleOf(context, alarm);
+    const key = `${alarm.state} ${title}`;
     if (row.dataset.key !== key) {
       row.dataset.key = key;
-      replace(row.parts.link, icon(levelIcon(alarm.level)), `${t.word('level', alarm.level)}: ${
-        kindsText(alarm, t)}`);
+      replace(row.parts.link, icon(levelIcon(alarm.level)), h('span', title));
       replace(row.parts.act, isLoud(alarm) && permissions.has('acknowledge')
-        && button(t('alarms.acknowledge'), () => acknowledge(context, alarm)));
+        && acknowledgeButton(context, alarm));
     }
+    nameButtons(row.parts.act, context, alarm);
   };
   keep(element, alarms, (each) => `${each.robot}/${each.id}`, make, update, true);
 }

@@ -1,6 +1,7 @@
 /** How a robot is, in words and as a number to sort by. */
 
 import {isLoud, rank} from '../../lib/alarms.js';
+import {personOf} from '../../lib/health.js';
 import {isUp} from '../../lib/outage.js';
 import {saidSignal} from '../../lib/said.js';
 
@@ -28,12 +29,18 @@ export function doing(context, robot) {
 /** Open alarms of a robot that are about no person. */
 export function otherAlarms(state, robot) {
   return state.openAlarms().filter((each) => each.robot === robot.id
-    && !state.people.has(each.subject));
+    && !personOf(state, each));
 }
 
-/** The larger, the more a robot needs somebody. */
+/** The larger, the more a robot needs somebody, or the more urgent is what it does. */
 export function badnessOf(state, robot) {
-  const worst = otherAlarms(state, robot).find(isLoud);
-  return (worst ? 10 + 10 * rank(worst.level) : 0) + (isUp(state, robot) ? 0 : 35)
-    + (charge(state, robot) < LOW_BATTERY ? 5 : 0);
+  const alarms = state.openAlarms().filter((each) => each.robot === robot.id);
+  const [worst] = alarms;
+  const urgency = !worst ? 0 : isLoud(worst) ? 10 + 10 * rank(worst.level) : 4 + rank(worst.level);
+  return urgency + (isUp(state, robot) ? 0 : 35) + (charge(state, robot) < LOW_BATTERY ? 3 : 0)
+    + (isBusy(state, robot) ? 2 : 0);
+}
+
+function isBusy(state, robot) {
+  return !/^(idle\b|$)/.test(String(state.signal(robot.id, 'agent/state')?.value ?? ''));
 }

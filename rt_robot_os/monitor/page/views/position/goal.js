@@ -1,6 +1,6 @@
 /** Send the robot to a place: choose, turn, confirm; then how far it is, and cancel. */
 
-import {h, tone, write} from '../../lib/dom.js';
+import {attribute, h, tone, write} from '../../lib/dom.js';
 import {isUp} from '../../lib/outage.js';
 import {button, field} from '../../lib/parts.js';
 import {problemText} from '../../lib/problem.js';
@@ -30,10 +30,11 @@ export class Goal {
       type: 'number', step: name === 'yaw' ? 5 : 0.05, id: `goal-${name}`,
       oninput: () => this._typed()})]));
     this.title = h('h2');
-    this.note = h('p.position-goal-note', {role: 'status'});
+    this.note = h('p.position-goal-note', {role: 'status', id: 'goal-note'});
     this.places = h('div.position-goal-fields', field(t('position.x_m'), this.fields.x),
       field(t('position.y_m'), this.fields.y), field(t('position.heading_deg'), this.fields.yaw));
     this.go = button(t('position.go'), () => this.send(), {kind: 'primary', icon: 'position'});
+    attribute(this.go, 'aria-describedby', 'goal-note');
     this.leave = button(t('position.leave'), () => this.drop(), {kind: 'quiet'});
     this.stop = button(t('position.cancel'), () => this.cancel(), {kind: 'danger'});
     this.element = h('section.position-goal', {hidden: true, 'aria-label': t('position.goal')},
@@ -151,6 +152,7 @@ export class Goal {
     write(this.title, isChosen ? t('position.send_there', {robot: name})
       : t(isDriving ? 'position.under_way' : 'position.goal'));
     write(this.note, isChosen ? this.answer || this._warning() : this._progress(state));
+    this._showGo();
     this.place.changed();
   }
 
@@ -186,14 +188,25 @@ export class Goal {
     return found.startsWith('position.') ? state : found;
   }
 
-  _warning() {
-    const {t} = this.context;
+  /** What is where the robot would go: free, unknown, wall or outside; without a map free. */
+  _kind() {
     const map = this.place.map();
-    if (!map) {
-      return t('position.turn_hint');
-    }
-    const kind = kindAt(map, ...worldToCell(map, this.target.x, this.target.y));
-    return t(kind === 'free' ? 'position.turn_hint' : `position.target_${kind}`);
+    return map && this.target
+      ? kindAt(map, ...worldToCell(map, this.target.x, this.target.y)) : 'free';
+  }
+
+  _warning() {
+    const kind = this._kind();
+    return this.context.t(kind === 'free' ? 'position.turn_hint' : `position.target_${kind}`);
+  }
+
+  /** Nobody is sent into a wall, or off the map; into what is not known only on purpose. */
+  _showGo() {
+    const kind = this._kind();
+    attribute(this.go, 'disabled', kind === 'wall' || kind === 'outside');
+    this.go.classList.toggle('primary', kind === 'free');
+    write(this.go.querySelector('.label'), this.context.t(kind === 'unknown' ? 'position.go_anyway'
+      : 'position.go'));
   }
 
   _change(what) {
