@@ -70,13 +70,11 @@ def readers_of(answer: Mapping[str, Any]) -> Readers:
                         ) from None
 
 
-def no_answer(topic: str, started_by: str = '') -> str:
+def no_answer(topic: str, remedy: str) -> str:
     """
     Say that nothing answers what is published on a topic.
 
-    :param started_by: the command that starts what would; empty when it is not known.
+    :param remedy: what to do about it.
     """
-    remedy = (f'start it with: {started_by}' if started_by else
-              'start the process that answers it')
     return (f'nothing that answers on {topic} is connected to the robot: nothing was done; '
             f'{remedy}')

@@ -15,8 +15,9 @@
 """
 A call of a service that is answered from the core, by one of its modules or another process.
 
-Before anything is published the core is asked whether what would answer is connected. While the
-answer is awaited it is asked again: a process that ends takes the answer with it.
+Before anything is published to another process the core is asked whether one that would answer is
+connected. While the answer is awaited it is asked again: a process that ends takes the answer with
+it. What the core itself answers needs no question, and waits for none.
 """
 
 from __future__ import annotations
@@ -42,9 +43,8 @@ _MISSES: Final = 2
 _NOT_DONE: Final = 'nothing was published, so nothing was done'
 _UNKNOWN: Final = 'it is not known whether it was done: check before you call again'
 
-#: Of what can answer: the core itself, nodes of ROS behind mirrors, clients of the core.
+#: What can answer: clients of the core, and nodes of ROS behind mirrors.
 Answerers = frozenset[object]
-CORE: Final = 'core'
 ROS: Final = 'ros'
 
 
@@ -81,7 +81,7 @@ class Call:
         self._wake = wake
         self._in_ros = in_ros
         self._first: Answerers = frozenset()
-        self._names = 'what answers'
+        self._names = 'the robot'
         self._misses = 0
 
     def end(self, outcome: Outcome) -> None:
@@ -134,7 +134,7 @@ class Call:
 
     def check(self, client: LinkClient, topic: str, answers: str) -> None:
         """Find out whether what is to answer is still connected; never waits."""
-        if not self.is_open or CORE in self._first:
+        if not self.is_open or not self._first:
             return
         try:
             self._ask(client, topic, answers, self._judge)
@@ -168,8 +168,6 @@ class Call:
 
     def _answerers(self, readers: Readers) -> Answerers:
         found: set[object] = set(readers.clients)
-        if readers.in_core:
-            found.add(CORE)
         if readers.asker and self._in_ros():
             found.add(ROS)
         return frozenset(found)

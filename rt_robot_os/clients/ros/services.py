@@ -83,6 +83,8 @@ class Service:
         self.waiting: deque[Call] = deque()
         self._services = services
         self._channel = 0
+        # What the core itself reads stays there with the connection: nothing needs to be asked.
+        self._in_core = False
         self._client: LinkClient | None = None
         kind, callback = {SET_BOOL: (SetBool, self._on_bool), LOAD_MAP: (
             LoadMap, self._on_load)}.get(settings.type, (Trigger, self._on_trigger))
@@ -97,7 +99,9 @@ class Service:
         :raises LinkError: the core refuses.
         """
         if client is not None:
-            self._channel = client.advertise(self.settings.topic)
+            settings = self.settings
+            self._channel = client.advertise(settings.topic)
+            self._in_core = client.readers(settings.topic, settings.answer_topic).in_core > 0
         self._client = client
         if client is None:
             for call in list(self.waiting):
@@ -162,7 +166,7 @@ class Service:
                            lambda: call.time_out(self.settings.timeout_s)),
             services.timer(CHECK_S, lambda: call.check(client, topic, answers))]
         try:
-            found = await call.find(client, topic, answers)
+            found = self._in_core or await call.find(client, topic, answers)
             if isinstance(found, Outcome):
                 return found
             if not found:
@@ -305,7 +309,8 @@ class Services:
             files = ''.join(f' --params-file {each}' for each in self._files)
             command = (f'{command_line(command)} --robot {self.node.get_fully_qualified_name()}'
                        + (f' --ros-args{files}' if files else ''))
-        return no_answer(settings.answer_topic or settings.topic, command)
+        return no_answer(settings.answer_topic or settings.topic, f'start it with: {command}' if (
+            command) else 'start the process that answers it')
 
     def timer(self, period_s: float, callback: Callable[[], None]) -> Any:
         """Make a timer that no other callback holds up, whatever ROS time does."""
