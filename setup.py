@@ -22,6 +22,8 @@ sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to 
 
 from rt_robot_os.compiled.build import BuildCompiled  # noqa: E402
 from rt_robot_os.compiled.build import extensions  # noqa: E402
+from rt_robot_os.requirements import extras_require  # noqa: E402
+from rt_robot_os.requirements import install_requires  # noqa: E402
 from setuptools import find_packages  # noqa: E402
 from setuptools import setup  # noqa: E402
 
@@ -44,19 +46,8 @@ setup(
     ],
     ext_modules=extensions(),
     cmdclass={'build_ext': BuildCompiled},
-    install_requires=['numpy>=1.26', 'pyserial>=3.5', 'PyYAML>=6.0', 'rich>=13', 'setuptools'],
-    extras_require={'attitude': ['vqf'], 'camera': ['opencv-python-headless', 'pillow'],
-                    'compile': ['mypy>=1.9'], 'docs': ['sphinx>=7.2'],
-                    'gateway': ['websockets>=13'], 'i2c': ['smbus2'],
-                    'monitor': ['alembic>=1.13', 'argon2-cffi>=23.1', 'cryptography>=42',
-                                'fastapi>=0.110', 'sqlalchemy>=2.0', 'uvicorn>=0.36',
-                                'websockets>=13'],
-                    'peers': ['horus-robotics', 'simpy', 'vitalscore'],
-                    'plot': ['matplotlib'], 'postgres': ['psycopg[binary]>=3.1'],
-                    'record': ['mcap>=1.3'], 'slam': ['scipy'], 'sound': ['sounddevice'],
-                    'test': ['hypothesis', 'mcap>=1.3', 'mcap-ros2-support', 'pillow', 'pytest',
-                             'rosbags'],
-                    'voice': ['aiortc>=1.9', 'sounddevice']},
+    install_requires=install_requires(),
+    extras_require=extras_require(),
     python_requires='>=3.10',
     zip_safe=False,
     author='The rt_robot_os authors',

@@ -24,6 +24,8 @@
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 PACKAGE=rt_robot_os
 LOG=$ROOT/log/setup.log
+PROGRAM=   # that is to be started: its extras are added
+EXTRAS=()  # of the package that are to be installed
 MODE=      # wheels: ROS 2 Jazzy from wheels in a virtual environment; ros: the sourced installation
 BASE=      # the Python that a virtual environment is made from
 VENV=
@@ -121,13 +123,17 @@ choose_python() {
 
 # ---- the virtual environment -----------------------------------------------------------------
 
-has_what_runs() { "$1" -c 'import colcon_core, colcon_ros, numpy, serial, yaml' >/dev/null 2>&1; }
+# The table of libraries, which any Python reads.
+table() { "$1" -I "$ROOT/$PACKAGE/requirements.py" "${@:2}"; }
 
-# With what `record`, `replay` and `top` need.
+# The base alone: optional libraries are asked for by what needs them.
+has_what_runs() { can_build "$1" && [ -z "$(table "$1" missing base)" ]; }
+
+can_build() { "$1" -c 'import colcon_core, colcon_ros' >/dev/null 2>&1; }
+
 has_everything() {
-  local modules='colcon_core, colcon_ros, mcap, numpy, rich, serial, yaml'
-  [ "$KIND" = run ] || modules="$modules, hypothesis, mypy, pytest"
-  "$1" -c "import $modules" >/dev/null 2>&1
+  can_build "$1" && [ -z "$(table "$1" missing "${EXTRAS[@]}")" ] || return
+  [ "$KIND" = run ] || "$1" -c 'import mypy' >/dev/null 2>&1
 }
 
 # With ROS sourced and nothing missing, no virtual environment is needed at all.
@@ -139,6 +145,7 @@ choose_environment() {
   PYTHON=$VENV/bin/python
   if [ "$MODE" = ros ] && ! venv_is_ready; then
     choose_python
+    add_extras_of_program "$BASE"
     if has_everything "$BASE"; then
       PYTHON=$BASE
       VENV=
@@ -195,43 +202,71 @@ adopt_venv() {
 
 # ---- what is installed in it -----------------------------------------------------------------
 
-requirement_files() {
-  printf '%s\n' "$ROOT/scripts/requirements-run.txt"
-  [ "$1" != test ] || printf '%s\n' "$ROOT/scripts/requirements-test.txt"
+# What is asked of an environment: extras of the table of libraries. A program has its own there,
+# and so have the tests.
+choose_extras() {
+  EXTRAS=(base "$@")
+  [ "$KIND" = run ] || PROGRAM=test
+  if can_compile; then EXTRAS+=(compile); fi
 }
 
-# A sourced ROS installation brings the ROS packages itself.
-requirements() {
+add_extras_of_program() {
+  [ -n "$PROGRAM" ] || return 0
+  # shellcheck disable=SC2207
+  EXTRAS+=($(table "$1" extras "$PROGRAM"))
+  PROGRAM=
+}
+
+# Without a compiler mypy would be 50 MB of no use.
+can_compile() { [ "${RT_ROBOT_OS_COMPILE:-}" != 0 ] && [ -n "$(type -P "${CC:-cc}")" ]; }
+
+# What is no library of the package: ROS, which a sourced installation brings itself, and tools.
+requirement_file() {
   local filter='s/x/x/'
   [ "$MODE" = wheels ] || filter='/^ros-jazzy-/d'
-  requirement_files "$1" | while read -r file; do sed -e "$filter" "$file"; done
+  sed -e "$filter" "$ROOT/scripts/requirements-$1.txt"
 }
 
-requirements_hash() {
-  { requirements "$1"; cat "$ROOT/scripts/constraints-ros.txt"; version_of "$PYTHON"; } | sha256sum
+requirements() {
+  requirement_file run
+  [ "$KIND" = run ] || requirement_file test
+  table "$PYTHON" install "${EXTRAS[@]}"
+}
+
+# What everything is installed from; each extra that is installed has a stamp with this sum.
+requirements_sum() {
+  {
+    cat "$ROOT/$PACKAGE/requirements.py" "$ROOT"/scripts/requirements-*.txt "$ROOT/scripts/constraints-ros.txt"
+    version_of "$PYTHON"
+  } | sha256sum
 }
 
 install_requirements() {
-  local kind=$1 stamp=$VENV/.$PACKAGE-$1 list hash options=()
-  hash=$(requirements_hash "$kind")
-  [ "$(cat "$stamp" 2>/dev/null)" != "$hash" ] || return 0
-  say "installing what is needed to $kind (the first time takes a minute or two)"
+  local sum extra list missing=() options=()
+  add_extras_of_program "$PYTHON"
+  sum=$(requirements_sum)
+  for extra in "${EXTRAS[@]}"; do
+    [ "$(cat "$VENV/.$PACKAGE-extra-$extra" 2>/dev/null)" = "$sum" ] || missing+=("$extra")
+  done
+  [ "${#missing[@]}" -gt 0 ] || return 0
+  say "installing what is needed (${missing[*]}); the first time takes a minute or two"
   list=$VENV/.$PACKAGE-requirements.txt
-  requirements "$kind" >"$list" || fail "cannot write to $VENV"
+  touch "$list" || fail "cannot write to $VENV"
+  requirements >"$list" || exit 2
   [ "$MODE" = wheels ] || options=(-c "$ROOT/scripts/constraints-ros.txt")
-  # Half of the time goes into compiling what is never imported: tests compile what they need.
-  [ "$kind" = run ] || options+=(--no-compile)
+  [ -z "${RT_ROBOT_OS_CONSTRAINTS:-}" ] || options+=(-c "$RT_ROBOT_OS_CONSTRAINTS")
+  # Half of the time would go into compiling what is never imported. Without network pip succeeds
+  # as long as nothing is missing.
   PIP_USER=0 logged "$PYTHON" -m pip install --disable-pip-version-check --no-input --retries 3 \
-    "${options[@]}" -r "$list" || explain_pip_failure
-  echo "$hash" >"$stamp"
-  [ "$kind" = run ] || requirements_hash run >"$VENV/.$PACKAGE-run"
+    --no-compile "${options[@]}" -r "$list" || explain_pip_failure "${missing[@]}"
+  for extra in "${missing[@]}"; do echo "$sum" >"$VENV/.$PACKAGE-extra-$extra"; done
 }
 
 explain_pip_failure() {
   local last
   if grep -qE 'after connection broken by|Could not fetch URL|Network is unreachable' "$LOG"; then
-    fail "the Python package index cannot be reached: check the network and pip's settings," \
-      "then start again; log: $LOG"
+    fail "the Python package index cannot be reached, and not everything is installed ($*):" \
+      "check the network and pip's settings, then start again; log: $LOG"
   fi
   if grep -qE 'No matching distribution found for ros-' "$LOG"; then
     fail "there are no ROS 2 Jazzy wheels for this machine ($(uname -m), Python $(version_of "$PYTHON")):" \
@@ -280,7 +315,7 @@ build() {
     rm -rf "${ROOT:?}/build/$PACKAGE" "${ROOT:?}/install/$PACKAGE"
   fi
   rm -f "$stamp"
-  logged colcon build --paths "$ROOT" --packages-select "$PACKAGE" --symlink-install \
+  logged colcon build --paths "$ROOT" --symlink-install \
     --build-base "$ROOT/build" --install-base "$ROOT/install" ||
     fail "colcon build failed, see $LOG"
   echo "$PYTHON $(version_of "$PYTHON")" >"$stamp.python"
@@ -298,17 +333,19 @@ enter() {
 
 # ---- all of it -------------------------------------------------------------------------------
 
-# set_up run|test
+# set_up run|test [EXTRA ...]
 set_up() {
-  set_up_python "$1"
+  set_up_python "$@"
   build
   release_lock
   enter
 }
 
-# set_up_python run|test: without the package; who calls it holds the lock then.
+# set_up_python run|test [EXTRA ...]: without the package; the caller holds the lock then.
 set_up_python() {
   KIND=$1
+  shift
+  choose_extras "$@"
   trap 'exit 130' INT
   trap 'exit 143' TERM
   [ "$(uname -s)" = Linux ] || fail "this package needs Linux, this is $(uname -s)"
@@ -319,7 +356,7 @@ set_up_python() {
   : >"$LOG"
   [ -n "$VENV" ] || return 0
   make_venv
-  install_requirements "$KIND"
+  install_requirements
 }
 
 # Two starts at the same time set up one after the other.

@@ -28,9 +28,10 @@ PACKAGE = 'rt_robot_os'
 
 # From the bottom up. A layer may import itself and every layer of the rows before it.
 LAYERS = (
+    ('requirements',),
     ('compiled', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
-    ('live_settings', 'logger', 'plugins', 'programs'),
+    ('live_settings', 'logger', 'needs', 'plugins', 'programs'),
     ('motion', 'uplink'),
     ('wsn',),
     ('alarms',),
