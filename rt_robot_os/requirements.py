@@ -83,13 +83,14 @@ class Library:
 
     def found(self) -> str | None:
         """Return the installed version: None when it is missing, '' when nothing states it."""
+        if find_spec(self.module) is None:
+            return None
         for name in (self.name, *self.others):
             try:
                 return metadata.version(name)
             except metadata.PackageNotFoundError:
                 continue
-        # Some packages of distributions come without metadata.
-        return None if find_spec(self.module) is None else ''
+        return ''  # some packages of Debian and Ubuntu come without metadata
 
     def is_satisfied(self) -> bool:
         """Return whether it is installed and new enough."""
@@ -128,7 +129,7 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('sqlalchemy', 'sqlalchemy', '2.0.23', '3'),
     Library('alembic', 'alembic', '1.13', '2'),
     Library('argon2-cffi', 'argon2', '21.1', apt='python3-argon2'),
-    Library('cryptography', 'cryptography', '41.0.7', apt='python3-cryptography'),
+    Library('cryptography', 'cryptography', '42'),
     Library('psycopg', 'psycopg', '3.1.18', '4', parts='binary'),
     Library('aiortc', 'aiortc', '1.9', '2'),
 

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import invalidate_caches
 from pathlib import Path
 import platform
 import sys
@@ -38,7 +39,7 @@ Install = Callable[[str, str], None]
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
-    """Install a distribution in front of all others; it consists of its metadata."""
+    """Install a distribution in front of all others; its module is empty."""
     monkeypatch.syspath_prepend(tmp_path)
 
     def add(name: str, version: str) -> None:
@@ -46,6 +47,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
         folder.mkdir()
         (folder / 'METADATA').write_text(
             f'Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n')
+        (tmp_path / f'{LIBRARIES[name].module}.py').touch()
+        invalidate_caches()
     return add
 
 

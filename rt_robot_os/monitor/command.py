@@ -23,14 +23,15 @@ import ipaddress
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import StartError
 from rt_robot_os.linux.folders import ros_home
-from rt_robot_os.monitor import needs
 from rt_robot_os.monitor.security.commands import WORDS
 from rt_robot_os.monitor.settings import load
 from rt_robot_os.monitor.settings import MonitorSettings
+from rt_robot_os.needs import require
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import run_command
 from rt_robot_os.programs import tell
+from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'monitor'
@@ -69,7 +70,7 @@ def run(argv: Sequence[str]) -> int:
     :raises RtRobotError: it cannot run.
     """
     if argv and argv[0] in WORDS:
-        needs.check()
+        require('the monitor', *EXTRAS['monitor'])
         from rt_robot_os.monitor.security.commands.table import COMMANDS
         return run_command(_NAME, _ABOUT, COMMANDS, argv)
     try:
@@ -83,7 +84,7 @@ def run(argv: Sequence[str]) -> int:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     check_reach(settings)
-    needs.check()
+    require('the monitor', *EXTRAS['monitor'])
     from rt_robot_os.monitor.demo import demo
     from rt_robot_os.monitor.demo import gateway_of
     from rt_robot_os.monitor.server import serve

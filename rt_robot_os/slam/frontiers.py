@@ -99,7 +99,7 @@ def frontiers_of(grid: GridMap, place: Place, radius_m: float, least_m: float) -
     :param radius_m: that must be free round the robot, as ``planner`` has it: with its clearance.
     :param least_m: the extent of the smallest that counts.
     """
-    from scipy import ndimage  # an extra: see libraries.py
+    from scipy import ndimage  # of the extra slam
     reach = math.ceil((radius_m + _BESIDE_M) / grid.resolution_m)
     cut = _known_part(grid, reach + math.ceil((radius_m + _ROOM_M) / grid.resolution_m))
     free = (cut.cells >= 0) & (cut.cells < 50)

@@ -49,7 +49,7 @@ class Ground:
     """
 
     def __init__(self, grid: GridMap, place: Place, radius_m: float) -> None:
-        from scipy import ndimage  # an extra: see libraries.py
+        from scipy import ndimage  # of the extra slam
         terrain = Terrain(grid, radius_m, 0.0, False)
         border = (terrain.width - grid.columns) // 2
         inner = slice(border, -border)

@@ -21,7 +21,6 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rt_robot_os.clients.gateway.needs import check
 from rt_robot_os.clients.gateway.settings import GatewaySettings
 from rt_robot_os.clients.gateway.settings import load
 from rt_robot_os.clients.gateway.settings import server_problem
@@ -32,10 +31,12 @@ from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.linux.process import leave_alone
+from rt_robot_os.needs import require
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'gateway'
@@ -79,12 +80,12 @@ def run(argv: Sequence[str]) -> int:
         tell(_NAME, 'no server: give --server wss://HOST:PORT, or write server: under /**/gateway '
              'in a parameter file and give that with --ros-args --params-file FILE')
         return BAD_USE
-    check()
+    require('the gateway', *EXTRAS['gateway'])
     return _carry(settings, arguments.robot or robot_name(namespace=ros.namespace))
 
 
 def _carry(settings: GatewaySettings, robot: str) -> int:
-    from rt_robot_os.clients.gateway.gateway import Gateway  # needs what check() looks for
+    from rt_robot_os.clients.gateway.gateway import Gateway  # it imports websockets
     folder = folder_of(_NAME, robot, settings.folder)
     stopping: list[int] = []
     with only_one(_NAME, robot,

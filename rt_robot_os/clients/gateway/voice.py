@@ -31,13 +31,13 @@ import subprocess
 from typing import Any
 from typing import Final
 
-from rt_robot_os.clients.gateway.needs import why_no_voice
 from rt_robot_os.clients.gateway.part import Part
 from rt_robot_os.clients.gateway.part import Ways
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.needs import lacking
 
 _CALL: Final = 'rt_robot_os.clients.gateway.voice_call'
 _SAY: Final = 'agent/say'
@@ -81,7 +81,7 @@ class Voice(Part):
         self.calls = 0
         self._running: _Running | None = None
         self._problem = 'none is set' if not (
-            settings.microphone or settings.speaker) else why_no_voice()
+            settings.microphone or settings.speaker) else lacking('voice', 'aiortc')
 
     def publishes(self) -> tuple[str, ...]:
         """Publish what the robot says."""

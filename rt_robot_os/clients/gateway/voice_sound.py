@@ -37,6 +37,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.needs import require
 
 Samples = npt.NDArray[np.int16]
 
@@ -365,11 +366,11 @@ def level_db(samples: Sequence[int] | Samples) -> float:
 
 
 def _open(kind: str, name: str, block: int, callback: Callable[..., None]) -> Any:
+    require('a sound device', 'sounddevice', error=DeviceError)
     try:
         import sounddevice
-    except (ImportError, OSError) as error:
-        raise DeviceError('a sound device needs sounddevice and PortAudio: pip install '
-                          'sounddevice, sudo apt install libportaudio2') from error
+    except OSError as error:
+        raise DeviceError(f'{error}: sudo apt install libportaudio2') from error
     device = None if name == 'default' else int(name) if name.isdigit() else name
     try:
         stream = getattr(sounddevice, kind)(

@@ -27,12 +27,13 @@ from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.linux.process import leave_alone
+from rt_robot_os.needs import require
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.settings.ros_args import RosArguments
-from rt_robot_os.slam.libraries import check
 
 _NAME = 'mapping'
 
@@ -49,12 +50,12 @@ def run_live(arguments: argparse.Namespace, ros: RosArguments) -> int:
     except ConfigError as error:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
-    check()
+    require('mapping', *EXTRAS['slam'])
     return _map(settings, arguments.robot or robot_name(namespace=ros.namespace))
 
 
 def _map(settings: MappingSettings, robot: str) -> int:
-    from rt_robot_os.clients.mapping.live import LiveMapping  # needs what check() looks for
+    from rt_robot_os.clients.mapping.live import LiveMapping  # it imports scipy
     folder = folder_of(_NAME, robot, settings.folder)
     stopping: list[int] = []
     with only_one(_NAME, robot,

@@ -30,8 +30,9 @@ from rt_robot_os.clients.mapping.picture import draw
 from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.needs import require
+from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.slam.archive import YAML
-from rt_robot_os.slam.libraries import check
 from rt_robot_os.slam.logs import rows
 from rt_robot_os.slam.mapper import Mapper
 from rt_robot_os.slam.occupancy import grid_of
@@ -51,7 +52,7 @@ def map_log(arguments: argparse.Namespace) -> None:
     :raises ConfigError: a file cannot be read or written, or nothing can be made of it.
     :raises StartError: a library is missing.
     """
-    check()
+    require('mapping', *EXTRAS['slam'])
     if not 0.01 <= arguments.cell <= 1.0:
         raise ConfigError([f'--cell {arguments.cell:g}: 0.01 to 1 m'])
     _check_outputs(arguments)

@@ -16,10 +16,10 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import Final
 
 from rt_robot_os.errors import RecordingError
+from rt_robot_os.needs import require
 
 
 # They come with mcap from PyPI, but need not where it comes from elsewhere.
@@ -31,12 +31,9 @@ def need_mcap(compression: str = 'none') -> None:
     Make sure that the libraries are there, before anything that imports them is imported.
 
     :param compression: what is written with it.
-    :raises RecordingError: they are not.
+    :raises RecordingError: one is missing or too old.
     """
-    if find_spec('mcap') is None:
-        raise RecordingError('recordings need the Python package mcap, which is not installed: '
-                             "pip install 'mcap>=1.3'")
+    require('recordings', 'mcap', error=RecordingError)
     needed = _COMPRESSIONS.get(compression)
-    if needed is not None and find_spec(needed) is None:
-        raise RecordingError(f'--compression {compression} needs the Python package {needed}, '
-                             f'which is not installed: pip install {needed}')
+    if needed is not None:
+        require(f'--compression {compression}', needed, error=RecordingError)

@@ -41,6 +41,7 @@ from mcap.records import Schema
 
 from rt_robot_os.clients.recording.summary import MAGIC
 from rt_robot_os.errors import RecordingError
+from rt_robot_os.needs import lacking
 
 # What a chunk may hold: of the recorder 1 MiB and a message.
 CHUNK_BYTES_MAXIMUM: Final = 64 << 20
@@ -198,8 +199,9 @@ def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
                 raise DamagedRecordError('a chunk that does not end')
             return data
     except ImportError as error:
-        raise RecordingError(f'a chunk is compressed with {compression}, which needs the Python '
-                             f'package {error.name}') from error
+        raise RecordingError(
+            lacking(f'a chunk that is compressed with {compression}',
+                    'zstandard' if compression == 'zstd' else 'lz4') or str(error)) from error
     except DamagedRecordError:
         raise
     except Exception as error:  # noqa: B902 - each compression has errors of its own

@@ -56,6 +56,7 @@ from rt_robot_os.link import socket_path
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.needs import ros_remedy
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
@@ -251,9 +252,9 @@ class RobotNode(LifecycleNode):
             topics.setdefault(TRANSFORMS, []).append(TOPIC)
         for message, names in topics.items():
             package = message.partition('/')[0]
+            remedy = ros_remedy(package)
             self._warn(f'no {" and ".join(dict.fromkeys(names))}: ROS has no package {package} '
-                       f'here (sudo apt install ros-jazzy-{package.replace("_", "-")}); '
-                       'everything else runs')
+                       f'here{f" ({remedy})" if remedy else ""}; everything else runs')
 
     def _on_rearm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Let every task that is held run again."""

@@ -44,6 +44,7 @@ from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.link.robots import others_than
+from rt_robot_os.needs import lacking
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
@@ -53,8 +54,6 @@ _TRY_S = 0.2
 _PIPE_COLUMNS = 160
 _PIPE_LINES = 10_000
 
-NO_RICH = ("the live screen needs 'rich': pip install rich (or apt install python3-rich); "
-           '--once and --json work without it')
 _EPILOG = """Rates, percentages and percentiles are those of the interval; counters and maxima
 those since the start. Statistics cost the core about 100 us a task at the lowest priority, at 1 Hz
 0.1 % of a CPU for ten tasks. Exit code: 0 fine, 1 no core answers, 2 bad use or no 'rich'."""
@@ -172,12 +171,10 @@ def _live(robot: str, source: Source, controls: Controls) -> int:
     if not sys.stdout.isatty():
         tell('top', 'the output is no terminal: use --once or --json')
         return BAD_USE
-    try:
-        from rt_robot_os.clients.top.live import Program
-    except ImportError as error:
-        if error.name is None or error.name.partition('.')[0] != 'rich':
-            raise
-        tell('top', NO_RICH)
+    problem = lacking('the live screen', 'rich')
+    if problem:
+        tell('top', f'{problem}; --once and --json work without it')
         return BAD_USE
+    from rt_robot_os.clients.top.live import Program
     Program(robot, source, controls).run()
     return OK

@@ -29,11 +29,11 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.devices.capture.pattern import Pixels
-from rt_robot_os.devices.capture.pictures import NO_PILLOW
 from rt_robot_os.devices.capture.pictures import open_source
 from rt_robot_os.devices.capture.pictures import PictureSource
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.needs import lacking
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,11 @@ class CameraFrames:
         self._last: tuple[int, bytes] = (-1, b'')
         observes = settings.get('observe_topic', '')
         if self.compression or observes:
-            try:
-                from PIL import Image
-            except ImportError as error:
-                raise DeviceError(f'{NO_PILLOW}, or set compressed_topic and observe_topic to '
-                                  'nothing') from error
+            problem = lacking('compressing pictures', 'pillow')
+            if problem:
+                raise DeviceError(f'{problem}; or set compressed_topic and observe_topic to '
+                                  'nothing')
+            from PIL import Image
             self._image = Image
 
     def frames(self) -> Iterator[Picture]:

@@ -38,14 +38,12 @@ from rt_robot_os.devices.capture.pattern import Pattern
 from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.needs import require
 
 NS_PER_S: Final = 1_000_000_000
 # Pictures until a camera that was switched over shows what it is to.
 _SETTLING: Final = 4
-NO_PILLOW: Final = 'Pillow is not installed: pip install pillow'
 _SUFFIXES: Final = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff')
-_NO_OPENCV: Final = ('OpenCV is not installed: pip install opencv-python-headless, or apt install '
-                     'python3-opencv')
 
 
 class PictureSource(Protocol):
@@ -175,10 +173,8 @@ class PictureFolder:
     bgr = False
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        try:
-            from PIL import Image
-        except ImportError as error:
-            raise DeviceError(f'{settings["port"]}: {NO_PILLOW}') from error
+        require(f'{settings["port"]}: a folder of pictures', 'pillow', error=DeviceError)
+        from PIL import Image
         self._open = Image.open
         folder = Path(settings['port'])
         try:
@@ -232,10 +228,11 @@ class OpenCvCapture:
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         port = settings['port']
+        require(f'{port}: this picture source', 'opencv-python-headless', error=DeviceError)
         try:
             import cv2
-        except ImportError as error:
-            raise DeviceError(f'{port}: {_NO_OPENCV}') from error
+        except ImportError as error:  # a library of the system that it needs
+            raise DeviceError(f'{port}: OpenCV cannot be imported: {error}') from error
         self._port = port
         self._settings = settings
         self._last: Pixels | None = None

@@ -35,6 +35,7 @@ import numpy as np
 from rt_robot_os.devices.capture.pictures import Grid
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.needs import require
 
 NS_PER_S: Final = 1_000_000_000
 FULL_SCALE: Final = 32768.0
@@ -177,10 +178,9 @@ class PortAudioInput:
     """A sound card, by PortAudio through the library sounddevice."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
+        require('a sound input', 'sounddevice', error=DeviceError)
         try:
             import sounddevice
-        except ImportError as error:
-            raise DeviceError('sounddevice is not installed: pip install sounddevice') from error
         except OSError as error:
             raise DeviceError(f'{error}: apt install libportaudio2') from error
         self.overruns = 0

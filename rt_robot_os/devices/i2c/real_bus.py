@@ -26,6 +26,7 @@ from rt_robot_os.devices.i2c.bus_errors import open_error
 from rt_robot_os.devices.i2c.packets import NO_BUS
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.needs import lacking
 
 
 class RealBus:
@@ -93,12 +94,13 @@ def open_transport(path: str) -> I2cTransport:
         if stat.S_ISSOCK(mode):
             return SocketTransport(path)
         if stat.S_ISCHR(mode):
+            problem = lacking(f'I2C bus {path}', 'smbus2')
+            if problem:
+                raise DeviceError(problem)
             from rt_robot_os.devices.i2c.linux_bus import LinuxTransport
             return LinuxTransport(path)
-    except ImportError as error:
-        raise DeviceError(
-            f'I2C bus {path}: the Python package smbus2 cannot be imported ({error}): '
-            'sudo apt install python3-smbus2, or pip install smbus2') from error
+    except DeviceError:  # an OSError, too
+        raise
     except OSError as error:
         raise open_error(path, error) from error
     raise DeviceError(f'{path} is not an I2C bus: check the port (ls /dev/i2c-* lists them)')

@@ -26,7 +26,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from dataclasses import replace
-import importlib.util
 import math
 from typing import Any
 from typing import Final
@@ -37,7 +36,7 @@ from rt_robot_os.modules.attitude.base import Tuning
 from rt_robot_os.modules.attitude.intake import Intake
 from rt_robot_os.modules.attitude.mahony import MahonyFilter
 from rt_robot_os.modules.attitude.uncertainty import Uncertainty
-from rt_robot_os.modules.attitude.vqf_filter import INSTALL
+from rt_robot_os.modules.attitude.vqf_filter import no_vqf
 from rt_robot_os.modules.attitude.vqf_filter import VqfFilter
 from rt_robot_os.modules.base import Module
 from rt_robot_os.motion import quaternion
@@ -60,11 +59,10 @@ def chosen(name: str) -> str:
     if name == 'mahony':
         return name
     # Looked for, not imported: this is asked of every configuration that is only checked.
-    installed = importlib.util.find_spec('vqf') is not None
-    if name == 'vqf' and not installed:
-        raise ConfigError([f"filter = 'vqf': the package vqf is not installed: {INSTALL}, or "
-                           'choose auto or mahony'])
-    return 'vqf' if installed else 'mahony'
+    problem = no_vqf()
+    if name == 'vqf' and problem:
+        raise ConfigError([problem])
+    return 'mahony' if problem else 'vqf'
 
 
 def make_filter(name: str, tuning: Tuning, sample_s: float, field_s: float) -> AttitudeFilter:

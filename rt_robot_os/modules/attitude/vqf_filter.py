@@ -37,12 +37,18 @@ from rt_robot_os.motion import quaternion
 from rt_robot_os.motion.quaternion import IDENTITY
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import Vector
+from rt_robot_os.needs import lacking
 
-INSTALL: Final = 'python3 -m pip install vqf'
 # The most steps after a gap; one takes a microsecond.
 _TURNS: Final = 20
 # Bias and its limit are in degrees there.
 _DEGREES: Final = 57.29577951308232
+
+
+def no_vqf() -> str:
+    """Return why this filter cannot be had and what to do; '' when it can. Nothing is imported."""
+    problem = lacking("filter = 'vqf'", 'vqf')
+    return f'{problem}; or choose auto or mahony' if problem else ''
 
 
 class VqfFilter(AttitudeFilter):
@@ -58,11 +64,14 @@ class VqfFilter(AttitudeFilter):
 
     def __init__(self, tuning: Tuning, sample_s: float, field_s: float) -> None:
         super().__init__(tuning)
+        problem = no_vqf()
+        if problem:
+            raise ConfigError([problem])
         try:
             from vqf import VQF
         except ImportError as error:
-            raise ConfigError([f"filter = 'vqf' cannot be used ({error}): {INSTALL}, or choose "
-                               'auto or mahony']) from error
+            raise ConfigError([f"filter = 'vqf' cannot be used ({error}): choose auto or mahony"
+                               ]) from error
         self._sample_s, self._field_s = sample_s, field_s
         self._vqf: Any = VQF(
             sample_s, -1.0, field_s, biasClip=tuning.bias_maximum_rad_s * _DEGREES)

@@ -35,8 +35,8 @@ from weakref import WeakKeyDictionary
 
 from rt_robot_os.errors import StartError
 from rt_robot_os.errors import StoreError
-from rt_robot_os.monitor.needs import check_postgres
 from rt_robot_os.monitor.store.turns import Turns
+from rt_robot_os.needs import require
 from sqlalchemy import Connection
 from sqlalchemy import create_engine
 from sqlalchemy import Engine
@@ -79,7 +79,7 @@ def read_url(text: str) -> URL:
                          'postgresql://user@host/monitor') from error
     name = url.get_backend_name()
     if name in (POSTGRES, 'postgres'):
-        check_postgres()
+        require('a PostgreSQL database', 'psycopg')
         return url.set(drivername='postgresql+psycopg')
     if name != SQLITE:
         raise StartError(f'database: {name[:40]!r} is neither sqlite nor postgresql')

@@ -26,6 +26,7 @@ from typing import NamedTuple
 from typing import Protocol
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.needs import require
 
 SCAN: Final = 'sensor_msgs/msg/LaserScan'
 ODOMETRY: Final = 'nav_msgs/msg/Odometry'
@@ -100,10 +101,8 @@ def need_zstandard(why: str):  # type: ignore[no-untyped-def]  # a module withou
     """
     Import what decompresses.
 
-    :raises ConfigError: it is not installed.
+    :raises ConfigError: it is missing or too old.
     """
-    try:
-        import zstandard
-    except ImportError as error:
-        raise ConfigError([f'{why} with zstd: pip install zstandard']) from error
+    require(f'{why} with zstd, which', 'zstandard', error=ConfigError)
+    import zstandard
     return zstandard

@@ -27,13 +27,14 @@ from typing import Final
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.linux.folders import ros_home
-from rt_robot_os.monitor import needs
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import Somebody
 from rt_robot_os.monitor.security.users import AccountError
 from rt_robot_os.monitor.settings import load
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.store import Store
+from rt_robot_os.needs import require
+from rt_robot_os.requirements import EXTRAS
 
 _DATABASE: Final = 'monitor.db'
 
@@ -67,7 +68,7 @@ def opened(arguments: argparse.Namespace) -> Iterator[Accounts]:
     :raises RtRobotError: the database cannot be opened.
     """
     settings = settings_of(arguments)
-    needs.check()
+    require('the monitor', *EXTRAS['monitor'])
     store = Store.open(settings.database or str(settings.where / _DATABASE))
     try:
         accounts = Accounts.open(store.engine, settings.where)

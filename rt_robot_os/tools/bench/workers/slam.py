@@ -31,8 +31,9 @@ import numpy as np
 from rt_robot_os.core.app import Core
 from rt_robot_os.errors import StartError
 from rt_robot_os.link.paths import socket_path
+from rt_robot_os.needs import require
+from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.settings.model import TopicSettings
-from rt_robot_os.slam.libraries import check
 from rt_robot_os.slam.relations import compare
 from rt_robot_os.slam.relations import read_relations
 from rt_robot_os.slam.scan import Scan
@@ -72,7 +73,7 @@ def drive_of(name: str, scans: int = 0) -> slam_drives.Drive:
 
 def _libraries() -> None:
     try:
-        check()
+        require('mapping', *EXTRAS['slam'])
     except StartError as error:
         raise Unavailable(str(error)) from error
 
