@@ -179,6 +179,12 @@ def run_command(name: str, description: str, commands: Iterable[Any], argv: Sequ
         return BAD_USE
 
 
+def command_line(program: str) -> str:
+    """Return what starts a program of this package here: with ROS 2, or in a clone without."""
+    import shutil
+    return ('ros2 run rt_robot_os ' if shutil.which('ros2') else './scripts/run ') + program
+
+
 def end_quietly() -> None:
     """
     Let Ctrl-C end this process at once and without a traceback, as it ends most programs.

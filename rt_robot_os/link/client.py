@@ -21,6 +21,7 @@ may wait: not for the real-time loop.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import itertools
 import os
@@ -47,7 +48,10 @@ from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
 from rt_robot_os.link.reader import connection_error
+from rt_robot_os.link.reader import Inbox
 from rt_robot_os.link.reader import Reader
+from rt_robot_os.link.readers import Readers
+from rt_robot_os.link.readers import readers_of
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.safe_text import safe_line
 from rt_robot_os.topics import Bus
@@ -79,7 +83,6 @@ def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
 
 
 RECEIVE_BUFFER_BYTES = 1 << 20
-Answers = dict[int, queue.SimpleQueue[tuple[Header, bytes]]]
 US_PER_S = 1_000_000
 _DATA_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM - HEADER_BYTES
 
@@ -92,16 +95,25 @@ class Question:
     """
     A request whose answer is awaited while other things go on.
 
+    :param on_packet: called by the reading thread after each packet of the answer.
     :ivar packets: of the answer, as far as it has come.
     """
 
-    def __init__(self, do: str, waiting: Answers, number: int) -> None:
+    def __init__(self, do: str, waiting: dict[int, Inbox], number: int,
+                 on_packet: Callable[[Question], None] | None = None) -> None:
         self.do = do
+        self._on_packet = on_packet
         self.packets: list[tuple[Header, bytes]] = []
         self._waiting = waiting
         self._number = number
         self._new: queue.SimpleQueue[tuple[Header, bytes]] = queue.SimpleQueue()
-        waiting[number] = self._new
+        waiting[number] = self
+
+    def put(self, packet: tuple[Header, bytes]) -> None:
+        """Receive a packet; called by the reading thread."""
+        self._new.put(packet)
+        if self._on_packet is not None:
+            self._on_packet(self)
 
     def answered(self) -> bool:
         """Take the packets that have come; return whether the answer is complete."""
@@ -162,16 +174,18 @@ class LinkClient(Reader):
     def __exit__(self, *exc_info: object) -> None:
         self.close()
 
-    def begin(self, do: str, patience_s: float = 0.0, **arguments: Any) -> Question:
+    def begin(self, do: str, patience_s: float = 0.0,
+              on_packet: Callable[[Question], None] | None = None, **arguments: Any) -> Question:
         """
         Send a request without waiting for its answer.
 
         :param patience_s: how long to wait for room in the socket.
+        :param on_packet: as for :class:`Question`.
         :raises LinkSilent: there is none.
         :raises LinkError: the core is gone.
         """
         number = next(self._numbers)
-        question = Question(do, self.replies, number)
+        question = Question(do, self.replies, number, on_packet)
         try:
             self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}),
                        patience_s)
@@ -271,6 +285,16 @@ class LinkClient(Reader):
         return int(self.request('mirror', topic=topic, policy=policy, max_rate_hz=max_rate_hz,
                                 initial=initial, oldest=oldest, patient=patient,
                                 delay_ms=delay_ms)['channel'])
+
+    def readers(self, topic: str, answers: str = '') -> Readers:
+        """
+        Ask who reads what is published on a topic.
+
+        :param answers: a topic that the readers must publish, too, for those who await an answer
+            there; what the core itself reads counts all the same.
+        :raises LinkError: as for :meth:`request`; there is no such topic.
+        """
+        return readers_of(self.request('readers', topic=topic, answers=answers))
 
     def tap(self) -> tuple[str, ...]:
         """

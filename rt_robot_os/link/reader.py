@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Iterator
-import queue
 import select
 import socket
 import threading
 import time
 from typing import Any
+from typing import Protocol
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client_memories import ClientMemories
@@ -57,6 +57,13 @@ _PACKETS_AT_ONCE = 512
 _REPORTS_MAXIMUM = 1000
 _PARTS_BYTES_MAXIMUM = 64 << 20
 _CLOSED = 'the core closed the connection'
+
+
+class Inbox(Protocol):
+    """Where the packets of an answer go."""
+
+    def put(self, packet: tuple[Header, bytes], /) -> None:
+        """Receive one; called by the reading thread."""
 
 
 def connection_error(error: OSError) -> LinkError:
@@ -93,7 +100,7 @@ class Reader:
         self.last_beat_ns = time.monotonic_ns()
         self.closed = False
         self.life: Life | None = None
-        self.replies: dict[int, queue.SimpleQueue[tuple[Header, bytes]]] = {}
+        self.replies: dict[int, Inbox] = {}
         self._parts: dict[int, bytearray] = {}
         self._taken = threading.Lock()
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)

@@ -117,7 +117,8 @@ class LinkServer:
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
         self._service = kernel.add_task('link/service', self._serve, priority=service_priority)
         self._gather = Gather(kernel, self._service, gather_ns)
-        TopicRequests(kernel, bus, self._service, self._gather, self._page).serve(requests)
+        TopicRequests(kernel, bus, self._service, self._gather, self._page,
+                      lambda: self._sessions).serve(requests)
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         self._listening = kernel.timer(self._commands)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)

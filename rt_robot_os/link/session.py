@@ -257,6 +257,14 @@ class Session:
             self._publishers[channel] = publisher
         return channel, channel in self.uploads.rooms
 
+    def reads(self, topic: str) -> bool:
+        """Return whether the client gets the samples of a topic."""
+        return not self.gone and topic in self.mirrors
+
+    def publishes(self, channel: int) -> bool:
+        """Return whether the client may publish on a channel."""
+        return channel in self._publishers
+
     def upload(self) -> int:
         """Publish the first of the large samples that wait; return its bytes."""
         length, refusal = self.uploads.publish()

@@ -12,10 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What clients ask about topics: which there are, what is mirrored, who publishes."""
+"""What clients ask about topics: which there are, what is mirrored, who reads and publishes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict
 import os
 
@@ -49,15 +51,17 @@ class TopicRequests:
 
     :param service: the task that carries mirrored topics out.
     :param page: with the sign of life, which a client gets when it says hello.
+    :param sessions: gives the clients that are connected.
     """
 
-    def __init__(self, kernel: Kernel, bus: Bus, service: Task, gather: Gather, page: LifePage
-                 ) -> None:
+    def __init__(self, kernel: Kernel, bus: Bus, service: Task, gather: Gather, page: LifePage,
+                 sessions: Callable[[], Sequence[Session]]) -> None:
         self._kernel = kernel
         self._bus = bus
         self._service = service
         self._gather = gather
         self._page = page
+        self._sessions = sessions
 
     def serve(self, requests: Requests) -> None:
         """Answer them from now on."""
@@ -65,6 +69,7 @@ class TopicRequests:
         requests.add('mirror', self._mirror)
         requests.add('unmirror', self._unmirror)
         requests.add('advertise', self._advertise)
+        requests.add('readers', self._readers)
 
     def _hello(self, session: Session, arguments: Arguments) -> Arguments:
         name = arguments.get('name')
@@ -115,3 +120,14 @@ class TopicRequests:
     def _advertise(self, session: Session, arguments: Arguments) -> Arguments:
         channel, room = session.advertise(text_of(arguments, 'topic'))
         return {'channel': channel, 'room': room}
+
+    def _readers(self, session: Session, arguments: Arguments) -> Arguments:
+        """Say who reads a topic, and publishes the one of answers; see ``LinkClient.readers``."""
+        topic = self._bus.topic(text_of(arguments, 'topic'))
+        answers = str(arguments.get('answers') or '')
+        channel = session.channel(answers) if answers else -1
+        found = [each for each in self._sessions() if each.reads(topic.name)
+                 and (channel < 0 or each.publishes(channel))]
+        return {'in_core': topic.counted, 'asker': session in found,
+                'clients': [[each.name, each.pid, each.since_ns] for each in found
+                            if each is not session]}

@@ -54,6 +54,9 @@ class ServiceSettings:
     answer_topic: str = setting(
         '', 'where the core answers: a std_msgs/msg/String in JSON, {"command": the text, "ok": '
         'true, "text": "why"}; when absent the service says that the text is published')
+    started_by: str = setting(
+        '', 'the command that starts the process that answers, for the message when it is not '
+        'connected; one word: a program of this package, such as mapping')
     timeout_s: float = setting(
         2.0, 'how long an answer is awaited', 's', 0.05, 600.0)
 

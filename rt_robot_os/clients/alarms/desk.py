@@ -28,6 +28,7 @@ from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.diagnostic_array import Status
 from rt_robot_os.link.diagnostic_array import statuses_of
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.readers import no_answer
 
 COMMAND: Final = 'alarms/command'
 ANSWER: Final = 'alarms/answer'
@@ -84,6 +85,9 @@ def order(client: LinkClient, command: str, timeout_s: float) -> Answer:
     :raises LinkError: the core is gone, has no alarms, or does not answer in time.
     """
     check_topics(client, COMMAND, ANSWER)
+    if not client.readers(COMMAND, ANSWER):
+        raise LinkError(no_answer(ANSWER, 'the modules of the robot need one of type alarms '
+                                  '(docs/alarms.md)'))
     found: list[Answer] = []
     asked_ns = time.monotonic_ns()
 
@@ -101,7 +105,7 @@ def order(client: LinkClient, command: str, timeout_s: float) -> Answer:
     deadline = time.monotonic() + timeout_s
     while not found:
         if time.monotonic() > deadline:
-            raise LinkError(f'nobody answered {command!r} within {timeout_s:g} s; it may have '
-                            'been done all the same: look with `alarms list`')
+            raise LinkError(f'the robot did not answer {command!r} within {timeout_s:g} s; it '
+                            'is not known whether it was done: check with `alarms list`')
         client.pump(_LOOK_S)
     return found[0]

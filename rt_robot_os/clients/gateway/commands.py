@@ -215,6 +215,7 @@ class Commands(Part):
 
     async def _alarm(self, args: Mapping[str, Any], by: str) -> Answer:
         text = _text(args)
+        await self._check(_ALARM)
         asked_ns = time.monotonic_ns()
 
         def check(heard: Heard) -> Answer | None:
@@ -233,6 +234,7 @@ class Commands(Part):
 
     async def _goal(self, args: Mapping[str, Any], by: str) -> Answer:
         x, y, yaw = (_number(args, key) for key in ('x', 'y', 'yaw'))
+        await self._check(_GOAL)
         asked_ns = time.monotonic_ns()
 
         def check(heard: Heard) -> Answer | None:
@@ -253,6 +255,7 @@ class Commands(Part):
                                       'there is a way')
 
     async def _cancel(self, args: Mapping[str, Any], by: str) -> Answer:
+        await self._check(_CANCEL)
         self._publish(_CANCEL, _BOOL[True])
         return Answer(True, 'the goal is given up')
 
@@ -275,18 +278,25 @@ class Commands(Part):
         return answer or Answer(True, 'the e-stop is released')
 
     async def _agent(self, args: Mapping[str, Any], by: str) -> Answer:
-        self._publish(_AGENT, string_message(_text(args)))
+        text = _text(args)
+        await self._check(_AGENT)
+        self._publish(_AGENT, string_message(text))
         return Answer(True, 'the agent is told')
 
     async def _answer(self, args: Mapping[str, Any], by: str) -> Answer:
-        self._publish(_PERSON, string_message(_text(args)))
+        text = _text(args)
+        await self._check(_PERSON)
+        self._publish(_PERSON, string_message(text))
         return Answer(True, 'the agent is told')
 
     async def _say(self, args: Mapping[str, Any], by: str) -> Answer:
-        self._publish(_SAY, string_message(_text(args)))
+        text = _text(args)
+        await self._check(_SAY)
+        self._publish(_SAY, string_message(text))
         return Answer(True, 'the robot says it')
 
     async def _snapshot(self, args: Mapping[str, Any], by: str) -> Answer:
+        await self._check(_OBSERVE)
         asked_ns = time.monotonic_ns()
         order = json.dumps({'order': 'picture', 'alarm': 'asked', 'subject': ''})
 
@@ -305,6 +315,17 @@ class Commands(Part):
         answer = await self._await(lambda: self._publish(_OBSERVE, string_message(order)), check,
                                    self.ways.settings.command_s)
         return answer or Answer(False, 'the camera has not answered')
+
+    async def _check(self, topic: str) -> None:
+        """
+        Make sure that a command is read. The e-stop is not checked: it waits for nothing.
+
+        :raises LinkError: nothing reads it.
+        """
+        robot = self.ways.robot
+        if robot.has(topic) and not await asyncio.to_thread(robot.is_read, topic):
+            raise LinkError(f'nothing in this robot or connected to it reads {topic}: nothing '
+                            'was done')
 
     def _publish(self, topic: str, cdr: bytes) -> None:
         self.ways.robot.publish(topic, cdr)

@@ -86,6 +86,7 @@ class RobotLink:
         self._tell = tell
         self._parts: tuple[Listener, ...] = ()
         self._channels: dict[str, int] = {}
+        self._in_core: frozenset[str] = frozenset()
         self._by_channel: dict[int, _Read] = {}
         self._missed_by_channel: dict[int, int] = {}
         self._link = LastingClient(path, 'gateway', self._connect, tell)
@@ -113,6 +114,23 @@ class RobotLink:
     def has(self, topic: str) -> bool:
         """Return whether the core has a topic that this side may publish. Any thread."""
         return topic in self._channels
+
+    def is_read(self, topic: str) -> bool:
+        """
+        Return whether the core or another client reads what is published on a topic.
+
+        What the core itself reads is known since the connection was made; else the core is asked,
+        which may take a moment. Any thread.
+
+        :raises LinkError: there is no core, or it does not say.
+        """
+        client = self._link.client
+        if client is None:
+            raise LinkError('the robot does not run')
+        if topic in self._in_core:
+            return True
+        found = client.readers(topic)
+        return bool(found.in_core or found.clients)
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> None:
         """
@@ -165,6 +183,8 @@ class RobotLink:
                     raise  # busy: it is asked for all of it again
                 except LinkError as error:  # a module of the core publishes it
                     self._tell(f'{topic}: {error}')
+        self._in_core = frozenset(
+            topic for topic in channels if client.readers(topic).in_core)
         self._channels = channels
         for part in self._parts:
             part.met_robot(client.topics)

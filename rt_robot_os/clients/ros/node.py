@@ -40,6 +40,7 @@ from rt_robot_os.clients.ros.diagnostics import Diagnostics
 from rt_robot_os.clients.ros.log_relay import LogRelay
 from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.clients.ros.parameters import NodeParameters
+from rt_robot_os.clients.ros.responses import Responses
 from rt_robot_os.clients.ros.ros_time import RosTime
 from rt_robot_os.clients.ros.services import Services
 from rt_robot_os.clients.ros.static_transforms import loose_parents
@@ -105,7 +106,7 @@ class RobotNode(LifecycleNode):
         self._supervisor: Supervisor | None = None
         rearm = self.create_service(Trigger, '~/rearm', self._on_rearm)
         self.create_service(Trigger, '~/save_parameters', self._on_save)
-        self._text_services = Services(self, settings.services)
+        self._text_services = Services(self, settings.services, settings.mirrors, settings.files)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # On a steady clock: /diagnostics goes on whatever ROS time does.
@@ -116,6 +117,7 @@ class RobotNode(LifecycleNode):
         self._gaps.watch()
         self._ros_parameters = NodeParameters(
             self, self._robot_parameters.known.values(), self._change)
+        self._responses = Responses(self, self._warn)  # of all services: those of rclpy, too
 
     @property
     def settings(self) -> RobotSettings:

@@ -23,10 +23,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-import time
 from typing import Any
 from typing import Final
-from typing import NamedTuple
 
 from nav_msgs.srv import LoadMap
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -36,16 +34,21 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
-from rclpy.task import Future
 
 from rt_robot_os.clients.ros.map_service import MapService
 from rt_robot_os.clients.ros.mirrors import ask_for_all
+from rt_robot_os.clients.ros.service_call import Call
+from rt_robot_os.clients.ros.service_call import CHECK_S
+from rt_robot_os.clients.ros.service_call import Outcome
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.answers import Answer
 from rt_robot_os.link.answers import answer_of
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
+from rt_robot_os.link.readers import no_answer
+from rt_robot_os.programs import command_line
+from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.settings.service_model import GET_MAP
 from rt_robot_os.settings.service_model import LOAD_MAP
 from rt_robot_os.settings.service_model import MAP_URL
@@ -62,50 +65,26 @@ WAITING_MAXIMUM: Final = 16
 _QUEUE: Final = 4 * WAITING_MAXIMUM
 
 
-class Outcome(NamedTuple):
-    """What a caller is told."""
-
-    ok: bool
-    text: str
-
-
-class _Call:
-    """
-    A call that awaits its answer.
-
-    :ivar asked_ns: on CLOCK_MONOTONIC; what was answered before is no answer to it.
-    """
-
-    def __init__(self, command: str, wake: Callable[[], None]) -> None:
-        self.command = command
-        self.asked_ns = time.monotonic_ns()
-        self.future: Future = Future()
-        self._wake = wake
-
-    def end(self, answer: Outcome) -> None:
-        """Give the answer; from any thread, the first one counts."""
-        if not self.future.done():
-            self.future.set_result(answer)
-            self._wake()
-
-
 class Service:
     """
     One service.
 
     :ivar calls: so far.
-    :ivar done: of them, what was done: the core said so, or was told where nobody answers.
-    :ivar refused: what the core refused, or could not be told.
-    :ivar unanswered: nobody said in time whether it was done.
+    :ivar done: of them, what was done: the answer said so, or, of a service without one, it was
+        published and something reads it.
+    :ivar refused: what was refused, or could not be published.
+    :ivar unanswered: of these it is not known whether it was done.
     """
 
     def __init__(self, services: Services, settings: ServiceSettings,
                  group: ReentrantCallbackGroup) -> None:
         self.settings = settings
         self.calls = self.done = self.refused = self.unanswered = 0
-        self.waiting: deque[_Call] = deque()
+        self.waiting: deque[Call] = deque()
         self._services = services
         self._channel = 0
+        # What the core itself reads stays there with the connection: nothing needs to be asked.
+        self._in_core = False
         self._client: LinkClient | None = None
         kind, callback = {SET_BOOL: (SetBool, self._on_bool), LOAD_MAP: (
             LoadMap, self._on_load)}.get(settings.type, (Trigger, self._on_trigger))
@@ -115,25 +94,30 @@ class Service:
 
     def connect(self, client: LinkClient | None) -> None:
         """
-        Take the connection, or None when there is none: then nothing is answered any more.
+        Set the connection, or None when there is none: then all calls end.
 
         :raises LinkError: the core refuses.
         """
         if client is not None:
-            self._channel = client.advertise(self.settings.topic)
+            settings = self.settings
+            self._channel = client.advertise(settings.topic)
+            self._in_core = client.readers(settings.topic, settings.answer_topic).in_core > 0
         self._client = client
         if client is None:
             for call in list(self.waiting):
-                call.end(Outcome(False, 'the core has gone before it answered; what was asked '
-                                 'may have been done: look, then ask again'))
+                call.fail('the core has ended before it answered')
 
     async def _on_trigger(self, request: Any, response: Any) -> Any:
-        response.success, response.message = await self._call(self.settings.text)
-        return response
+        return await self._answered(self.settings.text, response)
 
     async def _on_bool(self, request: Any, response: Any) -> Any:
-        response.success, response.message = await self._call(
-            self.settings.text if request.data else self.settings.text_false)
+        settings = self.settings
+        return await self._answered(settings.text if request.data else settings.text_false,
+                                    response)
+
+    async def _answered(self, text: str, response: Any) -> Any:
+        outcome = await self._call(text)
+        response.success, response.message = outcome.ok, outcome.text
         return response
 
     async def _on_load(self, request: Any, response: Any) -> Any:
@@ -144,7 +128,7 @@ class Service:
         else:
             self.calls += 1
             self.refused += 1
-            answer = Outcome(False, 'map_url is empty: such a file does not exist')
+            answer = Outcome(False, 'map_url is empty: such a file does not exist', answered=True)
         response.result = map_result(answer)
         if not answer.ok:
             # The response has no room for the reason.
@@ -155,55 +139,54 @@ class Service:
     async def _call(self, text: str) -> Outcome:
         self.calls += 1
         try:
-            answer = await self._ask(text)
-            self.done += answer.ok
-            self.refused += not answer.ok
-        except TimeoutError as error:
-            self.unanswered += 1
-            answer = Outcome(False, str(error))
+            outcome = await self._ask(text)
         except LinkError as error:
-            self.refused += 1
-            answer = Outcome(False, str(error))
-        return answer
+            outcome = Outcome(False, str(error))
+        self.done += outcome.ok
+        self.refused += outcome.known and not outcome.ok
+        self.unanswered += not outcome.known
+        return outcome
 
     async def _ask(self, text: str) -> Outcome:
         """
         Publish a text and await the answer.
 
         :raises LinkError: it cannot be published.
-        :raises TimeoutError: there is no answer.
         """
-        client, settings = self._client, self.settings
+        client, services = self._client, self._services
+        topic, answers = self.settings.topic, self.settings.answer_topic
         if client is None:
             raise LinkError('the node is not active, or no core is connected')
         if len(self.waiting) >= WAITING_MAXIMUM:
             raise LinkError(f'{len(self.waiting)} calls wait for their answers already')
-        if not settings.answer_topic:
-            client.publish(self._channel, string_message(text))
-            return Outcome(True, f'published {text!r} on {settings.topic}')
-        call = _Call(text, self._services.wake)
+        call = Call(text, services.wake, lambda: services.is_served_in_ros(self.settings))
         self.waiting.append(call)
-        timer = None
+        timers = [
+            services.timer(self.settings.timeout_s,
+                           lambda: call.time_out(self.settings.timeout_s)),
+            services.timer(CHECK_S, lambda: call.check(client, topic, answers))]
         try:
+            found = self._in_core or await call.find(client, topic, answers)
+            if isinstance(found, Outcome):
+                return found
+            if not found:
+                raise LinkError(services.not_served(self.settings))
+            if answers:
+                return await call.publish(
+                    lambda: client.publish(self._channel, string_message(text)))
             client.publish(self._channel, string_message(text))
-            timer = self._services.timer(settings.timeout_s, lambda: call.end(_NONE))
-            answer: Outcome = await call.future
+            return Outcome(True, f'published {text!r} on {topic}')
         finally:
             self.waiting.remove(call)
-            if timer is not None:
-                self._services.node.destroy_timer(timer)
-        if answer is _NONE:
-            raise TimeoutError(
-                f'nobody answered {text!r} on {settings.answer_topic} within '
-                f'{settings.timeout_s:g} s; it may have been done all the same')
-        return answer
+            for each in timers:
+                services.node.destroy_timer(each)
 
-    def hear(self, stamp_ns: int, answer: Answer) -> bool:
+    def receive(self, stamp_ns: int, answer: Answer) -> bool:
         """Give an answer to the call that has waited longest for it; return whether one has."""
         for call in list(self.waiting):
-            if (answer.is_to(call.command) and stamp_ns >= call.asked_ns
-                    and not call.future.done()):
-                call.end(Outcome(answer.ok, answer.text))
+            if (call.is_open and answer.is_to(call.command)
+                    and stamp_ns >= call.published_ns):
+                call.end(Outcome(answer.ok, answer.text, answered=True))
                 return True
         return False
 
@@ -213,7 +196,6 @@ class Service:
                 'unanswered': self.unanswered, 'waiting': len(self.waiting)}
 
 
-_NONE: Final = Outcome(False, '')
 # What an answer says when a map was not loaded, and what nav_msgs calls that.
 _RESULTS: Final = (('does not exist', LoadMap.Response.RESULT_MAP_DOES_NOT_EXIST),
                    ('metadata', LoadMap.Response.RESULT_INVALID_MAP_METADATA),
@@ -225,10 +207,10 @@ _RESULTS: Final = (('does not exist', LoadMap.Response.RESULT_MAP_DOES_NOT_EXIST
 
 
 def map_result(answer: Outcome) -> int:
-    """Return the result code of ``nav_msgs/srv/LoadMap`` for what the core answered."""
+    """Return the result code of ``nav_msgs/srv/LoadMap`` for the outcome of a call."""
     if answer.ok:
         return int(LoadMap.Response.RESULT_SUCCESS)
-    text = answer.text.lower()
+    text = answer.text.lower() if answer.answered else ''
     return int(next((code for word, code in _RESULTS if word in text),
                     LoadMap.Response.RESULT_UNDEFINED_FAILURE))
 
@@ -237,11 +219,16 @@ class Services:
     """
     All services of a node; they exist as long as it does, and refuse while it is not active.
 
+    :param mirrors: of the node: they may carry a command to a node of ROS, and its answer back.
+    :param files: parameter files of the robot, to name them to a process that is not running.
     :ivar malformed: answers that are none.
     """
 
-    def __init__(self, node: Node, settings: tuple[ServiceSettings, ...]) -> None:
+    def __init__(self, node: Node, settings: tuple[ServiceSettings, ...],
+                 mirrors: tuple[MirrorSettings, ...] = (), files: tuple[str, ...] = ()) -> None:
         self.node = node
+        self._mirrors = mirrors
+        self._files = files
         self.active = False
         self.malformed = 0
         # In a group of their own, of which many run at once: in the node's, a call that awaits
@@ -303,6 +290,28 @@ class Services:
         for each in self.all:
             each.connect(None)
 
+    def is_served_in_ros(self, settings: ServiceSettings) -> bool:
+        """Return whether nodes of ROS read the commands, and publish answers where there are."""
+        node = self.node
+
+        def has_any(topic: str, direction: str, count: Callable[[str], int]) -> bool:
+            return any(count(node.resolve_topic_name(each.ros_topic)) for each in self._mirrors
+                       if each.topic == topic and each.direction == direction)
+
+        return has_any(settings.topic, 'out', node.count_subscribers) and (
+            not settings.answer_topic
+            or has_any(settings.answer_topic, 'in', node.count_publishers))
+
+    def not_served(self, settings: ServiceSettings) -> str:
+        """Say that nothing answers a service, and what starts what does."""
+        command = settings.started_by
+        if command and ' ' not in command:
+            files = ''.join(f' --params-file {each}' for each in self._files)
+            command = (f'{command_line(command)} --robot {self.node.get_fully_qualified_name()}'
+                       + (f' --ros-args{files}' if files else ''))
+        return no_answer(settings.answer_topic or settings.topic, f'start it with: {command}' if (
+            command) else 'start the process that answers it')
+
     def timer(self, period_s: float, callback: Callable[[], None]) -> Any:
         """Make a timer that no other callback holds up, whatever ROS time does."""
         return self.node.create_timer(
@@ -316,12 +325,12 @@ class Services:
                 executor.wake()
 
     def _listener(self, topic: str, mirrored: SampleHandler | None) -> SampleHandler:
-        heard = [each for each in self.all if each.settings.answer_topic == topic]
+        waiting = [each for each in self.all if each.settings.answer_topic == topic]
 
         def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
             try:
                 answer = answer_of(cdr)
-                any(each.hear(stamp_ns, answer) for each in heard)
+                any(each.receive(stamp_ns, answer) for each in waiting)
             except ValueError:
                 self.malformed += 1
             if mirrored is not None:

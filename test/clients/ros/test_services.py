@@ -39,6 +39,11 @@ from rt_robot_os.errors import LinkError  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
 from rt_robot_os.link.cdr import string_in  # noqa: E402
 from rt_robot_os.link.cdr import string_message  # noqa: E402
+from rt_robot_os.link.client import Question  # noqa: E402
+from rt_robot_os.link.protocol import encode_json  # noqa: E402
+from rt_robot_os.link.protocol import Kind  # noqa: E402
+from rt_robot_os.link.protocol import parse_header  # noqa: E402
+from rt_robot_os.link.readers import readers_of  # noqa: E402
 from rt_robot_os.settings import ServiceSettings  # noqa: E402
 from rt_robot_os.topics import Layout  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
@@ -56,7 +61,13 @@ LOAD = ServiceSettings(name='load', service='~/mapping/load', type='nav_msgs/srv
                        answer_topic='alarms/answer', timeout_s=60.0)
 MAP = ServiceSettings(name='get_map', service='~/mapping/map', type='nav_msgs/srv/GetMap',
                       topic='map')
+ASK_MAPPING = ServiceSettings(
+    name='ask', service='~/mapping/ask', topic='alarms/command', text='save',
+    answer_topic='alarms/answer', started_by='mapping', timeout_s=60.0)
 GENEROUS_S = 20.0
+UNKNOWN = 'it is not known whether it was done: check before you call again'
+NONE = {'in_core': 0, 'asker': False, 'clients': []}
+MAPPING = {'in_core': 0, 'asker': False, 'clients': [['mapping', 42, 7]]}
 
 
 class Client:
@@ -72,6 +83,11 @@ class Client:
         self.mirrored: list[str] = []
         self.told: list[tuple[int, str]] = []
         self.gone = False
+        self.replies: dict[int, Any] = {}
+        self.asked: list[tuple[str, str]] = []
+        self.readers_at_first = NONE
+        #: What the core says of readers; None: it does not answer.
+        self.now: dict[str, Any] | None = MAPPING
 
     def advertise(self, topic: str) -> int:
         return self.topics[topic].channel
@@ -80,6 +96,20 @@ class Client:
         assert (policy, initial, patient) == (
             ('latest', True, False) if topic == 'map' else ('drain', False, True))
         self.mirrored.append(topic)
+
+    def readers(self, topic: str, answers: str) -> Any:
+        return readers_of(self.readers_at_first)
+
+    def begin(self, do: str, on_packet: Any, topic: str, answers: str) -> Question:
+        if self.gone:
+            raise LinkError('the core closed the connection')
+        assert do == 'readers'
+        self.asked.append((topic, answers))
+        question = Question(do, self.replies, len(self.asked), on_packet)
+        if self.now is not None:
+            packet = encode_json(Kind.REPLY, self.now, seq=len(self.asked))
+            question.put((parse_header(packet), packet))
+        return question
 
     def publish(self, channel: int, cdr: bytes) -> None:
         if self.gone:
@@ -102,7 +132,8 @@ class Robot:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.executor.add_node(self.caller)
-        self.services = Services(self.node, (ACKNOWLEDGE, SILENT, NIGHT, LOAD, MAP))
+        self.services = Services(self.node, (ACKNOWLEDGE, SILENT, NIGHT, LOAD, MAP, ASK_MAPPING),
+                                 files=('/a/robot.yaml',))
         self.core = Client()
 
     def start(self) -> None:
@@ -207,7 +238,8 @@ def test_calls_are_answered_in_turn_and_too_many_are_refused(robot: Robot) -> No
 def test_without_an_answer_the_caller_is_told_so(robot: Robot) -> None:
     before = robot.counters('silent')['unanswered']
     ok, text = robot.answer(robot.ask('silent'))
-    assert not ok and "nobody answered 'test by ROS' on alarms/answer within 0.05 s" in text
+    assert not ok and text == ("mapping (pid 42) did not answer 'test by ROS' within 0.05 s; it is not "
+                               'known whether it was done: check before you call again')
     assert robot.counters('silent')['unanswered'] == before + 1
 
 
@@ -216,7 +248,7 @@ def test_who_waits_is_told_that_the_core_is_gone(robot: Robot) -> None:
     robot.until(lambda: robot.core.told)
     robot.services.disconnect()
     ok, text = robot.answer(waiting)
-    assert not ok and 'the core has gone before it answered' in text
+    assert not ok and 'the core has ended before it answered' in text and UNKNOWN in text
     ok, text = robot.answer(robot.ask())
     assert not ok and 'no core is connected' in text
     robot.core = Client()
@@ -228,6 +260,82 @@ def test_who_waits_is_told_that_the_core_is_gone(robot: Robot) -> None:
     robot.core.gone = True
     ok, text = robot.answer(robot.ask())
     assert not ok and 'closed the connection' in text
+
+
+@pytest.mark.parametrize('name', ['mapping/ask', 'night'])
+def test_what_nothing_would_answer_is_refused_at_once(robot: Robot, name: str) -> None:
+    robot.core.now = NONE
+    before = robot.counters(name)
+    ok, text = robot.answer(robot.ask(name, SetBool if name == 'night' else Trigger))
+    assert not ok and 'is connected to the robot: nothing was done' in text
+    assert name == 'night' or text.endswith(
+        ' mapping --robot /robot --ros-args --params-file /a/robot.yaml')
+    assert not robot.core.told
+    after = robot.counters(name)
+    assert {key for key in after if after[key] != before[key]} == {'calls', 'refused'}
+
+
+def test_what_starts_late_is_found_by_the_next_call(robot: Robot) -> None:
+    robot.core.now = NONE
+    assert not robot.answer(robot.ask('mapping/ask'))[0]
+    robot.core.now = MAPPING
+    waiting = robot.ask('mapping/ask')
+    robot.until(lambda: robot.core.told)
+    robot.core.answer(answer('save', text='saved'))
+    assert robot.answer(waiting) == (True, 'saved')
+    assert set(robot.core.asked) == {('alarms/command', 'alarms/answer')}
+
+
+@pytest.mark.parametrize('now', [NONE, {**MAPPING, 'clients': [['mapping', 43, 9]]}])
+def test_what_ends_during_a_call_ends_it(robot: Robot, now: dict[str, Any]) -> None:
+    """The next process of that name knows nothing of what the one before was asked."""
+    before = robot.counters('mapping/ask')['unanswered']
+    robot.core.now = MAPPING
+    waiting = robot.ask('mapping/ask')
+    robot.until(lambda: robot.core.told)
+    robot.core.now = now
+    ok, text = robot.answer(waiting)
+    assert not ok and text.startswith("mapping (pid 42) ended before it answered 'save'; ")
+    assert UNKNOWN in text
+    assert robot.counters('mapping/ask')['unanswered'] == before + 1
+
+
+def test_an_answer_counts_also_when_its_process_has_ended(robot: Robot) -> None:
+    robot.core.now = MAPPING
+    waiting = robot.ask('mapping/ask')
+    robot.until(lambda: robot.core.told)
+    asked = len(robot.core.asked)
+    robot.core.now = NONE
+    robot.until(lambda: len(robot.core.asked) > asked)
+    robot.core.answer(answer('save', text='saved'))
+    assert robot.answer(waiting) == (True, 'saved')
+
+
+def test_a_core_that_does_not_say_who_answers_gets_no_command(robot: Robot) -> None:
+    robot.core.now = None
+    ok, text = robot.answer(robot.ask('silent'))
+    assert not ok and text == ('the core did not answer within 0.05 s; nothing was published, so '
+                               'nothing was done')
+    assert not robot.core.told
+
+
+def test_a_module_of_the_core_is_not_asked_for(robot: Robot) -> None:
+    """An acknowledgement goes out also when the core has no time to answer questions."""
+    core = Client()
+    core.readers_at_first, core.now = {**NONE, 'in_core': 1}, None
+    robot.services.connect(core)  # type: ignore[arg-type]
+    waiting = robot.ask()
+    robot.until(lambda: core.told)
+    core.answer(answer('acknowledge all by ROS', text='acknowledged 7'))
+    assert robot.answer(waiting) == (True, 'acknowledged 7')
+    assert not core.asked
+
+
+def test_a_map_that_nothing_loads_has_no_reason_of_a_file(robot: Robot) -> None:
+    robot.core.now = NONE
+    future = robot.ask('mapping/load', LoadMap, map_url='file:///a/flat.yaml')
+    robot.until(future.done)
+    assert future.result().result == LoadMap.Response.RESULT_UNDEFINED_FAILURE
 
 
 def test_a_mirror_of_the_answers_goes_on(robot: Robot) -> None:
