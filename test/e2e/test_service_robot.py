@@ -21,14 +21,22 @@ import math
 from pathlib import Path
 from typing import Any
 
+from processes import TIMEOUT_S
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
+pytest.importorskip('mcap', reason='recordings need mcap')
 
 from geometry_msgs.msg import PoseStamped  # noqa: E402, I100
 from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: E402
 from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
+from recorded_graph import play_to_rviz  # noqa: E402
+from recorded_graph import Recorded  # noqa: E402
+from rt_robot_os.link import LinkClient  # noqa: E402
+from rt_robot_os.link.graph_markers import EdgeKind  # noqa: E402
+from rt_robot_os.link.graph_markers import graph_numbers  # noqa: E402
+from rt_robot_os.topics import Layout  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
@@ -117,11 +125,28 @@ class Drive:
         return math.dist(self.place, (x, y))
 
 
+def map_something(world: Any) -> None:
+    """Publish in the core what `mapping` does once it has a map."""
+    with LinkClient(world.folder / 'robot.sock', 'mapping', timeout_s=TIMEOUT_S) as core:
+        for name, value in (
+                ('map', {'info': {'resolution': 0.05, 'width': 3, 'height': 2}, 'data': [0] * 6}),
+                ('slam/path', {'data': [1.0, 2.0, 0.0]}),
+                ('slam/graph', {'data': graph_numbers(
+                    [(0.0, 0.0), (1.0, 0.0)], [(0, 1, EdgeKind.NEIGHBOUR)])})):
+            info = core.topics[name]
+            layout = Layout.compile(
+                info.type_name, {'header.frame_id': 'map'} if name == 'map' else None, tail=1000)
+            core.publish(core.advertise(name), layout.from_dict(value))
+
+
 def test_it_drives_to_a_goal_and_an_e_stop_holds_it_until_it_is_released(
         world: Any, until: Until) -> None:
     drive = Drive(world, until, (3.44, 1.0))
+    map_something(world)
+    recorded = Recorded(world, until)
     drive.go(3.44, 2.3, math.pi / 2)
     until(lambda: drive.distance_to(3.44, 1.0) > 0.2, 'some way')
+    recorded.end()
     drive.stops.publish(Bool(data=True))
     until(lambda: not drive.is_moving, 'a standstill')
     held = drive.place
@@ -137,7 +162,12 @@ def test_it_drives_to_a_goal_and_an_e_stop_holds_it_until_it_is_released(
     drive.go(3.44, 2.3, math.pi / 2)
     until(lambda: drive.state == 'done', 'the goal')
     until(lambda: drive.distance_to(3.44, 2.3) < 0.06 and not drive.is_moving, 'a robot there')
+    recorded.check('/tf', '/tf_static', '/scan', '/plan', '/map', '/slam/path', '/slam/graph',
+                   '/odom', '/pose', '/wsn/nodes', '/rosout')
     assert drive.program.end() == 0
+    got = play_to_rviz(world, until, recorded)
+    for name, messages in got.items():
+        assert messages == [raw for topic, raw, _ in recorded.messages(name)], name
 
 
 def test_whoever_steers_it_it_stops_for_a_person_and_may_be_driven_away(

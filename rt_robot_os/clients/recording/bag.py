@@ -20,10 +20,11 @@ All of it belongs to one thread.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-import struct
 import time
 from typing import Final
 
@@ -31,24 +32,29 @@ from rt_robot_os.clients.recording.bag_file import BagFile
 from rt_robot_os.clients.recording.bag_info import FileFacts
 from rt_robot_os.clients.recording.bag_info import TopicFacts
 from rt_robot_os.clients.recording.bag_info import write_bag_info
+from rt_robot_os.clients.recording.graph import LOG
+from rt_robot_os.clients.recording.graph import Shown
+from rt_robot_os.clients.recording.graph import STATIC
 from rt_robot_os.clients.recording.repair import file_facts
 from rt_robot_os.clients.recording.repair import mend
 from rt_robot_os.clients.recording.session import CLOCK
 from rt_robot_os.clients.recording.session import package_version
 from rt_robot_os.clients.recording.session import Session
 from rt_robot_os.clients.recording.session import SETTINGS
+from rt_robot_os.clients.recording.tracks import Track
 from rt_robot_os.errors import RecordingError
+from rt_robot_os.link.log_message import LOG_STAMP_OFFSET
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.stamp_mapper import StampLine
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.settings.static_frames import static_transforms
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
 FLUSH_NS: Final = NS_PER_S
 # Two clocks are never read at the same moment; below this nothing is corrected.
 _STEP_NS: Final = NS_PER_MS
-_FOREVER_NS: Final = 1 << 63
-_STAMP: Final = struct.Struct('<iI')
+#: The channel of packets that are reports of the core, which has none for them.
+LOG_CHANNEL: Final = -1
 
 Packet = tuple[Header, bytearray]
 
@@ -64,31 +70,6 @@ class Limits:
 
     file_bytes: int = 0
     files: int = 0
-
-
-class Track:
-    """
-    A topic of a session.
-
-    :ivar numbers: of its channels in the file, one for each name; none when it was not asked for.
-    :ivar kept: its channel among those for a replay alone; 0 when it is not among them.
-    :ivar begin_ns: samples before this moment were not asked for.
-    :ivar not_before_ns: time of day at which the bag begins; what is older stands there.
-    """
-
-    __slots__ = ('name', 'numbers', 'kept', 'begin_ns', 'not_before_ns', 'stamp_offset', 'line',
-                 'next_seq', 'lost', 'count')
-
-    def __init__(self, name: str, stamp_offset: int | None, line: StampLine) -> None:
-        self.name = name
-        self.numbers: tuple[int, ...] = ()
-        self.kept = 0
-        self.begin_ns = self.not_before_ns = 0
-        self.stamp_offset = stamp_offset
-        self.line = line
-        self.next_seq = -1
-        self.lost = 0
-        self.count = 0
 
 
 class Bag:
@@ -113,8 +94,8 @@ class Bag:
         self._bytes = self._opened = 0
         self._session: Session | None = None
         self._tracks: dict[int, Track] = {}
-        self._names: dict[str, tuple[TopicFacts, ...]] = {}
         self._lost: dict[str, int] = {}
+        self._refused: dict[str, int] = {}
         self._flushed_ns = 0
         try:
             folder.mkdir(parents=True)
@@ -151,10 +132,19 @@ class Bag:
     @property
     def lost(self) -> dict[str, int]:
         """Count the samples that did not arrive, for each topic that lost any."""
-        found = dict(self._lost)
+        return self._added(self._lost, lambda track: track.lost)
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Count the messages that could not be made of samples, by topic of the core."""
+        return self._added(self._refused, lambda track: track.refused)
+
+    def _added(self, before: Mapping[str, int], count: Callable[[Track], int]) -> dict[str, int]:
+        """Add what the tracks of this session count to what those before did."""
+        found = dict(before)
         for track in tuple(self._tracks.values()):
-            if track.lost:
-                found[track.name] = found.get(track.name, 0) + track.lost
+            if counted := count(track):
+                found[track.name] = found.get(track.name, 0) + counted
         return found
 
     def begin(self, session: Session) -> None:
@@ -166,17 +156,20 @@ class Bag:
         """
         self.end()
         self._session = session
+        infos = dict.fromkeys((*session.shown, *session.kept))
         self._tracks = {
-            info.channel: Track(info.name, info.stamp_offset, self.mapper.line())
-            for info in (*session.asked, *session.kept)}
-        self._names = session.topic_facts()
+            info.channel: Track(info.name, info.stamp_offset, self.mapper.line(),
+                                session.shown.get(info, ())) for info in infos}
+        if session.logs:
+            self._tracks[LOG_CHANNEL] = Track(
+                LOG.name, LOG_STAMP_OFFSET, self.mapper.line(), (Shown(LOG),))
         for track in self._tracks.values():
             # A latched topic (transient_local) counts as asked for although it is older.
-            latched = any(facts.durability == 'transient_local'
-                          for facts in self._names.get(track.name, ()))
+            latched = any(outlet.latched for outlet in track.outlets)
             track.begin_ns = 0 if latched else session.begin_ns
+            track.end_ns = session.end_ns or track.end_ns
             track.not_before_ns = session.begin_ns and session.begin_ns + self.mapper.offset_ns
-        self._open_file()
+        self._open_file((session.begin_ns or session.start_ns) + self.mapper.offset_ns)
 
     def write(self, packets: Sequence[Packet]) -> None:
         """
@@ -184,31 +177,13 @@ class Bag:
 
         :raises OSError: the disk is full.
         """
-        file, session = self._file, self._session
-        if file is None or session is None:
+        file, tracks = self._file, self._tracks
+        if file is None:
             return
-        tracks, add = self._tracks, file.add
-        end_ns = session.end_ns or _FOREVER_NS
         for head, cdr in packets:
             track = tracks.get(head.channel)
-            if track is None:
-                continue
-            wall_ns = track.line.wall_ns(head.stamp_ns)
-            if track.stamp_offset is not None:
-                _STAMP.pack_into(cdr, track.stamp_offset, *divmod(wall_ns, NS_PER_S))
-            seq = head.seq
-            if seq != track.next_seq and track.next_seq >= 0:
-                track.lost += seq - track.next_seq
-            track.next_seq = seq + 1
-            seq &= 0xFFFFFFFF
-            if track.numbers and track.begin_ns <= head.stamp_ns <= end_ns:
-                log_ns = max(wall_ns, track.not_before_ns)
-                for number in track.numbers:
-                    add(number, log_ns, cdr, seq, wall_ns)
-                track.count += 1
-                self.messages += 1
-            elif track.kept:
-                file.keep(track.kept, wall_ns, cdr, seq)
+            if track is not None:
+                self.messages += track.write(file, head, cdr)
 
     def tick(self, now_ns: int) -> None:
         """
@@ -229,7 +204,7 @@ class Bag:
                               'offset_ns': str(self.mapper.offset_ns)})
         if 0 < self._limits.file_bytes <= file.size:
             self._close_file()
-            self._open_file()
+            self._open_file(file.facts.last_ns)
 
     def end(self) -> None:
         """
@@ -239,7 +214,7 @@ class Bag:
         """
         self._session = None
         self._close_file()
-        self._lost = self.lost
+        self._lost, self._refused = self.lost, self.refused
         self._tracks = {}
 
     def rescue(self) -> str:
@@ -262,7 +237,14 @@ class Bag:
 
     # ---- files -------------------------------------------------------------------------------
 
-    def _open_file(self) -> None:
+    def _open_file(self, begin_ns: int) -> None:
+        """
+        Open the next file of the session.
+
+        What latched topics last had stands at its beginning, too: files before it may be deleted.
+
+        :param begin_ns: time of day at which it begins.
+        """
         session = self._session
         if session is None:
             return
@@ -272,10 +254,13 @@ class Bag:
                                     self._compression)
         file.note('rt_robot_os.session', session.facts(self.mapper.offset_ns))
         file.attach(SETTINGS, 'application/json', session.settings.encode())
-        for info in session.asked:
-            track = self._tracks[info.channel]
-            track.numbers = tuple(map(file.channel, self._names[info.name]))
-            track.count = 0
+        if session.frames:
+            file.add(file.channel(STATIC), begin_ns, static_transforms(session.frames, begin_ns),
+                     0, begin_ns)
+            self.messages += 1
+        channels: dict[TopicFacts, int] = {}
+        for track in self._tracks.values():
+            self.messages += track.begin(file, channels, begin_ns)
         for info in session.kept:
             self._tracks[info.channel].kept = file.kept_channel(info.name)
         self._flushed_ns = time.monotonic_ns()
@@ -287,7 +272,6 @@ class Bag:
             return
         file.finish()
         self._file = None
-        self._count(file)
         self._bytes += file.size
         self._files.append(file.facts)
         while 0 < self._limits.files < len(self._files) + (self._session is not None):
@@ -297,13 +281,6 @@ class Bag:
             self.removed += 1
         self._info()
 
-    def _count(self, file: BagFile) -> None:
-        for track in self._tracks.values():
-            for number in track.numbers:
-                file.facts.counts[file.topic(number)] = track.count
-
     def _info(self) -> None:
         file = self._file
-        if file is not None:
-            self._count(file)
         write_bag_info(self.folder, [*self._files, *([file.facts] if file is not None else [])])

@@ -61,6 +61,7 @@ class BagFile:
     :param library: what the file says wrote it.
     :raises RecordingError: it is there already, or cannot be made.
     :ivar size: bytes on the disk.
+    :ivar facts: what it holds, as far as it is on the disk.
     """
 
     def __init__(self, path: Path, library: str, compression: str = 'zstd') -> None:
@@ -68,7 +69,7 @@ class BagFile:
         self.facts = FileFacts(path.name)
         self.size = 0
         self._contents = Contents()
-        self._topics: dict[int, TopicFacts] = {}
+        self._topics: list[TopicFacts] = []
         self._schemas: dict[str, int] = {}
         self._chunk = ChunkWriter(compression)
         self._kept_topics = 0
@@ -94,13 +95,14 @@ class BagFile:
                             data=definition(name).encode())
             contents.schemas[number] = schema
             self._chunk.define(schema)
-        number = len(self._topics) + 1
+        self._topics.append(topic)
+        self.facts.counts[topic] = 0
+        number = len(self._topics)
         channel = Channel(
             id=number, topic=topic.name, message_encoding='cdr', schema_id=self._schemas[name],
             metadata=topic.metadata())
         contents.channels[number] = channel
         self._chunk.define(channel)
-        self._topics[number] = topic
         return number
 
     def kept_channel(self, core_topic: str) -> int:
@@ -169,6 +171,8 @@ class BagFile:
             record, place, counts, indices = self._chunk.take(self.size)
             self._write(record + indices)
             self._contents.chunks.append((place, counts, b''))
+            for number, count in counts.items():
+                self.facts.counts[self._topics[number - 1]] += count
         if not self._kept.empty:
             self._attach(REPLAY, _REPLAY_MEDIA_TYPE, self._kept.take(0)[0])
 
@@ -183,10 +187,6 @@ class BagFile:
         fd, self._fd = self._fd, -1
         if fd >= 0:
             os.close(fd)
-
-    def topic(self, channel: int) -> TopicFacts:
-        """Return the topic of a channel."""
-        return self._topics[channel]
 
     def _write_record(self, record: Header | Metadata | Attachment) -> int:
         builder = RecordBuilder()

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -31,11 +32,18 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import LayoutError
+from rt_robot_os.link.conversions import TRANSFORM
+from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.topics.resolve import FieldSpec
 from rt_robot_os.topics.resolve import MessageSpec
 from rt_robot_os.topics.resolve import resolve
 
 _RULE: Final = '=' * 80
+# The wheels of ROS lack tf2_msgs. A bag needs no more of it than this: the one field of its one
+# message, and the hash that follows from it (REP 2016).
+_TRANSFORMS_TEXT: Final = 'geometry_msgs/TransformStamped[] transforms\n'
+_TRANSFORMS_HASH: Final = (
+    'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087')
 
 
 @cache
@@ -45,6 +53,8 @@ def definition(type_name: str) -> str:
 
     :raises LayoutError: the type is not installed.
     """
+    if _is_lacking(type_name):
+        return f'{_TRANSFORMS_TEXT}{_RULE}\nMSG: {_short(TRANSFORM)}\n{definition(TRANSFORM)}'
     specs: dict[str, MessageSpec] = {}
     _collect(resolve(type_name), specs)
     texts: list[str] = []
@@ -58,12 +68,18 @@ def definition(type_name: str) -> str:
 @cache
 def type_hash(type_name: str) -> str:
     """Return the hash of a type as DDS carries it, ``RIHS01_...``; empty when it is not known."""
+    if _is_lacking(type_name):
+        return _TRANSFORMS_HASH
     try:
         hashes = json.loads(_installed(type_name, '.json') or '{}').get('type_hashes', ())
         return next((str(each['hash_string']) for each in hashes
                      if each['type_name'] == type_name), '')
     except (ValueError, KeyError, TypeError, AttributeError):
         return ''
+
+
+def _is_lacking(type_name: str) -> bool:
+    return type_name == TRANSFORMS and find_spec('tf2_msgs') is None
 
 
 def _collect(spec: MessageSpec, specs: dict[str, MessageSpec]) -> None:

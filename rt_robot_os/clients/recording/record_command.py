@@ -69,10 +69,11 @@ def _count(text: str) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='record', description='Record the topics of a running core as MCAP, which ros2 bag, '
-        'Foxglove and PlotJuggler open, with all that replay needs. Ctrl-C ends it.')
+        prog='record', description='Record what ROS has of a running robot as MCAP, which ros2 '
+        'bag, Foxglove and PlotJuggler open, with all that replay needs. Ctrl-C ends it.')
     parser.add_argument('topics', nargs='*', metavar='TOPIC',
-                        help='such as /imu/data, by its name in ROS or in the core; all if none')
+                        help='such as /imu/data, by its name in ROS or in the core; if none, all '
+                        'that ROS has of the robot')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER',
                         help='where to; it must not exist (default: robot_ and the time)')
     add_robot_option(parser)
@@ -82,8 +83,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--max-files', type=_count, default=0, metavar='N',
                         help='delete the oldest file when there are more')
     parser.add_argument('--compression', choices=('zstd', 'lz4', 'none'), default='zstd')
+    parser.add_argument('--unmirrored', action='store_true',
+                        help='also the topics of the core that ROS does not have')
     parser.add_argument('--core-names', action='store_true',
-                        help='call topics as the core does, not by their names in ROS')
+                        help='the topics as the core has them, with its names and types')
     parser.add_argument('--no-bytes', action='store_true',
                         help='keep nothing for replay: bytes of devices, when jobs ran')
     parser.add_argument('--repair', type=Path, metavar='PATH',
@@ -115,14 +118,15 @@ def _record(arguments: argparse.Namespace) -> int:
     from rt_robot_os.clients.recording.bag import Limits
     from rt_robot_os.clients.recording.recorder import Recorder
     from rt_robot_os.clients.recording.recorder import UnknownTopicError
-    from rt_robot_os.clients.recording.recorder import Wanted
+    from rt_robot_os.clients.recording.selection import Wanted
     robot = arguments.robot
     folder = arguments.output or Path(f'{robot}_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     bag = Bag(folder, arguments.compression, Limits(arguments.max_bytes, arguments.max_files))
     recorder = Recorder(
         socket_path(robot), bag,
         Wanted(tuple(arguments.topics), not arguments.no_bytes,
-               round((arguments.duration or 0) * NS_PER_S), arguments.core_names),
+               round((arguments.duration or 0) * NS_PER_S), arguments.core_names,
+               arguments.unmirrored),
         _tell, _show_status)
 
     def stop(signo: int) -> None:
@@ -150,6 +154,9 @@ def _print_summary(bag: Bag) -> None:
     print(f'{bag.folder}: {bag.messages} messages in {bag.duration_ns / NS_PER_S:.1f} s, '
           f'{bag.size / 1e6:.2f} MB, {sum(bag.lost.values())} lost' + (
               f', the oldest {bag.removed} files deleted' if bag.removed else ''))
+    if bag.refused:
+        print('samples that could not be converted: ' + ', '.join(
+            f'{count} of {name}' for name, count in bag.refused.items()))
     if bag.silent and not bag.removed:
         print(f'no message came on {", ".join(bag.silent)}')
 

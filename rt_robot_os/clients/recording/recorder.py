@@ -24,26 +24,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Collection
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-import json
 from pathlib import Path
 import queue
+import struct
 import threading
 import time
+from typing import Any
 from typing import Final
 
 from rt_robot_os.clients.recording.bag import Bag
+from rt_robot_os.clients.recording.bag import LOG_CHANNEL
 from rt_robot_os.clients.recording.bag import Packet
-from rt_robot_os.clients.recording.definitions import is_known
-from rt_robot_os.clients.recording.session import ros_names
+from rt_robot_os.clients.recording.graph import read_graph
+from rt_robot_os.clients.recording.selection import Selection
+from rt_robot_os.clients.recording.selection import Wanted
 from rt_robot_os.clients.recording.session import Session
 from rt_robot_os.core.tap_format import is_tap
 from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.errors import LinkError
 from rt_robot_os.errors import RecordingError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link import TopicInfo
+from rt_robot_os.link.log_message import log_message
+from rt_robot_os.link.log_message import nearest_severity
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.safe_text import safe_line
+from rt_robot_os.safe_text import safe_text
 from rt_robot_os.units import NS_PER_S
 
 # Packets that arrive within this wait for each other: one wake-up for all of them. A socket of
@@ -57,25 +66,7 @@ _BEAT_NS: Final = NS_PER_S // 2
 _ON_ITS_WAY_NS: Final = NS_PER_S // 20
 # The core notes ten times a second what its tasks did, when nothing else has to run.
 _SCHEDULE_NS_MOST: Final = 2 * NS_PER_S
-_INPUT_BYTES_MOST: Final = 1 << 16
 _FILLED: Final = 0.9
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """
-    What to record.
-
-    :ivar topics: names, in the core or in ROS; empty for all.
-    :ivar replay: keep what a replay needs, too.
-    :ivar duration_ns: since the first connection; 0 until stopped.
-    :ivar core_names: topics are called in the bag as in the core.
-    """
-
-    topics: tuple[str, ...] = ()
-    replay: bool = True
-    duration_ns: int = 0
-    core_names: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +108,8 @@ class Recorder:
         self._begin_ns = self._shown_ns = 0
         self._schedule = -1
         self._schedule_ns = 0
+        self._logger: Callable[[str], str] = str
+        self._reports = 0
 
     # ---- receiving ---------------------------------------------------------------------------
 
@@ -196,9 +189,9 @@ class Recorder:
         """Begin with what the rings still hold only where somebody has a use for it."""
         from_start = not session.begin_ns or (
             session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
-        latched = {name for name, facts in session.topic_facts().items()
-                   if any(each.durability == 'transient_local' for each in facts)}
-        names = dict.fromkeys(info.name for info in (*session.asked, *session.kept))
+        latched = {info.name for info, shown in session.shown.items()
+                   if any(each.latched for each in shown)}
+        names = dict.fromkeys(info.name for info in (*session.shown, *session.kept))
         # The schedule comes last: a reader has met the samples that it refers to.
         for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
             client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
@@ -208,62 +201,47 @@ class Recorder:
         was_tapped = any(map(is_tap, client.topics))
         taps = client.tap() if self._wanted.replay else ()
         self._schedule = client.topics[SCHEDULE_TOPIC].channel if SCHEDULE_TOPIC in taps else -1
-        chosen = self._asked(client, settings)
-        kept = [info for info in client.topics.values() if info.name in taps
-                or (self._wanted.replay and info not in chosen
-                    and _is_input(info, settings) and is_known(info.type_name))]
-        if self._wanted.replay:
-            kept += [info for info in chosen if info not in kept]
+        graph, problem = read_graph(settings, self._robot, self._wanted.core_names)
+        chosen = Selection(client.topics, taps, self._wanted, graph)
+        if chosen.missing and not self._sessions:
+            raise UnknownTopicError(chosen.missing)
+        for line in filter(None, (problem, chosen.missing, *chosen.unknown_types)):
+            self._tell(line)
         start_ns, now_ns = int(client.core['start_ns']), time.monotonic_ns()
         cold = start_ns >= self._asked_ns
         self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
         session = Session(
             self._sessions, int(client.core['pid']), start_ns, was_tapped,
-            tuple(client.core['tasks']), tuple(client.topics), tuple(chosen), tuple(kept), taps,
+            tuple(client.core['tasks']), tuple(client.topics), chosen.shown, chosen.kept, taps,
             settings, self._robot, 0 if cold else now_ns,
             self._wanted.duration_ns and self._begin_ns + self._wanted.duration_ns,
-            self._wanted.core_names)
+            chosen.frames, chosen.logs)
         self._sessions += 1
-        topics = '1 topic' if len(chosen) == 1 else f'{len(chosen)} topics'
+        if session.logs:
+            self._logger, self._reports = graph.logger, 0
+            client.on_report = self._take_report
+        count = len(chosen.names)
+        topics = '1 topic' if count == 1 else f'{count} topics'
         self._tell(f'connected to the core (pid {session.pid}): recording {topics} '
                    f'to {self._bag.folder}')
         return session
-
-    def _asked(self, client: LinkClient, settings: str) -> list[TopicInfo]:
-        """
-        Find the topics that were asked for.
-
-        :raises UnknownTopicError: the first core does not have one of them.
-        """
-        known = client.topics
-        mirrored = ros_names(settings, self._robot)
-        in_ros = {name: topic for topic, names in mirrored.items() for name, _ in names}
-        if not self._wanted.topics:
-            names = [name for name in known if not is_tap(name)]
-        else:
-            found = {text: _found(text, known, in_ros) for text in self._wanted.topics}
-            missing = [text for text, name in found.items() if not name]
-            if missing:
-                names = sorted(in_ros.keys() | {
-                    f'/{name}' for name in known if name not in mirrored and not is_tap(name)})
-                text = f'no topic {", ".join(missing)} in the core; there are {", ".join(names)}'
-                if not self._sessions:
-                    raise UnknownTopicError(text)
-                self._tell(text)
-            names = list(dict.fromkeys(filter(None, found.values())))
-        chosen = []
-        for info in (known[name] for name in names):
-            if is_known(info.type_name):
-                chosen.append(info)
-            else:
-                self._tell(f'topic {info.name}: {info.type_name} is not installed here; it is '
-                           'not recorded')
-        return chosen
 
     def _take(self, head: Header, cdr: memoryview) -> None:
         self._batch.append((head, bytearray(cdr)))
         if head.channel == self._schedule:
             self._schedule_ns = head.stamp_ns
+
+    def _take_report(self, report: Mapping[str, Any]) -> None:
+        """Take a report of the core; one that is malformed is left out."""
+        with suppress(KeyError, TypeError, ValueError, struct.error):
+            self._reports += int(report.get('dropped') or 0)
+            message = log_message(
+                0, nearest_severity(int(report['severity'])),
+                self._logger(safe_line(str(report['source']))), safe_text(str(report['text'])))
+            head = Header(Kind.REPORT, VERSION, LOG_CHANNEL, 0, int(report['at_ns']),
+                          self._reports)
+            self._reports += 1
+            self._batch.append((head, bytearray(message)))
 
     def _hand_over(self) -> None:
         batch, self._batch = self._batch, []
@@ -309,21 +287,7 @@ class UnknownTopicError(RecordingError):
     """A topic was asked for that the core does not have."""
 
 
-def _found(text: str, known: Mapping[str, TopicInfo], in_ros: Mapping[str, str]) -> str:
-    """Find a topic by its name in ROS or in the core; empty when there is none."""
-    name = text.strip('/')
-    if text.startswith('/') and text.rstrip('/') in in_ros:
-        return in_ros[text.rstrip('/')]
-    return name if name in known else in_ros.get(f'/{name}', '')
-
-
 def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
     """Whether the rings of the taps still hold everything, with room for what comes next."""
     return all(topic['published'] < _FILLED * topic['depth']
                for topic in client.statistics().topics if topic['name'] in taps)
-
-
-def _is_input(info: TopicInfo, settings: str) -> bool:
-    """Whether clients publish it, so that a replay cannot make it."""
-    declared = {each['topic'] for each in json.loads(settings)['topics']}
-    return info.name in declared and info.max_size <= _INPUT_BYTES_MOST

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a mirror does to messages on their way, and whether ROS has their types."""
+"""What ROS lacks of a mirror's types, and what mirrors do not let through."""
 
 from __future__ import annotations
 
@@ -22,25 +22,13 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.link.conversions import CHECKED
-from rt_robot_os.link.conversions import find
-from rt_robot_os.link.conversions import Inward
-from rt_robot_os.link.conversions import Outward
 from rt_robot_os.link.conversions import TRANSFORMS
-from rt_robot_os.link.stamped_messages import Header
-from rt_robot_os.link.stamped_messages import stamped_type
 from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.settings.mirror_types import ros_type
 from rt_robot_os.topics.resolve import message_class
 from rt_robot_os.units import NS_PER_S
 
 _RECENT_NS: Final = 10 * NS_PER_S
-
-
-def ros_type(mirror: MirrorSettings) -> str:
-    """Name the type that a mirror's topic has in ROS."""
-    if mirror.as_:
-        return mirror.as_
-    return stamped_type(mirror.message) if mirror.stamped else mirror.message
 
 
 def ros_class(mirror: MirrorSettings) -> Any:
@@ -55,32 +43,6 @@ def ros_class(mirror: MirrorSettings) -> Any:
 def is_lacking(message: str = TRANSFORMS) -> bool:
     """Return whether ROS has no such package here; what the wheels of ROS lack, that is."""
     return find_spec(message.partition('/')[0]) is None
-
-
-def outward(mirror: MirrorSettings) -> Outward | None:
-    """Return what makes a message for ROS from one of the core; None where they are the same."""
-    if mirror.stamped:
-        return Header(mirror.frame_id).put_on
-    conversion = find(mirror.message, mirror.as_)
-    if conversion is None or conversion.outward is None:
-        return None
-    return conversion.outward(mirror.frame_id or conversion.frame_id)
-
-
-def inward(mirror: MirrorSettings) -> Callable[[int], Inward] | None:
-    """
-    Find what makes a message for the core from one of ROS; None where they are the same.
-
-    :return: makes it, from the longest message of the core in bytes.
-    """
-    conversion = find(mirror.message, mirror.as_)
-    if conversion is not None and conversion.inward is not None:
-        make, frame_id = conversion.inward, mirror.frame_id or conversion.frame_id
-    elif mirror.message in CHECKED and not mirror.stamped:
-        make, frame_id = CHECKED[mirror.message], mirror.core_frame_id
-    else:
-        return None
-    return lambda maximum_bytes: make(frame_id, maximum_bytes)
 
 
 class Refusals:

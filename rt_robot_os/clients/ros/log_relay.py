@@ -22,7 +22,6 @@ from pathlib import Path
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import Log
 import rclpy.logging
 from rclpy.node import Node
@@ -37,15 +36,18 @@ from rt_robot_os.clients.ros.log_file import line_of
 from rt_robot_os.clients.ros.log_file import LogFile
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
+from rt_robot_os.link.log_message import DEPTH
+from rt_robot_os.link.log_message import log_message
+from rt_robot_os.link.log_message import logger_name
+from rt_robot_os.link.log_message import nearest_severity
+from rt_robot_os.link.log_message import TOPIC
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.reports import Severity
 from rt_robot_os.safe_text import safe_line
 from rt_robot_os.safe_text import safe_text
 from rt_robot_os.settings import LogSettings
-from rt_robot_os.units import NS_PER_S
 
 _BYTES_PER_MB = 1_000_000
-_DEPTH = 1000
 _LOGGERS_MAXIMUM = 1000
 
 
@@ -61,11 +63,6 @@ def say(logger: Any, severity: int, text: str) -> None:
         logger.info(text)
     else:
         logger.debug(text)
-
-
-def _known(severity: int) -> Severity:
-    """Return the ROS severity nearest to a number, which an untrusted peer may have sent."""
-    return min(Severity, key=lambda each: abs(each - severity))
 
 
 def level_is_chosen(name: str) -> bool:
@@ -101,8 +98,8 @@ class LogRelay:
         self._own = node.get_logger()
         self._mapper = mapper
         self._loggers: dict[str, Any] = {}
-        self._publisher = node.create_publisher(Log, '/rosout', QoSProfile(
-            depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
+        self._publisher = node.create_publisher(Log, TOPIC, QoSProfile(
+            depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.file: LogFile | None = None
         self._writer = ConsoleWriter(self._tell, lambda count: Line(
@@ -116,12 +113,12 @@ class LogRelay:
     def relay(self, severity: int, at_ns: int, source: str, text: str) -> None:
         """Log one line of the core; never waits; from one thread only."""
         self.lines += 1
-        self._hand_on(_known(severity), at_ns + self._mapper.offset_ns, safe_line(source),
+        self._hand_on(nearest_severity(severity), at_ns + self._mapper.offset_ns, safe_line(source),
                       safe_text(text))
 
     def note(self, severity: int, text: str) -> None:
         """Log a line of the node itself; never waits, from any thread."""
-        self._hand_on(_known(severity), 0, '', safe_text(text))
+        self._hand_on(nearest_severity(severity), 0, '', safe_text(text))
 
     def _hand_on(self, severity: Severity, wall_ns: int, source: str, text: str) -> None:
         if self.file is not None:
@@ -137,17 +134,14 @@ class LogRelay:
         logger = self._loggers.get(line.source) or self._logger(line.source)
         if not logger.is_enabled_for(rclpy.logging.LoggingSeverity(line.severity)):
             return
-        seconds, rest_ns = divmod(line.wall_ns, NS_PER_S)
         with suppress(Exception):  # rclpy was shut down, or the clock is no time of a message
-            self._publisher.publish(Log(
-                stamp=Time(sec=seconds, nanosec=rest_ns), level=line.severity, name=logger.name,
-                msg=line.text))
+            self._publisher.publish(
+                log_message(line.wall_ns, line.severity, logger.name, line.text))
         say(logger, line.severity, line.text)
 
     def _logger(self, source: str) -> Any:
-        name = source.replace('/', '.').replace(' ', '_').strip('.') or 'core'
         # A logger that is no child of the node's is not on /rosout.
-        logger = rclpy.logging.get_logger(f'{self._name}.{name}')
+        logger = rclpy.logging.get_logger(logger_name(self._name, source))
         if not level_is_chosen(logger.name):
             # The core has filtered by each log_level already.
             logger.set_level(rclpy.logging.LoggingSeverity.DEBUG)

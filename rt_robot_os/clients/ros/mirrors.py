@@ -33,9 +33,7 @@ from rclpy.qos import QoSReliabilityPolicy
 
 from rt_robot_os.clients.ros.arrivals import Arrivals
 from rt_robot_os.clients.ros.arrivals import OwnGaps
-from rt_robot_os.clients.ros.conversions import inward
 from rt_robot_os.clients.ros.conversions import is_lacking
-from rt_robot_os.clients.ros.conversions import outward
 from rt_robot_os.clients.ros.conversions import Refusals
 from rt_robot_os.clients.ros.conversions import ros_class
 from rt_robot_os.errors import LinkError
@@ -50,6 +48,8 @@ from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
 from rt_robot_os.link.stamped_messages import take_off
 from rt_robot_os.settings import MirrorSettings
+from rt_robot_os.settings.mirror_types import inward
+from rt_robot_os.settings.mirror_types import outward
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 

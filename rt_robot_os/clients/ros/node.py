@@ -43,10 +43,7 @@ from rt_robot_os.clients.ros.parameters import NodeParameters
 from rt_robot_os.clients.ros.responses import Responses
 from rt_robot_os.clients.ros.ros_time import RosTime
 from rt_robot_os.clients.ros.services import Services
-from rt_robot_os.clients.ros.static_transforms import loose_parents
-from rt_robot_os.clients.ros.static_transforms import published_frames
 from rt_robot_os.clients.ros.static_transforms import StaticTransforms
-from rt_robot_os.clients.ros.static_transforms import TOPIC
 from rt_robot_os.clients.ros.supervisor import Supervisor
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
@@ -64,6 +61,9 @@ from rt_robot_os.settings import to_json
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
 from rt_robot_os.settings.saved import told_saved
+from rt_robot_os.settings.static_frames import loose_parents
+from rt_robot_os.settings.static_frames import published_frames
+from rt_robot_os.settings.static_frames import TOPIC
 from rt_robot_os.units import NS_PER_S
 from std_srvs.srv import Trigger
 

@@ -17,9 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from collections.abc import Sequence
 from typing import Any
-from typing import Final
 
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy
@@ -27,29 +25,12 @@ from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
 
 from rt_robot_os.clients.ros.conversions import is_lacking
-from rt_robot_os.link.conversions import transform
 from rt_robot_os.link.conversions import TRANSFORMS
-from rt_robot_os.link.conversions import transforms_of
-from rt_robot_os.motion.mounting import BASE_FRAME
-from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import MountedFrame
+from rt_robot_os.settings.static_frames import DEPTH
+from rt_robot_os.settings.static_frames import static_transforms
+from rt_robot_os.settings.static_frames import TOPIC
 from rt_robot_os.topics.resolve import message_class
-
-TOPIC: Final = '/tf_static'
-
-
-def published_frames(settings: RobotSettings) -> tuple[MountedFrame, ...]:
-    """Return the frames that a robot's node publishes, as ``static_transforms`` says."""
-    which = settings.static_transforms
-    return tuple(each for each in settings.frames
-                 if which == 'all' or which == 'mounted' and each.stated)
-
-
-def loose_parents(frames: Sequence[MountedFrame]) -> tuple[str, ...]:
-    """Name the frames that carry others and that nothing here is mounted on the robot with."""
-    known = {each.frame_id for each in frames} | {BASE_FRAME}
-    return tuple(dict.fromkeys(
-        each.mounting.parent for each in frames if each.mounting.parent not in known))
 
 
 class StaticTransforms:
@@ -65,9 +46,8 @@ class StaticTransforms:
         self.lacking = bool(self._frames) and is_lacking()
         self._publisher: Any = None
         if self._frames and not self.lacking:
-            # As tf2_ros.StaticTransformBroadcaster: who comes late gets them, too.
             self._publisher = node.create_publisher(message_class(TRANSFORMS), TOPIC, QoSProfile(
-                depth=1, reliability=QoSReliabilityPolicy.RELIABLE,
+                depth=DEPTH, reliability=QoSReliabilityPolicy.RELIABLE,
                 durability=QoSDurabilityPolicy.TRANSIENT_LOCAL))
 
     def publish(self, wall_ns: int) -> None:
@@ -77,10 +57,7 @@ class StaticTransforms:
         :param wall_ns: ROS time.
         """
         if self._publisher is not None:
-            self._publisher.publish(transforms_of([
-                transform(each.mounting.parent, each.frame_id,
-                          (*each.mounting.position_m, *each.mounting.quaternion()), wall_ns)
-                for each in self._frames]))
+            self._publisher.publish(static_transforms(self._frames, wall_ns))
 
     def destroy(self) -> None:
         """Remove the publisher from the node."""

@@ -17,14 +17,11 @@
 from __future__ import annotations
 
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
-
-from rt_robot_os.clients.ros.static_transforms import loose_parents  # noqa: E402, I100
-from rt_robot_os.clients.ros.static_transforms import published_frames  # noqa: E402
-from rt_robot_os.motion.mounting import Mounting  # noqa: E402
-from rt_robot_os.settings import RobotSettings  # noqa: E402
-from rt_robot_os.settings.model import MountedFrame  # noqa: E402
+from rt_robot_os.motion.mounting import Mounting
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings.model import MountedFrame
+from rt_robot_os.settings.static_frames import loose_parents
+from rt_robot_os.settings.static_frames import published_frames
 
 FRAMES = (MountedFrame('laser_link', Mounting((0.1, 0.0, 0.2))),
           MountedFrame('imu_link', Mounting(), stated=False),
